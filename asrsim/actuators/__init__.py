@@ -1,0 +1,18 @@
+"""Actuators: one file a law behind :class:`Actuator`; `ACTUATORS` is the registry that users extend."""
+
+from __future__ import annotations
+
+from asrsim.actuators.awas_ii import AwasII
+from asrsim.actuators.base import Actuator, max_deflection, saturate
+from asrsim.actuators.bavs import Bavs
+from asrsim.actuators.modes import MODES, Mode
+from asrsim.actuators.parameters import Parameter
+from asrsim.actuators.qbmove import QbMove
+from asrsim.actuators.sea import Sea
+from asrsim.registry import Registry
+
+ACTUATORS: Registry[type[Actuator]] = Registry("actuator", entry_point_group="asrsim.actuators")
+for _actuator in (Sea, QbMove, Bavs, AwasII):
+    ACTUATORS.add(_actuator.name, _actuator)
+
+__all__ = ["ACTUATORS", "MODES", "Actuator", "Mode", "Parameter", "max_deflection", "saturate"]

@@ -1,0 +1,100 @@
+"""What an actuator is: named parameters and three plain laws on numbers. It never sees the engine.
+
+The laws are static methods of floats that use :mod:`math` only, so that one source serves the plain and the compiled
+loop with equal bits. `parameters` reaches a law as a tuple of floats, in the order of the class attribute.
+
+    class MyVsa(Actuator):
+        name = "my_vsa"                     # found by libmy_vsa_plugin.so
+        title = "My variable-stiffness actuator"
+        source = "Me et al. (2026), eq. 4"
+        motors = 2
+        parameters = (Parameter(name="k", default=10.0, unit="N m/rad^3", doc="cubic stiffness"), MAX_DEFLECTION)
+
+        @staticmethod
+        def elastic_torques(q, theta_1, theta_2, parameters):
+            k, limit = parameters
+            ...
+            return tau_1, tau_2
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from asrsim.actuators.parameters import Parameter, controller_parameters, motor_parameters
+
+
+class Actuator:
+    """Base of all actuators. Subclasses are declarations: they have no state and are never instantiated."""
+
+    name: ClassVar[str]
+    """Registry name; a URDF finds it as `lib<name>_plugin.so`."""
+    title: ClassVar[str]
+    """For people."""
+    source: ClassVar[str]
+    """Paper or datasheet of the law."""
+    law: ClassVar[str] = ""
+    """The law as text, for `asrsim actuators`."""
+    motors: ClassVar[int] = 2
+    """Motors with dynamics, 1 or 2."""
+    adjuster: ClassVar[bool] = False
+    """The second reference sets an adjuster (`theta_2` of the laws) kinematically, without motor (paper section 2.3)."""
+    reference_2_unit: ClassVar[str] = "rad"
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    """Parameters of the spring; those of motors and controllers are added by :meth:`all_parameters`."""
+    typical_preset: ClassVar[float] = 0.0
+    """A harmless second reference (preset, adjuster), for starter scenarios and checks."""
+
+    @staticmethod
+    def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
+        """Torques of the springs on motors 1 and 2 in N m; their sum acts on the link. One spring: the second is 0.
+
+        q: link position in rad; theta_1, theta_2: motor positions in rad (adjuster: its own unit).
+        """
+        raise NotImplementedError
+
+    @staticmethod
+    def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        """Stiffness -d tau_q / dq in N m/rad, as published by the toolbox: the deflection limit's flat part left out."""
+        raise NotImplementedError
+
+    @staticmethod
+    def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
+        """Motor positions in rad for an equilibrium position in rad and a stiffness preset (the reference map)."""
+        return equilibrium, preset
+
+    @staticmethod
+    def equilibrium_position(theta_1: float, theta_2: float) -> float:
+        """Link position in rad at which the unloaded link rests: the inverse of the reference map."""
+        return theta_1
+
+    @classmethod
+    def all_parameters(cls) -> tuple[Parameter, ...]:
+        """Spring, motor and controller parameters, in this order."""
+        indices = range(1, cls.motors + 1)
+        return (
+            *cls.parameters,
+            *(parameter for index in indices for parameter in motor_parameters(index)),
+            *(parameter for index in indices for parameter in controller_parameters(index)),
+        )
+
+
+def saturate(value: float, limit: float) -> float:
+    """`value` clipped to [-limit, limit]; the paper's maximum deflection."""
+    if value > limit:
+        return limit
+    if value < -limit:
+        return -limit
+    return value
+
+
+def max_deflection(default: float) -> Parameter:
+    """The parameter beyond which a spring's torque stays constant."""
+    return Parameter(
+        name="max_deflection",
+        default=default,
+        unit="rad",
+        doc="deflections are clipped to it",
+        minimum=0.0,
+        exclusive_minimum=True,
+    )

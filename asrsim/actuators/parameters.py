@@ -1,0 +1,86 @@
+"""Parameters: numbers with a unit, a default, bounds and the source of the default."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+TOOLBOX = "released toolbox, code default"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One number of an actuator, as declared by its class."""
+
+    name: str
+    """In the field's words, snake_case: `max_deflection`."""
+    default: float
+    unit: str
+    """SI; "1" for a pure number."""
+    doc: str
+    source: str = TOOLBOX
+    """Where the default comes from."""
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    exclusive_minimum: bool = False
+    """The value must be larger than, not equal to, `minimum`."""
+    finite: bool = True
+    """False: infinite values are meaningful (position limits)."""
+    unused: str = ""
+    """Why the value has no effect, if it has none."""
+
+    def fault(self, value: float) -> str | None:
+        """Why `value` is not allowed, or None."""
+        if math.isnan(value):
+            return "must be a number"
+        if self.finite and math.isinf(value):
+            return "must be finite"
+        if value < self.minimum or (self.exclusive_minimum and value == self.minimum):
+            return f"must be {'larger than' if self.exclusive_minimum else 'at least'} {self.minimum:g} {self.unit}"
+        if value > self.maximum:
+            return f"must be at most {self.maximum:g} {self.unit}"
+        return None
+
+
+def motor_parameters(index: int) -> tuple[Parameter, ...]:
+    """The DC motor of the paper's section 3.1.1, number `index` (1 or 2)."""
+    motor = f"motor_{index}"
+    return (
+        Parameter(
+            name=f"{motor}_inertia", default=0.0233, unit="kg m^2", doc="inertia b at the link's side of the gear",
+            minimum=0.0, exclusive_minimum=True,
+        ),
+        Parameter(name=f"{motor}_damping", default=0.2698, unit="N m s/rad", doc="viscous damping d", minimum=0.0),
+        Parameter(name=f"{motor}_max_torque", default=6.0, unit="N m", doc="the motor's torque is clipped to it", minimum=0.0),
+        Parameter(
+            name=f"{motor}_max_velocity", default=6.0, unit="rad/s", doc="the motor's speed is limited to it",
+            minimum=0.0, exclusive_minimum=True, finite=False,
+        ),
+        Parameter(name=f"{motor}_min_position", default=-math.inf, unit="rad", doc="lower stop of the motor", finite=False),
+        Parameter(name=f"{motor}_max_position", default=math.inf, unit="rad", doc="upper stop of the motor", finite=False),
+        Parameter(
+            name=f"{motor}_friction_torque", default=0.02, unit="N m", doc="Coulomb level of the Dahl friction (paper eq. 8)",
+            minimum=0.0,
+        ),
+    )  # fmt: skip
+
+
+def controller_parameters(index: int) -> tuple[Parameter, ...]:
+    """The PID controller of the paper's section 3.1.2 on motor `index` (mode 1: on the link, with other defaults)."""
+    controller = f"controller_{index}"
+    return (
+        Parameter(name=f"{controller}_proportional", default=125.0, unit="N m/rad", doc="gain on the position error (k_p)"),
+        Parameter(name=f"{controller}_integral", default=0.0, unit="N m/(rad s)", doc="gain on its integral (k_i)"),
+        Parameter(name=f"{controller}_derivative", default=4.5, unit="N m s/rad", doc="gain on minus the velocity (k_d)"),
+    )
+
+
+LINK_CONTROLLER_DEFAULTS = {
+    "controller_1_proportional": 0.8,
+    "controller_1_integral": 0.0,
+    "controller_1_derivative": 0.2,
+}
+"""Defaults that replace the motor controller's in mode 1, where the PID acts on the link (released toolbox)."""
+
+FRICTION_STIFFNESS = 1000.0
+"""N m/rad, pre-sliding stiffness K of the Dahl friction (paper eq. 8; fixed in the released toolbox)."""

@@ -1,0 +1,1 @@
+"""Engines: they know joints and torques, never springs."""

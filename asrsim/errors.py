@@ -1,0 +1,126 @@
+"""The one tree of errors, and the problem: a fault of an input, placed and with its cure.
+
+Errors are raised at the boundary (a file that is read, a command that is typed) and collect *all* problems of a file.
+The library raises them and never prints; the command line prints them and exits with 1.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One fault of an input (an error) or one thing to know about it (a warning)."""
+
+    message: str
+    """What is wrong, a sentence without a full stop."""
+    file: Path | None = None
+    line: int | None = None
+    """Line in the file, counted from 1."""
+    key: str | None = None
+    """Dotted path of the key, tag or column, as the user wrote it."""
+    value: object | None = None
+    choices: tuple[str, ...] = ()
+    """All valid choices, where there is a short list of them."""
+    hint: str | None = None
+    """What to do about it."""
+    code: str = ""
+    """A stable short name of the kind of problem, such as `unknown-tag`, for machines."""
+
+    def __str__(self) -> str:
+        place = ""
+        if self.file is not None:
+            place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
+        text = place + (f"{self.key}: " if self.key else "") + self.message
+        if self.value is not None:
+            text += f" (got {self.value!r})"
+        if self.choices:
+            text += f"; choose from {', '.join(self.choices)}"
+        if self.hint:
+            text += f". {self.hint}"
+        return text
+
+    def as_dict(self) -> dict[str, object]:
+        """For `--json`: plain values only, empty ones left out."""
+        items: dict[str, object] = {
+            "code": self.code,
+            "message": self.message,
+            "file": str(self.file) if self.file is not None else None,
+            "line": self.line,
+            "key": self.key,
+            "value": None if self.value is None else str(self.value),
+            "choices": list(self.choices),
+            "hint": self.hint,
+        }
+        return {key: value for key, value in items.items() if value not in (None, "", [])}
+
+
+class AsrsimError(Exception):
+    """Base of every error that asrsim raises on purpose."""
+
+
+class InputError(AsrsimError):
+    """An input (file, option) cannot be used; carries every problem found in it."""
+
+    def __init__(self, problems: Problem | Iterable[Problem] | str) -> None:
+        if isinstance(problems, str):
+            problems = Problem(message=problems)
+        self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class RobotError(InputError):
+    """A URDF or xacro file cannot be simulated."""
+
+
+class ActuatorError(InputError):
+    """An actuator, ours or a user's, breaks its contract or does not exist."""
+
+
+class ScenarioError(InputError):
+    """A scenario file is invalid."""
+
+
+class RecordingError(InputError):
+    """A recording of an experiment cannot be read or compared."""
+
+
+class LogError(InputError):
+    """A log file cannot be read."""
+
+
+class OutputError(AsrsimError):
+    """A result cannot be written (folder, permissions, full disk)."""
+
+
+class SimulationError(AsrsimError):
+    """A run cannot be started or carried on."""
+
+
+class UnresolvedSpringError(SimulationError):
+    """A spring or damper is too stiff for the step within the cap on substeps."""
+
+
+class DivergenceError(SimulationError):
+    """The simulated motion left what physics allows."""
+
+    def __init__(self, message: str, *, joint: str, time: float) -> None:
+        super().__init__(message)
+        self.joint = joint
+        self.time = time
+
+
+def nearest(name: str, choices: Sequence[str]) -> str | None:
+    """The choice that looks most like `name`, or None: for "did you mean"."""
+    found = difflib.get_close_matches(name, choices, n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
+    """A hint naming the nearest choice, or None."""
+    found = nearest(name, choices)
+    return f"Did you mean '{found}'?" if found else None

@@ -1,0 +1,1 @@
+"""Cartesian tasks and gravity compensation."""

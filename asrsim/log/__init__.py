@@ -1,0 +1,1 @@
+"""The MCAP log: written in bulk, read in bulk."""

@@ -1,0 +1,1 @@
+"""Numbers that judge a run: pure functions on arrays."""

@@ -1,0 +1,62 @@
+"""The quantities of a joint: names, units and labels that simulation, log, metrics and plots share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A scalar signal of one joint."""
+
+    name: str
+    unit: str
+    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m."""
+    label: str
+    """For axes and legends; the paper's symbols, in matplotlib's mathtext."""
+    doc: str
+
+
+QUANTITIES: dict[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("link_position", "rad", "$q$", "position of the link"),
+        Quantity("link_velocity", "rad/s", r"$\dot q$", "velocity of the link"),
+        Quantity("link_torque", "N m", r"$\tau_q$", "torque of the actuator on the link, after the effort limit"),
+        Quantity("elastic_torque_1", "N m", r"$\tau_{el,1}$", "torque of spring 1 on motor 1"),
+        Quantity("elastic_torque_2", "N m", r"$\tau_{el,2}$", "torque of spring 2 on motor 2"),
+        Quantity("stiffness", "N m/rad", r"$\sigma$", "stiffness seen by the link at fixed motors"),
+        Quantity("motor_1_position", "rad", r"$\theta_1$", "position of motor 1, at the link's side of the gear"),
+        Quantity("motor_1_velocity", "rad/s", r"$\dot\theta_1$", "velocity of motor 1"),
+        Quantity("motor_1_torque", "N m", r"$\tau_{m,1}$", "torque of motor 1, after its limit"),
+        Quantity("motor_2_position", "rad", r"$\theta_2$", "position of motor 2 (AwAS-II: adjuster, in m)"),
+        Quantity("motor_2_velocity", "rad/s", r"$\dot\theta_2$", "velocity of motor 2"),
+        Quantity("motor_2_torque", "N m", r"$\tau_{m,2}$", "torque of motor 2, after its limit"),
+        Quantity("reference_1", "", "$r_1$", "first reference; its meaning and unit follow from the operation mode"),
+        Quantity("reference_2", "", "$r_2$", "second reference; its meaning and unit follow from the operation mode"),
+        Quantity("external_torque", "N m", r"$\tau_{ext}$", "external torque on the link"),
+        Quantity("damping_torque", "N m", r"$\tau_d$", "torque of the link's viscous damping"),
+        Quantity("friction_torque_1", "N m", r"$\tau_{f,1}$", "friction torque on motor 1"),
+        Quantity("friction_torque_2", "N m", r"$\tau_{f,2}$", "friction torque on motor 2"),
+        Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
+        Quantity("spring_energy", "J", r"$E_{el}$", "energy that the springs hold (from the work done on them)"),
+        Quantity("friction_loss", "J", r"$E_f$", "energy lost in the motors' friction and damping since the start"),
+        Quantity("link_work", "J", r"$W_q$", "work of the actuator on the link since the start"),
+        Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
+        Quantity(
+            "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: closes to the scheme's order"
+        ),
+        Quantity("numerical_error", "rad", r"$\epsilon_q$", "Richardson estimate of the link position's numerical error"),
+    )
+}
+"""Every quantity that a run may record, by name. Absent ones (motor 2 of an SEA) are left out of a log, never zero."""
+
+DERIVED: dict[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("deflection", "rad", r"$\phi$", "equilibrium position of the motors minus link position"),
+        Quantity("equilibrium_position", "rad", r"$\theta_{eq}$", "position at which the motors hold the unloaded link"),
+        Quantity("position_error", "rad", "$e$", "reference of the position minus link position"),
+    )
+}
+"""Quantities computed from a log by :mod:`asrsim.log.derived`, not stored."""

@@ -1,0 +1,1 @@
+"""Recordings of experiments, read from the files that labs have."""

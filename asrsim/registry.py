@@ -1,0 +1,71 @@
+"""Registries: names to variants (actuators, signals, engines, steppings), open to users without touching our files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Generic, TypeVar
+
+from asrsim.errors import InputError, Problem, did_you_mean
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """A table of named variants; unknown names are errors that list the known ones.
+
+    Installed packages add entries under the entry point group given; they are loaded at the first look-up that
+    misses, so that start-up does not pay for them.
+    """
+
+    def __init__(self, noun: str, entry_point_group: str | None = None) -> None:
+        self.noun = noun
+        self.entry_point_group = entry_point_group
+        self._entries: dict[str, T] = {}
+        self._searched = entry_point_group is None
+
+    def add(self, name: str, entry: T, *, replace: bool = False) -> T:
+        """Register `entry`; raises InputError if the name is taken and `replace` is not set."""
+        if name in self._entries and not replace:
+            raise InputError(Problem(message=f"{self.noun} '{name}' is registered already", code="name-taken"))
+        self._entries[name] = entry
+        return entry
+
+    def get(self, name: str) -> T:
+        """The entry of that name; raises InputError naming the known ones."""
+        if name not in self._entries:
+            self._search_entry_points()
+        try:
+            return self._entries[name]
+        except KeyError:
+            known = self.names()
+            raise InputError(
+                Problem(
+                    message=f"no {self.noun} is called '{name}'",
+                    choices=known,
+                    hint=did_you_mean(name, known),
+                    code=f"unknown-{self.noun}",
+                )
+            ) from None
+
+    def names(self) -> tuple[str, ...]:
+        """All names, in the order of registration; installed ones last."""
+        self._search_entry_points()
+        return tuple(self._entries)
+
+    def __contains__(self, name: object) -> bool:
+        if name not in self._entries:
+            self._search_entry_points()
+        return name in self._entries
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names())
+
+    def _search_entry_points(self) -> None:
+        if self._searched:
+            return
+        self._searched = True
+        from importlib.metadata import entry_points
+
+        for point in entry_points(group=self.entry_point_group or ""):
+            if point.name not in self._entries:
+                self._entries[point.name] = point.load()

@@ -1,0 +1,114 @@
+"""The robot as pure data: what the URDF says, before anything is built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from asrsim.errors import Problem
+
+Vector = tuple[float, float, float]
+Origin = Literal["tag", "default", "mode default", "scenario"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterValue:
+    """A parameter of one actuator, with where its value came from."""
+
+    name: str
+    value: float
+    unit: str
+    origin: Origin
+    tag: str = ""
+    """The toolbox's tag name, whether the file has it or not."""
+    line: int | None = None
+    text: str = ""
+    """The text of the tag, where the value came from one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorBlock:
+    """One `<gazebo><plugin>` block of the toolbox: an actuator on a joint."""
+
+    actuator: str
+    """Registry name: `qbmove` for `libqbmove_plugin.so`."""
+    joint: str
+    mode: int
+    namespace: str = ""
+    publish_elastic_torques: bool = True
+    publish_state: bool = True
+    subscribe_external_torque: bool = False
+    sample_time: float | None = None
+    """s, the later dialect's `<t_sample>`; kept as data, the simulation runs at the scenario's step."""
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    """Every parameter of the actuator by name, defaults filled in."""
+    plugin_name: str = ""
+    line: int | None = None
+
+    def values(self) -> dict[str, float]:
+        """Parameter values by name."""
+        return {name: parameter.value for name, parameter in self.parameters.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """A rigid body."""
+
+    name: str
+    mass: float | None
+    """kg; None where the file gives no `<inertial>`."""
+    inertia: tuple[float, float, float, float, float, float] | None
+    """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, kg m^2."""
+    centre_of_mass: Vector = (0.0, 0.0, 0.0)
+    line: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A joint of the tree."""
+
+    name: str
+    kind: str
+    """URDF type: revolute, continuous, prismatic, fixed, floating, planar."""
+    parent: str
+    child: str
+    axis: Vector = (1.0, 0.0, 0.0)
+    lower: float | None = None
+    """rad or m; None: no limit."""
+    upper: float | None = None
+    effort: float | None = None
+    """N m or N; None: no limit given."""
+    velocity: float | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    line: int | None = None
+
+    @property
+    def moves(self) -> bool:
+        """One degree of freedom that an actuator can drive."""
+        return self.kind in ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A robot as its file says it, checked; raises nothing any more."""
+
+    name: str
+    path: Path
+    text: str
+    """URDF text as read; for xacro, as expanded."""
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    actuators: tuple[ActuatorBlock, ...]
+    warnings: tuple[Problem, ...] = ()
+
+    def joint(self, name: str) -> Joint:
+        """The joint of that name; KeyError if there is none."""
+        return {joint.name: joint for joint in self.joints}[name]
+
+    @property
+    def moving_joints(self) -> tuple[Joint, ...]:
+        """Joints with a degree of freedom, in file order."""
+        return tuple(joint for joint in self.joints if joint.moves)

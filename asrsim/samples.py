@@ -1,0 +1,77 @@
+"""What a simulation hands on: arrays by quantity and joint. The log is written from these and read back into these."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointInfo:
+    """What a reader of a log must know of a joint to understand its numbers."""
+
+    name: str
+    actuator: str
+    """Registry name of the actuator (`sea`, `qbmove`, ...), `rigid` for a joint without plugin."""
+    mode: int | None
+    """Operation mode 0..6; None for a joint without plugin."""
+    namespace: str = ""
+    """ROS namespace without slashes at the ends; topics are `/<namespace>/<joint>/...`."""
+    motors: int = 0
+    """Number of motor positions the actuator has (SEA 1, qbMove 2; AwAS-II 2: motor and adjuster)."""
+    prismatic: bool = False
+    quantities: tuple[str, ...] = ()
+    """Names from :data:`asrsim.quantities.QUANTITIES` that this joint records."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """A chunk of a run, or a whole one: n samples at whole steps."""
+
+    time: Array
+    """(n,) s, simulated time."""
+    joints: tuple[str, ...]
+    values: Mapping[str, Array]
+    """Quantity name -> (n, number of joints), SI; NaN columns where a joint does not record the quantity."""
+    bodies: Mapping[str, Array] = field(default_factory=dict)
+    """Object or link name -> (n, 7): position x y z in m, orientation quaternion x y z w, world frame."""
+    contacts: Mapping[str, Array] = field(default_factory=dict)
+    """"object/link" or "object/ground" -> (n, 3): contact force on the first body in N, world frame."""
+
+    def joint(self, name: str) -> dict[str, Array]:
+        """All quantities of one joint, each (n,); all-NaN ones left out."""
+        index = self.joints.index(name)
+        columns = {quantity: values[:, index] for quantity, values in self.values.items()}
+        return {quantity: column for quantity, column in columns.items() if not np.all(np.isnan(column))}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunInfo:
+    """Everything about a run that is not a time series: enough to repeat it from its log alone."""
+
+    robot: str
+    """Name of the robot."""
+    joints: tuple[JointInfo, ...]
+    step: float
+    """s between samples of the simulation loop."""
+    log_every: int = 1
+    """Steps between logged samples."""
+    variant: str = ""
+    urdf: str = ""
+    """URDF text as loaded (xacro expanded)."""
+    urdf_path: str = ""
+    scenario: str = ""
+    """Scenario text as read; empty for runs started from the library without a file."""
+    scenario_path: str = ""
+    resolved: Mapping[str, Any] = field(default_factory=dict)
+    """Resolved scenario and parameters, plain JSON values: what a rerun needs."""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    """Versions, seed, engine, stepping, substeps, ... as text."""
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+    """Further files a rerun needs (CSV playbacks, manager YAML), by name."""

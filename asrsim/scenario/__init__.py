@@ -1,0 +1,1 @@
+"""The scenario as pure data: YAML read and validated."""

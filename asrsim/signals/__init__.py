@@ -1,0 +1,1 @@
+"""Signals: scalar functions of time, one file a kind."""

@@ -1,0 +1,1 @@
+"""From data to samples: build, steppings, the loop."""
