@@ -60,8 +60,11 @@ class Link:
     mass: float | None
     """kg; None where the file gives no `<inertial>`."""
     inertia: tuple[float, float, float, float, float, float] | None
-    """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, kg m^2."""
+    """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the inertial frame, kg m^2."""
     centre_of_mass: Vector = (0.0, 0.0, 0.0)
+    """m, in the link's frame."""
+    inertial_rpy: Vector = (0.0, 0.0, 0.0)
+    """rad, turns the inertial frame against the link's frame."""
     line: int | None = None
 
 
@@ -75,6 +78,11 @@ class Joint:
     parent: str
     child: str
     axis: Vector = (1.0, 0.0, 0.0)
+    """Unit vector in the joint's frame."""
+    origin: Vector = (0.0, 0.0, 0.0)
+    """m, the joint's frame in the parent link's frame."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """rad, the same frame's orientation."""
     lower: float | None = None
     """rad or m; None: no limit."""
     upper: float | None = None

@@ -1,0 +1,267 @@
+"""Plugin blocks of the toolbox: from XML to :class:`ActuatorBlock`, every problem reported."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
+from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
+from asrsim.errors import did_you_mean, nearest
+from asrsim.robot.advice import advise
+from asrsim.robot.findings import Findings
+from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
+from asrsim.robot.numbers import leading_number, read_number
+from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, parameter_tags, tag_parameters
+from asrsim.robot.xmlfile import elements, text_of
+
+_FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
+_TRUE, _FALSE = ("true", "1"), ("false", "0")
+MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
+
+
+def read_blocks(
+    root: Any, joints: Sequence[Joint], findings: Findings, line: Callable[[Any], int | None]
+) -> tuple[ActuatorBlock, ...]:
+    """All blocks of the toolbox's actuators and of registered ones; other plugins are left alone."""
+    reader = _BlockReader({joint.name: joint for joint in joints}, findings, line)
+    for gazebo in elements(root, "gazebo"):
+        reference = (gazebo.get("reference") or "").strip()
+        for plugin in elements(gazebo, "plugin"):
+            reader.read(plugin, reference)
+    return tuple(reader.blocks)
+
+
+def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
+    """The parameter's default in that mode: in mode 1 controller 1 acts on the link and has other gains."""
+    if mode == 1 and parameter.name in LINK_CONTROLLER_DEFAULTS:
+        return LINK_CONTROLLER_DEFAULTS[parameter.name], "mode default"
+    return parameter.default, "default"
+
+
+class _BlockReader:
+    """Keeps what was read so far, to see two blocks on one joint."""
+
+    def __init__(self, joints: Mapping[str, Joint], findings: Findings, line: Callable[[Any], int | None]) -> None:
+        self.joints = joints
+        self.findings = findings
+        self.line = line
+        self.blocks: list[ActuatorBlock] = []
+        self._taken: dict[str, int | None] = {}
+
+    def read(self, plugin: Any, reference: str) -> None:
+        """Read one `<plugin>`; foreign ones are passed by."""
+        filename = (plugin.get("filename") or "").strip()
+        match = _FILENAME.fullmatch(filename)
+        name = match.group("name") if match else ""
+        tags = elements(plugin)
+        given = {tag.tag for tag in tags}
+        line, shown = self.line(plugin), plugin.get("name") or filename or "plugin"
+        if name not in ACTUATORS:
+            self._foreign(filename, name, given, line, shown)
+            return
+        if name == "qbmove" and given.intersection(FOREIGN_QBMOVE_TAGS):
+            self.findings.warn(
+                "this block is for another plugin of the same file name (l1va/qbmove_ros: it has <command_topic> or "
+                "<pos_topic>); it is not simulated",
+                code="foreign-dialect", line=line, key=shown,
+            )  # fmt: skip
+            return
+        if reference:
+            self.findings.warn(
+                f"this block stands in <gazebo reference='{reference}'>, from which Gazebo loads no actuator; it is not simulated",
+                code="plugin-in-reference", line=line, key=shown, hint="Take the reference attribute out",
+            )  # fmt: skip
+            return
+        self._actuator(ACTUATORS.get(name), plugin, tags, shown)
+
+    def _foreign(self, filename: str, name: str, given: set[str], line: int | None, shown: str) -> None:
+        """Plugins of others are no concern of ours, unless the block is plainly meant for an actuator."""
+        if not {"joint", "operation_mode"} <= given:
+            return
+        known = ACTUATORS.names()
+        files = tuple(f"lib{actuator}_plugin.so" for actuator in known)
+        self.findings.error(
+            "no actuator belongs to this plugin file", code="unknown-actuator", line=line, key=shown, value=filename,
+            choices=files,
+            hint=did_you_mean(filename, files) or f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py",
+        )  # fmt: skip
+
+    def _actuator(self, actuator: type[Actuator], plugin: Any, tags: list[Any], shown: str) -> None:
+        line = self.line(plugin)
+        by_tag = self._unique(tags, shown)
+        self._report_unknown(actuator, by_tag, shown)
+        for required in REQUIRED_TAGS[2:]:
+            if required not in by_tag:
+                self.findings.warn(
+                    f"required tag <{required}> is missing (the toolbox crashes without it)",
+                    code="missing-tag", line=line, key=shown,
+                )  # fmt: skip
+        joint = self._joint(by_tag, line, shown)
+        mode = self._mode(by_tag, line, shown)
+        switches = [
+            self._switch(by_tag, tag, shown, default)
+            for tag, default in (("pub_eltau", True), ("pub_state", True), ("sub_ext_tau", False))
+        ]
+        parameters = self._parameters(actuator, by_tag, mode, shown)
+        sample_time = self._sample_time(by_tag, shown)
+        if joint is None or mode is None:
+            return
+        block = ActuatorBlock(
+            actuator=actuator.name, joint=joint.name, mode=mode,
+            namespace=text_of(by_tag["namespace"]) if "namespace" in by_tag else "",
+            publish_elastic_torques=switches[0], publish_state=switches[1], subscribe_external_torque=switches[2],
+            sample_time=sample_time, parameters=parameters, plugin_name=plugin.get("name") or "", line=line,
+        )  # fmt: skip
+        advise(actuator, block, joint, self.findings)
+        self.blocks.append(block)
+
+    def _unique(self, tags: list[Any], shown: str) -> dict[str, Any]:
+        by_tag: dict[str, Any] = {}
+        for tag in tags:
+            if tag.tag in by_tag:
+                self.findings.error(
+                    "tag stands twice in one block", code="duplicate-tag", line=self.line(tag), key=f"{shown}.{tag.tag}",
+                    value=text_of(tag),
+                )  # fmt: skip
+            else:
+                by_tag[tag.tag] = tag
+        return by_tag
+
+    def _report_unknown(self, actuator: type[Actuator], by_tag: Mapping[str, Any], shown: str) -> None:
+        known = (*BLOCK_TAGS, *tag_parameters(actuator))
+        for name, tag in by_tag.items():
+            if name not in known:
+                close = nearest(name, known)
+                self.findings.warn(
+                    f"unknown tag <{name}>; it has no effect", code="unknown-tag", line=self.line(tag),
+                    key=f"{shown}.{name}", hint=f"Did you mean <{close}>?" if close else None,
+                )  # fmt: skip
+
+    def _joint(self, by_tag: Mapping[str, Any], line: int | None, shown: str) -> Joint | None:
+        movable = tuple(joint.name for joint in self.joints.values() if joint.moves)
+        if "joint" not in by_tag:
+            self.findings.error("required tag <joint> is missing", code="missing-tag", line=line, key=shown, choices=movable)
+            return None
+        tag = by_tag["joint"]
+        name, place = text_of(tag), f"{shown}.joint"
+        joint = self.joints.get(name)
+        if joint is None:
+            self.findings.error(
+                "the robot has no such joint", code="unknown-joint", line=self.line(tag), key=place, value=name,
+                choices=movable, hint=did_you_mean(name, tuple(self.joints)),
+            )  # fmt: skip
+            return None
+        if not joint.moves:
+            self.findings.error(
+                f"a {joint.kind} joint cannot have an actuator", code="joint-type", line=self.line(tag), key=place,
+                value=name, choices=movable,
+            )  # fmt: skip
+            return None
+        if name in self._taken:
+            first = f", the other on line {self._taken[name]}" if self._taken[name] else ""
+            self.findings.error(
+                f"two actuators on one joint{first}", code="two-actuators", line=self.line(tag), key=place, value=name
+            )
+            return None
+        self._taken[name] = line
+        return joint
+
+    def _mode(self, by_tag: Mapping[str, Any], line: int | None, shown: str) -> int | None:
+        if "operation_mode" not in by_tag:
+            self.findings.error(
+                "required tag <operation_mode> is missing", code="missing-tag", line=line, key=shown, choices=MODE_CHOICES
+            )
+            return None
+        tag = by_tag["operation_mode"]
+        text = text_of(tag)
+        mode = int(text) if re.fullmatch(r"\d{1,3}", text) else None
+        if mode not in MODES:
+            self.findings.error(
+                "there is no such operation mode", code="operation-mode", line=self.line(tag),
+                key=f"{shown}.operation_mode", value=text, choices=MODE_CHOICES,
+            )  # fmt: skip
+            return None
+        return mode
+
+    def _switch(self, by_tag: Mapping[str, Any], name: str, shown: str, default: bool) -> bool:
+        if name not in by_tag:
+            return default
+        text = text_of(by_tag[name])
+        if text.lower() not in (*_TRUE, *_FALSE):
+            self.findings.error(
+                "must be true or false", code="not-a-boolean", line=self.line(by_tag[name]), key=f"{shown}.{name}",
+                value=text, choices=("true", "false", "1", "0"),
+            )  # fmt: skip
+            return default
+        return text.lower() in _TRUE
+
+    def _sample_time(self, by_tag: Mapping[str, Any], shown: str) -> float | None:
+        if "t_sample" not in by_tag:
+            return None
+        value = self._number(by_tag["t_sample"], f"{shown}.t_sample")
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            self.findings.error(
+                "must be larger than 0 s", code="out-of-range", line=self.line(by_tag["t_sample"]), key=f"{shown}.t_sample",
+                value=text_of(by_tag["t_sample"]),
+            )  # fmt: skip
+            return None
+        return value
+
+    def _parameters(
+        self, actuator: type[Actuator], by_tag: Mapping[str, Any], mode: int | None, shown: str
+    ) -> dict[str, ParameterValue]:
+        tags = parameter_tags(actuator)
+        accepted: dict[str, list[str]] = {}
+        for tag, name in tag_parameters(actuator).items():
+            accepted.setdefault(name, []).append(tag)
+        values: dict[str, ParameterValue] = {}
+        for parameter in actuator.all_parameters():
+            present = [tag for tag in accepted[parameter.name] if tag in by_tag]
+            value = self._tag_value(parameter, present[0], by_tag[present[0]], shown) if present else None
+            if value is None:
+                number, origin = default_value(parameter, mode)
+                value = ParameterValue(
+                    name=parameter.name, value=number, unit=parameter.unit, origin=origin, tag=tags[parameter.name]
+                )
+            values[parameter.name] = value
+        for index in range(1, actuator.motors + 1):
+            low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
+            if low.value > high.value:
+                self.findings.error(
+                    f"lower motor stop is above the upper one (<{high.tag}> is {high.value:g})",
+                    code="limits-crossed", line=low.line or high.line, key=f"{shown}.{low.tag}", value=f"{low.value:g}",
+                )  # fmt: skip
+        return values
+
+    def _tag_value(self, parameter: Parameter, name: str, tag: Any, shown: str) -> ParameterValue | None:
+        place = f"{shown}.{name}"
+        value = self._number(tag, place)
+        if value is None:
+            return None
+        fault = parameter.fault(value)
+        if fault:
+            self.findings.error(fault, code="out-of-range", line=self.line(tag), key=place, value=text_of(tag))
+            return None
+        return ParameterValue(
+            name=parameter.name, value=value, unit=parameter.unit, origin="tag", tag=name, line=self.line(tag), text=text_of(tag)
+        )
+
+    def _number(self, tag: Any, place: str) -> float | None:
+        text = text_of(tag)
+        try:
+            number = read_number(text)
+        except ValueError as error:
+            self.findings.error(
+                str(error), code="not-a-number", line=self.line(tag), key=place, value=text,
+                hint=f"The toolbox would read {leading_number(text):g}" if text else None,
+            )  # fmt: skip
+            return None
+        if number.arithmetic:
+            self.findings.warn(
+                f"arithmetic, taken as {number.value:g}; the toolbox reads only the leading number {leading_number(text):g}",
+                code="misread-value", line=self.line(tag), key=place, value=text,
+            )  # fmt: skip
+        return number.value

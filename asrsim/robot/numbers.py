@@ -1,0 +1,126 @@
+"""Numbers as they stand in tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
+
+The arithmetic is a small grammar of its own (nothing is handed to Python): numbers, + - * /, parentheses, signs and
+`pow(x, y)`, with limits on length and depth.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+MAX_LENGTH = 200
+MAX_DEPTH = 20
+
+_TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign>[-+*/(),]))")
+_LEADING = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
+_PLAIN = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf|infinity|nan)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """A number read from text."""
+
+    value: float
+    arithmetic: bool = False
+    """The text was an expression, of which the toolbox reads the leading number only."""
+    comment: str = ""
+    """Text after a `#` behind the number, left out."""
+
+
+def read_number(text: str) -> Number:
+    """The number that `text` stands for. Raises ValueError with the reason, a phrase to stand behind the key."""
+    body, _, comment = text.partition("#")
+    body = body.strip()
+    if not body:
+        raise ValueError("is empty where a number is needed")
+    if len(body) > MAX_LENGTH:
+        raise ValueError(f"is longer than {MAX_LENGTH} characters")
+    if _PLAIN.fullmatch(body):
+        return Number(value=float(body), comment=comment.strip())
+    return Number(value=_Parser(body).parse(), arithmetic=True, comment=comment.strip())
+
+
+def leading_number(text: str) -> float:
+    """What the toolbox's Gazebo makes of the text: its leading number, 0 if there is none."""
+    match = _LEADING.match(text)
+    return float(match.group(1)) if match else 0.0
+
+
+class _Parser:
+    """Recursive descent over one expression."""
+
+    def __init__(self, text: str) -> None:
+        self._tokens: list[tuple[str, str]] = []
+        position = 0
+        while position < len(text):
+            match = _TOKEN.match(text, position)
+            if match is None or match.lastgroup is None:
+                raise ValueError("is not a number")
+            self._tokens.append((match.lastgroup, match.group(match.lastgroup)))
+            position = match.end()
+        self._next = 0
+        self._depth = 0
+
+    def parse(self) -> float:
+        try:
+            value = self._sum()
+        except ZeroDivisionError:
+            raise ValueError("divides by zero") from None
+        except OverflowError:
+            raise ValueError("is too large for a number") from None
+        if self._next != len(self._tokens):
+            raise ValueError("is not a number")
+        if not math.isfinite(value):
+            raise ValueError("is not finite")
+        return value
+
+    def _peek(self) -> str:
+        return self._tokens[self._next][1] if self._next < len(self._tokens) else ""
+
+    def _take(self, expected: str | None = None) -> tuple[str, str]:
+        if self._next >= len(self._tokens) or (expected is not None and self._peek() != expected):
+            raise ValueError("is not a number")
+        self._next += 1
+        return self._tokens[self._next - 1]
+
+    def _sum(self) -> float:
+        value = self._product()
+        while self._peek() in ("+", "-"):
+            value = value + self._product() if self._take()[1] == "+" else value - self._product()
+        return value
+
+    def _product(self) -> float:
+        value = self._signed()
+        while self._peek() in ("*", "/"):
+            value = value * self._signed() if self._take()[1] == "*" else value / self._signed()
+        return value
+
+    def _signed(self) -> float:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise ValueError(f"is nested deeper than {MAX_DEPTH} levels")
+        try:
+            if self._peek() in ("+", "-"):
+                return -self._signed() if self._take()[1] == "-" else self._signed()
+            return self._atom()
+        finally:
+            self._depth -= 1
+
+    def _atom(self) -> float:
+        kind, token = self._take()
+        if kind == "number":
+            return float(token)
+        if token == "(":
+            value = self._sum()
+            self._take(")")
+            return value
+        if token == "pow":
+            self._take("(")
+            base = self._sum()
+            self._take(",")
+            exponent = self._sum()
+            self._take(")")
+            return math.pow(base, exponent)
+        raise ValueError("is not a number")

@@ -1,0 +1,108 @@
+"""Where a robot file may read other files: its own folder, its ROS package, and packages that the user named.
+
+A stranger's file names paths freely; everything outside these folders is refused.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+
+@dataclass(frozen=True, kw_only=True)
+class Packages:
+    """Folders that a robot file may use."""
+
+    folder: Path
+    """The file's own folder, absolute."""
+    named: Mapping[str, Path]
+    """Package name -> folder, as the user gave them and the file's own package."""
+    searched: tuple[Path, ...]
+    """Folders of the environment (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH) that hold packages."""
+
+    @property
+    def roots(self) -> tuple[Path, ...]:
+        """All folders that may be read, absolute, links resolved."""
+        return (self.folder, *(path.resolve() for path in self.named.values()), *self.searched)
+
+    def find(self, name: str) -> Path | None:
+        """Folder of a package, or None."""
+        if name in self.named:
+            return self.named[name].resolve()
+        if not name or "/" in name or name in (".", ".."):
+            return None
+        for root in self.searched:
+            candidates = [root / name, root / "share" / name]
+            if root.name == name:
+                candidates.insert(0, root)
+            for candidate in candidates:
+                if candidate.is_dir():
+                    return candidate
+        return None
+
+    def allows(self, path: Path) -> bool:
+        """Whether the path, links resolved, lies in one of the folders."""
+        resolved = path.resolve()
+        return any(resolved.is_relative_to(root) for root in self.roots)
+
+    def resolve(self, filename: str) -> Path | str:
+        """The existing file that `filename` (package://, file://, absolute, relative) means, or why there is none."""
+        if "\0" in filename:
+            return "is no file name"
+        scheme, separator, rest = filename.partition("://")
+        if not separator:
+            path = self.folder / filename
+        elif scheme == "file":
+            path = Path(unquote(rest))
+        elif scheme in ("package", "model"):
+            name, _, inner = rest.partition("/")
+            package = self.find(name)
+            if package is None:
+                return f"package '{name}' is not known"
+            path = package / inner
+        else:
+            return f"'{scheme}://' is not supported"
+        try:
+            if not self.allows(path):
+                return "lies outside the robot's folder and the known packages"
+            if not path.is_file():
+                return "no such file"
+            return path.resolve()
+        except (OSError, RuntimeError, ValueError) as error:
+            return f"cannot be read: {error}"
+
+
+def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = None) -> Packages:
+    """The folders that the robot file at `path` may use."""
+    folder = path.resolve().parent
+    named: dict[str, Path] = {}
+    own = _own_package(folder)
+    if own is not None:
+        named[own[0]] = own[1]
+    named.update({name: Path(given) for name, given in (package_paths or {}).items()})
+    searched = [
+        Path(entry).resolve()
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+        for entry in os.environ.get(variable, "").split(os.pathsep)
+        if entry
+    ]
+    return Packages(folder=folder, named=named, searched=tuple(entry for entry in searched if entry.is_dir()))
+
+
+def _own_package(folder: Path) -> tuple[str, Path] | None:
+    """Name and folder of the ROS package that the folder belongs to: the nearest `package.xml` above."""
+    from asrsim.errors import RobotError
+    from asrsim.robot.xmlfile import elements, parse_xml, read_bytes, text_of
+
+    for candidate in (folder, *folder.parents):
+        manifest = candidate / "package.xml"
+        if manifest.is_file():
+            try:
+                names = elements(parse_xml(read_bytes(manifest), manifest), "name")
+            except RobotError:
+                return None
+            return (text_of(names[0]), candidate) if names else None
+    return None

@@ -1,0 +1,118 @@
+"""Reads a robot file: URDF or xacro in, :class:`Robot` out, or one RobotError with everything that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from asrsim.errors import Problem, RobotError
+from asrsim.robot.blocks import read_blocks
+from asrsim.robot.findings import Findings
+from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.model import Robot
+from asrsim.robot.packages import packages_of
+from asrsim.robot.structure import StructureReader, check_masses, check_tree
+from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
+
+MAX_LINKS = 2000
+XACRO = "{http://www.ros.org/wiki/xacro}"
+
+
+def load_robot(
+    path: Path | str,
+    *,
+    xacro_arguments: Mapping[str, str] | None = None,
+    package_paths: Mapping[str, Path | str] | None = None,
+) -> Robot:
+    """Read a `.urdf` or `.xacro` file of which nothing is trusted.
+
+    `xacro_arguments` are the file's `<xacro:arg>` values; `package_paths` (name -> folder) serve `$(find name)` and
+    `package://name`. Lines in problems are the file's own; those of an expanded xacro file are not known.
+    Raises RobotError with all problems of the file.
+    """
+    path = Path(path)
+    data = read_bytes(path)
+    root = parse_xml(data, path)
+    warnings: tuple[Problem, ...] = ()
+    line: Callable[[Any], int | None] = _line
+    if path.suffix == ".xacro" or _uses_xacro(root):
+        from asrsim.robot.expansion import expand_xacro
+
+        data, warnings = expand_xacro(path, xacro_arguments or {}, packages_of(path, package_paths))
+        root = parse_xml(data, path)
+        line = _no_line
+    return _read(root, data, path, line, warnings)
+
+
+def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None], earlier: tuple[Problem, ...]) -> Robot:
+    findings = Findings(path)
+    findings.warnings.extend(earlier)
+    if root.tag != "robot":
+        what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
+        raise RobotError(
+            Problem(
+                message=f"the root element is <{root.tag}>, not <robot>{what}", file=path, line=line(root), code="not-a-urdf"
+            )
+        )
+    count = len(elements(root, "link"))
+    if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
+        raise RobotError(
+            Problem(message=f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
+        )
+    structure = StructureReader(findings, line)
+    links = structure.links(root)
+    joints = structure.joints(root, links)
+    # A joint that could not be read would make its links look like roots.
+    if len(joints) == len(elements(root, "joint")) and not findings.errors:
+        check_tree(findings, links, joints)
+    whole = not findings.errors
+    check_masses(findings, links, joints)
+    blocks = read_blocks(root, joints, findings, line)
+    robot = Robot(
+        name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
+        warnings=(),
+    )  # fmt: skip
+    if whole:
+        _check_movable(robot, findings)
+    findings.raise_errors()
+    if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
+        findings.warn("no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name)
+    from dataclasses import replace
+
+    return replace(robot, warnings=tuple(findings.warnings))
+
+
+def _check_movable(robot: Robot, findings: Findings) -> None:
+    """A moving joint with neither mass nor inertia behind it has no equation of motion: an error."""
+    for name, inertia in zero_pose_inertia(robot).diagonal.items():
+        joint = robot.joint(name)
+        if inertia <= 0.0:
+            findings.error(
+                "nothing behind this joint has mass or inertia about its axis, so its motion is not defined",
+                code="massless-joint", line=joint.line, key=name, hint=f"Give link '{joint.child}' an <inertial>",
+            )  # fmt: skip
+
+
+def _text(data: bytes, root: Any) -> str:
+    """The document as text, whatever its encoding."""
+    from lxml import etree
+
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text: str = etree.tostring(root.getroottree(), encoding="unicode")
+        return text
+
+
+def _uses_xacro(root: Any) -> bool:
+    return any(isinstance(element.tag, str) and element.tag.startswith(XACRO) for element in root.iter())
+
+
+def _line(element: Any) -> int | None:
+    line: int | None = element.sourceline
+    return line
+
+
+def _no_line(element: Any) -> int | None:
+    return None

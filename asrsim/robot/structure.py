@@ -1,0 +1,318 @@
+"""Links and joints of a URDF: read, and checked to be one tree of bodies that physics allows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import did_you_mean
+from asrsim.robot.findings import Findings
+from asrsim.robot.model import Joint, Link, Vector
+from asrsim.robot.xmlfile import elements
+
+JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+Line = Callable[[Any], int | None]
+
+
+class StructureReader:
+    """Reads `<link>` and `<joint>`; problems go to `findings`. `line` gives an element's line, None if unknown."""
+
+    def __init__(self, findings: Findings, line: Line) -> None:
+        self.findings = findings
+        self.line = line
+
+    def links(self, root: Any) -> tuple[Link, ...]:
+        """All links with a name, in file order; the first of two equal names."""
+        found = [self._link(element, name) for element, name in self._named(root, "link")]
+        if not elements(root, "link"):
+            self.findings.error("has no link", code="no-links", key="robot")
+        return tuple(found)
+
+    def joints(self, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
+        """All joints that could be read, in file order."""
+        names = tuple(link.name for link in links)
+        found = [self._joint(element, name, names) for element, name in self._named(root, "joint")]
+        return tuple(joint for joint in found if joint is not None)
+
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    def _named(self, root: Any, tag: str) -> list[tuple[Any, str]]:
+        seen: dict[str, int | None] = {}
+        found = []
+        for element in elements(root, tag):
+            name = (element.get("name") or "").strip()
+            if not name:
+                self.findings.error(f"a {tag} has no name", code="missing-name", line=self.line(element), key=tag)
+            elif name in seen:
+                first = f" (the first is on line {seen[name]})" if seen[name] else ""
+                self.findings.error(
+                    f"two {tag}s have this name{first}", code=f"duplicate-{tag}", line=self.line(element), key=name
+                )
+            else:
+                seen[name] = self.line(element)
+                found.append((element, name))
+        return found
+
+    def _link(self, element: Any, name: str) -> Link:
+        line = self.line(element)
+        inertials = elements(element, "inertial")
+        if len(inertials) > 1:
+            self.findings.error(
+                "has more than one <inertial>", code="duplicate-tag", line=self.line(inertials[1]), key=name
+            )
+        if not inertials:
+            return Link(name=name, mass=None, inertia=None, line=line)
+        inertial = inertials[0]
+        centre, rpy = self._origin(inertial, name)
+        mass = self._mass(inertial, name)
+        inertia = self._inertia(inertial, name, mass)
+        return Link(name=name, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy, line=line)
+
+    def _mass(self, inertial: Any, name: str) -> float:
+        tags = elements(inertial, "mass")
+        if not tags:
+            self.findings.error("<inertial> has no <mass>", code="missing-tag", line=self.line(inertial), key=name)
+            return 0.0
+        mass = self.number(tags[0], "value", f"{name}.mass", required=True)
+        if mass < 0.0:
+            self.findings.error(
+                "mass must not be negative", code="negative-mass", line=self.line(tags[0]), key=name, value=f"{mass:g}"
+            )
+        elif mass == 0.0:
+            self.findings.warn("mass is zero", code="massless-link", line=self.line(tags[0]), key=name)
+        return mass
+
+    def _inertia(self, inertial: Any, name: str, mass: float) -> tuple[float, float, float, float, float, float]:
+        tags = elements(inertial, "inertia")
+        if not tags:
+            self.findings.error("<inertial> has no <inertia>", code="missing-tag", line=self.line(inertial), key=name)
+            return (0.0,) * 6
+        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        before = len(self.findings.errors)
+        # Left-out products of inertia are zero in every URDF reader; left-out moments are mistakes.
+        values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in keys]
+        xx, xy, xz, yy, yz, zz = values
+        if len(self.findings.errors) == before:
+            self._check_inertia(name, mass, np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), self.line(tags[0]))
+        return xx, xy, xz, yy, yz, zz
+
+    def _check_inertia(self, name: str, mass: float, matrix: np.ndarray, line: int | None) -> None:
+        moments = np.linalg.eigvalsh(matrix)
+        scale = float(np.abs(matrix).max())
+        shown = ", ".join(f"{moment:.4g}" for moment in moments)
+        if scale == 0.0:
+            if mass > 0.0:
+                self.findings.warn("inertia is zero", code="zero-inertia", line=line, key=name)
+        elif moments[0] < -1e-9 * scale:
+            self.findings.error(
+                "inertia has a negative principal moment, which no body has",
+                code="negative-inertia", line=line, key=name, value=f"{shown} kg m^2",
+            )  # fmt: skip
+        elif moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
+            self.findings.warn(
+                "inertia breaks the triangle inequality (largest principal moment above the sum of the others): no "
+                "body has it",
+                code="triangle-inequality", line=line, key=name, value=f"{shown} kg m^2",
+            )  # fmt: skip
+
+    def _joint(self, element: Any, name: str, links: tuple[str, ...]) -> Joint | None:
+        line = self.line(element)
+        kind = (element.get("type") or "").strip()
+        if kind not in JOINT_KINDS:
+            self.findings.error(
+                "joint type is unknown" if kind else "joint has no type",
+                code="joint-type", line=line, key=name, value=kind or None, choices=JOINT_KINDS,
+                hint=did_you_mean(kind, JOINT_KINDS),
+            )  # fmt: skip
+        parent = self._end(element, "parent", name, links)
+        child = self._end(element, "child", name, links)
+        origin, rpy = self._origin(element, name)
+        moves = kind in ("revolute", "continuous", "prismatic")
+        axis = self._axis(element, name) if moves else (1.0, 0.0, 0.0)
+        limits = self._limits(element, name, kind)
+        damping, friction = self._dynamics(element, name)
+        if elements(element, "mimic"):
+            self.findings.warn("<mimic> is not simulated; the joint moves on its own", code="mimic-joint", line=line, key=name)
+        if kind in ("floating", "planar"):
+            self.findings.warn("joint type has no single degree of freedom to drive", code="joint-type", line=line, key=name)
+        if kind not in JOINT_KINDS or parent is None or child is None:
+            return None
+        lower, upper, effort, velocity = limits
+        return Joint(
+            name=name, kind=kind, parent=parent, child=child, axis=axis, origin=origin, rpy=rpy, lower=lower, upper=upper,
+            effort=effort, velocity=velocity, damping=damping, friction=friction, line=line,
+        )  # fmt: skip
+
+    def _end(self, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str | None:
+        tags = elements(element, tag)
+        if len(tags) != 1:
+            count = "no" if not tags else "more than one"
+            self.findings.error(f"joint has {count} <{tag}>", code="missing-tag", line=self.line(element), key=name)
+            return None
+        link = (tags[0].get("link") or "").strip()
+        if link not in links:
+            self.findings.error(
+                f"the {tag} link does not exist", code="unknown-link", line=self.line(tags[0]), key=name, value=link,
+                hint=did_you_mean(link, links),
+            )  # fmt: skip
+            return None
+        return link
+
+    def _axis(self, element: Any, name: str) -> Vector:
+        tags = elements(element, "axis")
+        if not tags:
+            return (1.0, 0.0, 0.0)
+        x, y, z = self.vector(tags[0], "xyz", f"{name}.axis", default=(1.0, 0.0, 0.0))
+        length = math.sqrt(x * x + y * y + z * z)
+        if length == 0.0:
+            self.findings.error("the axis of a moving joint is zero", code="zero-axis", line=self.line(tags[0]), key=name)
+            return (1.0, 0.0, 0.0)
+        if abs(length - 1.0) > 1e-3:
+            self.findings.warn(
+                "the axis is not of length 1; its direction is used", code="axis-length", line=self.line(tags[0]),
+                key=name, value=f"{length:.4g}",
+            )  # fmt: skip
+        return (x / length, y / length, z / length)
+
+    def _limits(
+        self, element: Any, name: str, kind: str
+    ) -> tuple[float | None, float | None, float | None, float | None]:
+        tags = elements(element, "limit")
+        if not tags:
+            if kind in ("revolute", "prismatic"):
+                self.findings.warn(
+                    "has no <limit>, which the URDF format asks for; taken as unlimited",
+                    code="missing-limit", line=self.line(element), key=name,
+                )  # fmt: skip
+            return None, None, None, None
+        tag, line = tags[0], self.line(tags[0])
+
+        def optional(key: str) -> float | None:
+            if tag.get(key) is None:
+                return None
+            return self.number(tag, key, f"{name}.limit.{key}", required=True, finite=False)
+
+        lower, upper, effort, velocity = (optional(key) for key in ("lower", "upper", "effort", "velocity"))
+        for key, value in (("effort", effort), ("velocity", velocity)):
+            if value is not None and value < 0.0:
+                self.findings.error(
+                    f"limit {key} must not be negative", code="negative-limit", line=line, key=name, value=f"{value:g}"
+                )
+        if kind not in ("revolute", "prismatic"):
+            return None, None, effort, velocity
+        if (lower is None) != (upper is None):
+            # The format's default for a missing one is 0.
+            lower, upper = lower or 0.0, upper or 0.0
+        if lower is not None and upper is not None and lower > upper:
+            self.findings.error(
+                "lower limit is above the upper limit", code="limits-crossed", line=line, key=name,
+                value=f"{lower:g} > {upper:g}",
+            )  # fmt: skip
+        elif lower is not None and lower == upper:
+            self.findings.warn("lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name)
+        lower = None if lower is not None and math.isinf(lower) else lower
+        upper = None if upper is not None and math.isinf(upper) else upper
+        return lower, upper, effort, velocity
+
+    def _dynamics(self, element: Any, name: str) -> tuple[float, float]:
+        tags = elements(element, "dynamics")
+        if not tags:
+            return 0.0, 0.0
+        values = []
+        for key in ("damping", "friction"):
+            value = self.number(tags[0], key, f"{name}.{key}", required=False)
+            if value < 0.0:
+                self.findings.error(
+                    f"{key} must not be negative", code=f"negative-{key}", line=self.line(tags[0]), key=name, value=f"{value:g}"
+                )
+            values.append(value)
+        return values[0], values[1]
+
+    def _origin(self, element: Any, name: str) -> tuple[Vector, Vector]:
+        tags = elements(element, "origin")
+        if not tags:
+            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        zero = (0.0, 0.0, 0.0)
+        key = f"{name}.origin"
+        return self.vector(tags[0], "xyz", key, default=zero), self.vector(tags[0], "rpy", key, default=zero)
+
+    # -- numbers ---------------------------------------------------------------------------------------------------
+
+    def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
+        """Attribute as a number; 0 if it is absent or wrong (the wrong is an error, so is a missing required one)."""
+        text = element.get(key)
+        if text is None:
+            if required:
+                self.findings.error(f"attribute '{key}' is missing", code="missing-attribute", line=self.line(element), key=place)
+            return 0.0
+        return self._float(text, text, element, place, finite=finite)
+
+    def vector(self, element: Any, key: str, place: str, *, default: Vector) -> Vector:
+        """Attribute as three numbers; the default if it is absent or wrong."""
+        text = element.get(key)
+        if text is None:
+            return default
+        parts = text.split()
+        if len(parts) != 3:
+            self.findings.error(
+                f"'{key}' must be three numbers", code="not-a-number", line=self.line(element), key=place, value=text
+            )
+            return default
+        x, y, z = (self._float(part, text, element, place, finite=True) for part in parts)
+        return x, y, z
+
+    def _float(self, text: str, shown: str, element: Any, place: str, *, finite: bool) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
+            return 0.0
+        if math.isnan(value) or (finite and math.isinf(value)):
+            self.findings.error("must be finite", code="not-finite", line=self.line(element), key=place, value=shown)
+            return 0.0
+        return value
+
+
+def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
+    """Errors unless joints make one tree of all links: one root, one parent each, no loops."""
+    parents: dict[str, Joint] = {}
+    for joint in joints:
+        if joint.child in parents:
+            findings.error(
+                f"link '{joint.child}' is the child of joint '{parents[joint.child].name}' already: a link has one parent",
+                code="two-parents", line=joint.line, key=joint.name,
+            )  # fmt: skip
+        else:
+            parents[joint.child] = joint
+    roots = [link.name for link in links if link.name not in parents]
+    if len(roots) > 1:
+        findings.error(
+            f"the robot has {len(roots)} root links; a URDF is one tree",
+            code="several-roots", key="robot", value=", ".join(roots[:10]), hint="Join them by fixed joints",
+        )  # fmt: skip
+    for link in links:
+        seen: set[str] = set()
+        name = link.name
+        while name in parents and name not in seen:
+            seen.add(name)
+            name = parents[name].parent
+        if name in seen and name == link.name:
+            findings.error(
+                "joints form a loop; a URDF is a tree", code="loop", line=parents[name].line, key=parents[name].name,
+                value=" -> ".join(sorted(seen)[:10]),
+            )  # fmt: skip
+            return
+
+
+def check_masses(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
+    """Warn of links without `<inertial>` other than the root: an engine would make up 1 kg for them."""
+    children = {joint.child for joint in joints}
+    for link in links:
+        if link.mass is None and link.name in children:
+            findings.warn(
+                "link has no <inertial>: taken as massless (PyBullet by itself would make it 1 kg)",
+                code="no-inertial", line=link.line, key=link.name,
+            )  # fmt: skip

@@ -1,0 +1,98 @@
+"""Reads a stranger's XML without letting it do anything: no entities, no DTD, no network, bounded size and depth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from lxml import etree
+
+from asrsim.errors import Problem, RobotError
+
+MAX_BYTES = 64 * 1024 * 1024
+
+
+def read_bytes(path: Path) -> bytes:
+    """The file's content; raises RobotError if it is missing, no plain file, unreadable or too large."""
+    try:
+        if not path.exists():
+            raise RobotError(Problem(message="no such file", file=path, code="missing-file"))
+        if not path.is_file():
+            raise RobotError(Problem(message="is not a file", file=path, code="not-a-file"))
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise RobotError(
+            Problem(message=f"cannot be read: {error.strerror or error}", file=path, code="unreadable-file")
+        ) from error
+    if len(data) > MAX_BYTES:
+        raise RobotError(Problem(message=f"is larger than {MAX_BYTES // 2**20} MB", file=path, code="file-too-large"))
+    return data
+
+
+def parse_xml(data: bytes, path: Path) -> Any:
+    """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML."""
+    _refuse_declarations(data, path)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False, remove_pis=True
+    )
+    try:
+        return etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        reason = (error.msg or "not well-formed").split(", line ")[0]
+        raise RobotError(
+            Problem(message=f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml")
+        ) from error
+
+
+class _RootReachedError(Exception):
+    """Ends the look at the prolog."""
+
+
+def _refuse_declarations(data: bytes, path: Path) -> None:
+    """Raise RobotError for a document type with declarations (entities): they may only stand before the root."""
+    parser = expat.ParserCreate()
+
+    def document_type(name: str, system_id: str | None, public_id: str | None, has_internal_subset: int) -> None:
+        if has_internal_subset:
+            raise RobotError(
+                Problem(
+                    message="XML declares entities or a document type; such files are refused",
+                    file=path,
+                    line=parser.CurrentLineNumber,
+                    code="xml-declarations",
+                    hint="Take the <!DOCTYPE ...> out",
+                )
+            )
+
+    def root(name: str, attributes: dict[str, str]) -> None:
+        raise _RootReachedError
+
+    parser.StartDoctypeDeclHandler = document_type
+    parser.StartElementHandler = root
+    try:
+        parser.Parse(data, True)
+    except _RootReachedError:
+        return
+    except expat.ExpatError as error:
+        raise RobotError(
+            Problem(
+                message=f"XML is not well-formed: {expat.ErrorString(error.code)}",
+                file=path,
+                line=error.lineno,
+                code="malformed-xml",
+            )
+        ) from error
+
+
+def text_of(element: Any) -> str:
+    """The element's own text without comments, stripped."""
+    parts = [element.text or ""]
+    parts.extend(child.tail or "" for child in element)
+    return "".join(parts).strip()
+
+
+def elements(parent: Any, tag: str | None = None) -> list[Any]:
+    """Child elements (no comments), all or those of one tag."""
+    return [child for child in parent if isinstance(child.tag, str) and (tag is None or child.tag == tag)]
