@@ -50,3 +50,11 @@ class AwasII(Actuator):
         k_s, length, radius, _, limit = parameters
         lever = length / radius * theta_2 / (length - theta_2)
         return 2.0 * k_s * (lever * lever) * cos(2.0 * saturate(theta_1 - q, limit))
+
+    @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        k_s, length, radius, _, limit = parameters
+        lever = length / radius * theta_2 / (length - theta_2)
+        d = theta_1 - q
+        s = saturate(d, limit)
+        return k_s * (lever * lever) * (sin(s) * sin(s) + 2.0 * sin(s) * cos(s) * (d - s))

@@ -59,6 +59,13 @@ class Actuator:
         raise NotImplementedError
 
     @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        """Energy in the springs in J: its derivatives by theta_1, theta_2 and -q are the torques. May be left out:
+        it is then integrated from the torques (:mod:`asrsim.actuators.vectorised`).
+        """
+        raise NotImplementedError
+
+    @staticmethod
     def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
         """Motor positions in rad for an equilibrium position in rad and a stiffness preset (the reference map)."""
         return equilibrium, preset

@@ -42,6 +42,16 @@ class Bavs(Actuator):
         return k * k_e * (b * exp(k_e * d_1) + a * exp(-k_e * d_1) + a * exp(k_e * d_2) + b * exp(-k_e * d_2))
 
     @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        a, b, k, k_e, limit = parameters
+        d_1, d_2 = theta_1 - q, theta_2 - q
+        s_1, s_2 = saturate(d_1, limit), saturate(d_2, limit)
+        curved = b * exp(k_e * s_1) + a * exp(-k_e * s_1) + a * exp(k_e * s_2) + b * exp(-k_e * s_2) - 2.0 * (a + b)
+        flat_1 = (b * exp(k_e * s_1) - a * exp(-k_e * s_1)) * (d_1 - s_1)
+        flat_2 = (a * exp(k_e * s_2) - b * exp(-k_e * s_2)) * (d_2 - s_2)
+        return k * (curved / k_e + flat_1 + flat_2)
+
+    @staticmethod
     def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
         return equilibrium + preset, equilibrium - preset
 

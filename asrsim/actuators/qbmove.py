@@ -35,6 +35,14 @@ class QbMove(Actuator):
         return a_1 * k_1 * cosh(a_1 * saturate(theta_1 - q, limit)) + a_2 * k_2 * cosh(a_2 * saturate(theta_2 - q, limit))
 
     @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        a_1, k_1, a_2, k_2, limit = parameters
+        d_1, d_2 = theta_1 - q, theta_2 - q
+        s_1, s_2 = saturate(d_1, limit), saturate(d_2, limit)
+        flat = k_1 * sinh(a_1 * s_1) * (d_1 - s_1) + k_2 * sinh(a_2 * s_2) * (d_2 - s_2)
+        return k_1 / a_1 * (cosh(a_1 * s_1) - 1.0) + k_2 / a_2 * (cosh(a_2 * s_2) - 1.0) + flat
+
+    @staticmethod
     def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
         return equilibrium + preset, equilibrium - preset
 

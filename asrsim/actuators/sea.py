@@ -27,3 +27,10 @@ class Sea(Actuator):
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
         return parameters[0]
+
+    @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        k, limit = parameters
+        d = theta_1 - q
+        s = saturate(d, limit)
+        return k * s * (d - 0.5 * s)

@@ -1,0 +1,88 @@
+"""The DC motor with Dahl friction and position controller, as one pure law (paper sections 3.1.1, 3.1.2; eqs. 7, 8, 11)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from asrsim.actuators.parameters import FRICTION_STIFFNESS
+
+MOTOR_STATE = ("position", "velocity", "anchor", "integral")
+"""Names of a motor's state: rad, rad/s, rad (Dahl's w: where the bristles stick), N m (integral action)."""
+
+
+def motor_kick(
+    position: float,
+    velocity: float,
+    anchor: float,
+    integral: float,
+    reference: float,
+    load: float,
+    coefficients: tuple[float, ...],
+) -> tuple[float, float, float, float, float]:
+    """Accelerate a motor over one kick at a fixed position.
+
+    position in rad, velocity in rad/s, anchor in rad, integral in N m; reference: desired position in rad (or the
+    torque in N m, mode 4); load: torque of the spring on the motor in N m. Coefficients: :func:`motor_coefficients`.
+    Returns velocity after the kick, anchor, integral, motor torque after its limit, friction torque.
+    """
+    p, feed, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit, fastest = coefficients
+    stretch = position - anchor
+    if stretch > slip:
+        stretch = slip
+        anchor = position - slip
+    elif stretch < -slip:
+        stretch = -slip
+        anchor = position + slip
+    friction = FRICTION_STIFFNESS * stretch
+    load = load + friction
+    error = reference - position
+    more = i_step * error
+    push = p * error + feed * reference + integral + 0.5 * more
+    after = keep * velocity + gain * (push - load)
+    torque = push - d_old * velocity - d_new * after
+    if torque > limit:
+        torque = limit
+        after = keep_limited * velocity + gain_limited * (torque - load)
+    elif torque < -limit:
+        torque = -limit
+        after = keep_limited * velocity + gain_limited * (torque - load)
+    if after > fastest:
+        after = fastest
+    elif after < -fastest:
+        after = -fastest
+    return after, anchor, integral + more, torque, friction
+
+
+def motor_coefficients(
+    values: Mapping[str, float], index: int, *, step: float, implicitness: float, controlled: bool
+) -> tuple[float, ...]:
+    """Constants of :func:`motor_kick` for a kick of `step` s of motor `index`.
+
+    The velocity in damping and derivative action is (1 - implicitness) old + implicitness new: 1/2 is the midpoint
+    rule (second order), 0 the explicit Euler rule. `controlled`: modes 5 and 6; else the reference is the torque.
+    """
+    inertia = values[f"motor_{index}_inertia"]
+    damping = values[f"motor_{index}_damping"]
+    p = i = d = 0.0
+    if controlled:
+        p = values[f"controller_{index}_proportional"]
+        i = values[f"controller_{index}_integral"]
+        d = values[f"controller_{index}_derivative"]
+    explicitness = 1.0 - implicitness
+    total = damping + d
+    denominator = inertia + implicitness * step * total
+    denominator_limited = inertia + implicitness * step * damping
+    return (
+        p,
+        0.0 if controlled else 1.0,
+        i * step,
+        explicitness * d,
+        implicitness * d,
+        (inertia - explicitness * step * total) / denominator,
+        step / denominator,
+        (inertia - explicitness * step * damping) / denominator_limited,
+        step / denominator_limited,
+        values[f"motor_{index}_friction_torque"] / FRICTION_STIFFNESS,
+        values[f"motor_{index}_max_torque"],
+        values[f"motor_{index}_max_velocity"],
+    )

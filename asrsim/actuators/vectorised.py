@@ -1,0 +1,101 @@
+"""The laws on whole arrays: the same source, with :mod:`math` exchanged for NumPy. For what a log needs, after the loop."""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.actuators.base import Actuator, saturate
+
+Array = NDArray[np.float64]
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+_ARRAY_MATH: dict[str, Any] = {
+    name: getattr(np, alias)
+    for name, alias in {
+        **{
+            name: name
+            for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "sqrt", "hypot")
+        },
+        **{"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "copysign": "copysign"},
+        **{"pow": "power", "floor": "floor", "ceil": "ceil", "asinh": "arcsinh", "acosh": "arccosh", "atanh": "arctanh"},
+    }.items()
+}
+_MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
+
+
+def _saturate_array(value: Any, limit: float) -> Any:
+    return np.clip(value, -limit, limit)
+
+
+def _exchanged(function: Callable[..., Any], seen: dict[int, Any]) -> Callable[..., Any]:
+    """`function` with its globals looked up in NumPy where they are :mod:`math`'s."""
+    if id(function) in seen:
+        return seen[id(function)]  # type: ignore[no-any-return]
+    names: dict[str, Any] = {}
+    copy = types.FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
+    seen[id(function)] = copy
+    for name, value in function.__globals__.items():
+        if value is math:
+            names[name] = _MATH_NAMESPACE
+        elif value is saturate:
+            names[name] = _saturate_array
+        elif isinstance(value, types.BuiltinFunctionType) and getattr(math, value.__name__, None) is value:
+            names[name] = _ARRAY_MATH.get(value.__name__, value)
+        elif isinstance(value, types.FunctionType) and name in function.__code__.co_names:
+            names[name] = _exchanged(value, seen)
+        else:
+            names[name] = value
+    return copy
+
+
+def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
+    """A law `(q, theta_1, theta_2, parameters) -> number(s)` on arrays of equal length.
+
+    A law with branches cannot take arrays; it is then called sample by sample (slower, same numbers).
+    """
+    fast = _exchanged(law, {}) if isinstance(law, types.FunctionType) else None
+
+    def evaluate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[float, ...]) -> Array:
+        if fast is not None:
+            try:
+                with np.errstate(all="ignore"):
+                    values = np.asarray(fast(q, theta_1, theta_2, parameters), dtype=float)
+                wide = (
+                    np.broadcast_to(values, (*values.shape[: values.ndim - np.ndim(q)], *np.shape(q)))
+                    if values.ndim
+                    else values
+                )
+                return np.array(np.broadcast_to(wide, np.broadcast_shapes(wide.shape, np.shape(q))))
+            except (ValueError, TypeError):
+                pass
+        rows = [law(*point, parameters) for point in zip(q.tolist(), theta_1.tolist(), theta_2.tolist(), strict=True)]
+        return np.array(rows, dtype=float).T
+
+    return evaluate
+
+
+def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
+    """Energy of the springs in J on arrays: the actuator's own, else integrated from its torques from the undeflected state."""
+    if actuator.elastic_energy is not Actuator.elastic_energy:
+        return over_arrays(actuator.elastic_energy)
+    torques = over_arrays(actuator.elastic_torques)
+
+    def integrate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[float, ...]) -> Array:
+        total = np.zeros_like(q)
+        d_1, d_2 = theta_1 - q, theta_2 - q
+        for node, weight in zip(0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, strict=True):
+            if actuator.adjuster:
+                torque_1, _ = torques(q, q + node * d_1, theta_2, parameters)
+                total += weight * torque_1 * d_1
+            else:
+                torque_1, torque_2 = torques(q, q + node * d_1, q + node * d_2, parameters)
+                total += weight * (torque_1 * d_1 + torque_2 * d_2)
+        return total
+
+    return integrate
