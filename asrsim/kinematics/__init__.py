@@ -1,1 +1,27 @@
-"""Cartesian tasks and gravity compensation."""
+"""Cartesian tasks: closed-loop inverse kinematics on the model, and gravity compensation through the springs."""
+
+from __future__ import annotations
+
+from asrsim.kinematics.clik import ClikSettings, JointPath, follow
+from asrsim.kinematics.compensation import Drive, drive_of, equilibrium_for_load, resting_motors
+from asrsim.kinematics.model import KinematicModel
+from asrsim.kinematics.plan import PlannedReferences, plan
+from asrsim.kinematics.reach import Reach, closest
+from asrsim.kinematics.trajectory import INTERPOLATIONS, PoseTrajectory
+
+__all__ = [
+    "INTERPOLATIONS",
+    "ClikSettings",
+    "Drive",
+    "JointPath",
+    "KinematicModel",
+    "PlannedReferences",
+    "PoseTrajectory",
+    "Reach",
+    "closest",
+    "drive_of",
+    "equilibrium_for_load",
+    "follow",
+    "plan",
+    "resting_motors",
+]

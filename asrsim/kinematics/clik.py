@@ -1,0 +1,114 @@
+"""First-order closed-loop inverse kinematics with damped least squares (Siciliano et al. 2010, section 3.7).
+
+It is closed on the model, not on the measured tip: closed on the measurement it would integrate the springs'
+deflection and push on however soft the joints are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.kinematics.model import Array, KinematicModel, Point
+from asrsim.kinematics.rotations import between
+from asrsim.kinematics.trajectory import PoseTrajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClikSettings:
+    """The gains of the loop."""
+
+    gain: float = 10.0
+    """1/s, of position and orientation error."""
+    damping: float = 1e-3
+    """m (position rows) and rad (orientation rows) of damped least squares."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointPath:
+    """What the inverse kinematics found."""
+
+    time: Array
+    """(n,) s."""
+    positions: Array
+    """(n, joints) rad or m, joints in the model's order."""
+    position_error: Array
+    """(n,) m, distance of the model's point from the trajectory."""
+    orientation_error: Array
+    """(n,) rad; zeros where the orientation is free."""
+
+
+def follow(
+    model: KinematicModel,
+    link: str,
+    point: Point,
+    trajectory: PoseTrajectory,
+    start: Array,
+    time: Array,
+    *,
+    moving: NDArrayBool | None = None,
+    settings: ClikSettings | None = None,
+) -> JointPath:
+    """Joint positions whose point follows the trajectory, beginning at `start` (joints,).
+
+    time: (n,) s, ascending; the loop runs at this grid. moving: which joints may move (None: all).
+    Stops are never passed: a joint that would pass one is put onto it and the others take over what they can.
+    """
+    settings = settings or ClikSettings()
+    wanted, turned = trajectory.at(time)
+    rows = 3 if turned is None else 6
+    free = np.ones(len(start), dtype=bool) if moving is None else moving
+    q = np.array(start, dtype=float)
+    positions = np.empty((len(time), len(q)))
+    position_error, orientation_error = np.zeros(len(time)), np.zeros(len(time))
+    for index in range(len(time)):
+        place, rotation = model.pose(q, link, point)
+        error = np.zeros(rows)
+        error[:3] = wanted[index] - place
+        if turned is not None:
+            error[3:] = between(rotation, turned[index])
+            orientation_error[index] = float(np.linalg.norm(error[3:]))
+        positions[index] = q
+        position_error[index] = float(np.linalg.norm(error[:3]))
+        if index + 1 == len(time):
+            break
+        step = time[index + 1] - time[index]
+        # The trajectory's own displacement over the step, so that the loop lags by second order only.
+        displacement = np.zeros(rows)
+        displacement[:3] = wanted[index + 1] - wanted[index]
+        if turned is not None:
+            displacement[3:] = between(turned[index], turned[index + 1])
+        displacement += min(settings.gain * step, 1.0) * error
+        jacobian = model.jacobian(q, link, point)[:rows]
+        q = q + bounded_step(jacobian, displacement, model.lower - q, model.upper - q, free, settings.damping)
+    return JointPath(time=time, positions=positions, position_error=position_error, orientation_error=orientation_error)
+
+
+def bounded_step(
+    jacobian: Array, displacement: Array, lowest: Array, highest: Array, free: NDArrayBool, damping: float
+) -> Array:
+    """Damped least-squares joint step (n,) towards `displacement` (rows,), within [lowest, highest] (n,) each.
+
+    A joint whose step would pass its bound is put onto the bound, its share is taken off the task and the others are
+    solved again, so that they do what it can no longer do.
+    """
+    step = np.zeros(jacobian.shape[1])
+    active = free.copy()
+    remaining = displacement
+    while active.any():
+        columns = jacobian[:, active]
+        normal = columns @ columns.T
+        normal[np.diag_indices_from(normal)] += damping * damping
+        step[active] = columns.T @ np.linalg.solve(normal, remaining)
+        bounded = np.clip(step, lowest, highest)
+        passed = active & (bounded != step)
+        if not passed.any():
+            break
+        step[passed] = bounded[passed]
+        active &= ~passed
+        remaining = displacement - jacobian[:, ~active] @ step[~active]
+    return step
+
+
+NDArrayBool = np.ndarray[tuple[int], np.dtype[np.bool_]]

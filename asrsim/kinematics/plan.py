@@ -1,0 +1,233 @@
+"""From a Cartesian task to references: reachability, inverse kinematics, gravity compensation. All before the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.errors import Problem, ScenarioError
+from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
+from asrsim.kinematics.compensation import Drive, LoadError, equilibrium_for_load
+from asrsim.kinematics.model import Array, KinematicModel
+from asrsim.kinematics.reach import Reach, closest
+from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.scenario.data import CartesianTask
+from asrsim.signals.base import Signal
+from asrsim.signals.sampled import Sampled
+
+PLAN_STEP = 2e-3
+"""s, grid on which the inverse kinematics runs; between, references are straight lines."""
+ORIENTATION_TOLERANCE = 0.01
+"""rad by which an orientation may be missed before it counts as unreachable."""
+PLANNED_MODES = (1, 2, 3, 5, 6)
+"""Modes whose references are positions: the only ones that a path can drive."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedReferences:
+    """What a Cartesian task becomes."""
+
+    path: JointPath
+    """The link positions that the task asks for."""
+    references: Mapping[str, Mapping[str, Array]]
+    """Joint -> reference by the mode's name -> (n,) values at `path.time`."""
+    equilibria: Array
+    """(n, driven joints) rad, gravity compensation included."""
+    joints: tuple[str, ...]
+    """The driven joints, in the order of `equilibria`."""
+
+    @property
+    def time(self) -> Array:
+        """(n,) s."""
+        return self.path.time
+
+    def signals(self) -> dict[str, dict[str, Signal]]:
+        """The references as signals, for a scenario's `references`."""
+        return {
+            joint: {name: Sampled(times=self.time, samples=values) for name, values in items.items()}
+            for joint, items in self.references.items()
+        }
+
+
+def plan(
+    task: CartesianTask,
+    model: KinematicModel,
+    drives: Sequence[Drive],
+    initial: Mapping[str, float],
+    duration: float,
+    *,
+    step: float = PLAN_STEP,
+) -> PlannedReferences:
+    """References that move the task's point along its poses.
+
+    drives: the actuated joints; those that the task does not move hold their initial position (and their weight, with
+    gravity compensation). initial: link positions at the start by joint, absent ones 0. duration: s.
+    Raises ScenarioError for poses or paths that the robot cannot reach (with the closest point that it can), and for
+    loads that a spring or motor cannot hold.
+    """
+    start = np.array([initial.get(joint, 0.0) for joint in model.joints])
+    moving = _moving(task, model, drives)
+    trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
+    _check_poses(task, model, trajectory, start, moving)
+    count = max(int(round(duration / step)), 1)
+    time = np.linspace(0.0, duration, count + 1)
+    path = follow(
+        model,
+        task.link,
+        task.point,
+        trajectory,
+        start,
+        time,
+        moving=moving,
+        settings=ClikSettings(gain=task.gain, damping=task.damping),
+    )
+    _check_path(task, model, trajectory, path, moving)
+    columns, references = [], {}
+    for drive in drives:
+        index = model.joints.index(drive.joint)
+        preset = task.preset.get(drive.joint, task.preset.get("*", drive.actuator.typical_preset))
+        equilibria = path.positions[:, index].copy()
+        if task.gravity_compensation and MODES[drive.mode].spring:
+            equilibria = _compensated(task, model, drive, path, index, preset)
+        columns.append(equilibria)
+        references[drive.joint] = _references(drive, equilibria, preset)
+    return PlannedReferences(
+        path=path,
+        references=references,
+        equilibria=np.column_stack(columns) if columns else np.empty((len(time), 0)),
+        joints=tuple(drive.joint for drive in drives),
+    )
+
+
+def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[Drive]) -> NDArrayBool:
+    """Which of the model's joints the task may move; problems with names, all at once."""
+    driven = tuple(drive.joint for drive in drives)
+    problems = []
+    if task.link not in model.links:
+        problems.append(
+            Problem(message="no such link", key="task.link", value=task.link, choices=model.links, code="unknown-link")
+        )
+    problems += [
+        Problem(message="no such actuated joint", key="task.joints", value=name, choices=driven, code="unknown-joint")
+        for name in task.joints
+        if name not in driven
+    ]
+    problems += [
+        Problem(
+            message=f"a Cartesian task drives positions, which mode {drive.mode} does not take",
+            key=f"modes.{drive.joint}",
+            value=drive.mode,
+            choices=tuple(str(mode) for mode in PLANNED_MODES),
+            code="mode-not-planned",
+        )
+        for drive in drives
+        if drive.mode not in PLANNED_MODES
+    ]
+    if problems:
+        raise ScenarioError(problems)
+    chosen = task.joints or driven
+    return np.array([joint in chosen for joint in model.joints])
+
+
+def _check_poses(
+    task: CartesianTask, model: KinematicModel, trajectory: PoseTrajectory, start: Array, moving: NDArrayBool
+) -> None:
+    problems = []
+    for index, time in enumerate(trajectory.times):
+        rotation = None if trajectory.rotations is None else trajectory.rotations[index]
+        place, turned = model.pose(start, task.link, task.point)
+        reach = closest(model, task.link, task.point, trajectory.positions[index], rotation, start, moving=moving)
+        if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
+            problems.append(_unreachable(f"the pose at {time:g} s", trajectory.positions[index], reach))
+        elif index == 0 and time == 0.0 and np.linalg.norm(place - trajectory.positions[0]) > max(task.tolerance, 0.01):
+            wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, reach.positions, strict=True))
+            problems.append(
+                Problem(
+                    message=f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
+                    f"{_text(trajectory.positions[0])} m",
+                    key="task.poses",
+                    hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
+                    code="start-off-path",
+                )
+            )
+        start = reach.positions if not problems else start
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _check_path(
+    task: CartesianTask, model: KinematicModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
+) -> None:
+    """The path between the poses must be met too, but for the time that the loop needs to come onto it."""
+    settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)
+    missed = settled & (
+        (path.position_error > task.tolerance) | (path.orientation_error > max(ORIENTATION_TOLERANCE, task.tolerance))
+    )
+    if not missed.any():
+        return
+    worst = int(np.argmax(np.where(missed, path.position_error + path.orientation_error * task.tolerance, -1.0)))
+    positions, rotations = trajectory.at(path.time[[worst]])
+    rotation = None if rotations is None else rotations[0]
+    reach = closest(model, task.link, task.point, positions[0], rotation, path.positions[worst], moving=moving)
+    where = f"the path at {path.time[worst]:.3g} s"
+    if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
+        raise ScenarioError(_unreachable(where, positions[0], reach))
+    raise ScenarioError(
+        Problem(
+            message=f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
+            f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
+            key="task",
+            hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
+            "raise the gain or allow more tolerance",
+            code="path-missed",
+        )
+    )
+
+
+def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
+    message = (
+        f"{what}, {_text(wanted)} m, cannot be reached: the closest point is {_text(reach.point)} m, {reach.distance:.3g} m off"
+    )
+    if reach.turn > ORIENTATION_TOLERANCE:
+        message += f" and turned by {reach.turn:.3g} rad"
+    return Problem(message=message, key="task.poses", code="unreachable")
+
+
+def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: float) -> Array:
+    equilibria = np.empty(len(path.time))
+    guess: float | None = None
+    for row, (time, positions) in enumerate(zip(path.time, path.positions, strict=True)):
+        load = float(model.gravity_torques(positions)[index])
+        try:
+            found = equilibrium_for_load(drive, float(positions[index]), load, preset, droop=task.motor_droop, guess=guess)
+        except LoadError as error:
+            problem = error.problems[0]
+            raise ScenarioError(
+                Problem(
+                    message=f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
+                    key=f"task.{drive.joint}",
+                    hint=problem.hint,
+                    code=problem.code,
+                )
+            ) from error
+        equilibria[row] = found
+        guess = found
+    return equilibria
+
+
+def _references(drive: Drive, equilibria: Array, preset: float) -> dict[str, Array]:
+    """The mode's references at the given equilibria."""
+    mode = MODES[drive.mode]
+    if len(mode.references) == 1:
+        return {mode.references[0]: equilibria}
+    if mode.mapped:
+        return {mode.references[0]: equilibria, mode.references[1]: np.full(len(equilibria), preset)}
+    pairs = np.array([drive.actuator.motor_references(float(value), preset) for value in equilibria])
+    return {mode.references[0]: pairs[:, 0], mode.references[1]: pairs[:, 1]}
+
+
+def _text(point: Array) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"

@@ -1,0 +1,95 @@
+"""Whether a pose can be reached, and the closest one that can: bounded least squares from several starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.kinematics.clik import NDArrayBool
+from asrsim.kinematics.model import Array, KinematicModel, Point
+from asrsim.kinematics.rotations import between
+
+STARTS = 12
+"""Starts of the search beside the given one, spread over the joints' ranges."""
+FREE_RANGE = float(np.pi)
+"""rad, range searched on a joint without stops."""
+ORIENTATION_WEIGHT = 0.1
+"""m/rad, weight of the orientation's error where a pose has one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """The closest that a robot gets to a pose."""
+
+    positions: Array
+    """(joints,) rad or m."""
+    point: Array
+    """(3,) m, where the tip then is."""
+    distance: float
+    """m, from there to the wanted position."""
+    turn: float
+    """rad, from the orientation there to the wanted one; 0 where it is free."""
+
+
+def closest(
+    model: KinematicModel,
+    link: str,
+    point: Point,
+    position: Array,
+    rotation: Array | None,
+    start: Array,
+    *,
+    moving: NDArrayBool | None = None,
+    tolerance: float = 1e-6,
+) -> Reach:
+    """The reachable pose closest to `position` (3,) and `rotation` (3, 3) or None; the search begins at `start` (joints,).
+
+    It ends as soon as the pose is met within `tolerance` (m); else every start is tried and the best one returned.
+    """
+    from scipy.optimize import least_squares
+
+    free = np.ones(len(start), dtype=bool) if moving is None else moving
+    low = np.where(np.isfinite(model.lower), model.lower, start - FREE_RANGE)[free]
+    high = np.where(np.isfinite(model.upper), model.upper, start + FREE_RANGE)[free]
+
+    def spread(values: Array) -> Array:
+        q = np.array(start, dtype=float)
+        q[free] = values
+        return q
+
+    def residual(values: Array) -> Array:
+        place, turned = model.pose(spread(values), link, point)
+        if rotation is None:
+            return np.asarray(place - position)
+        return np.concatenate([place - position, -ORIENTATION_WEIGHT * between(turned, rotation)])
+
+    def slope(values: Array) -> Array:
+        # For small errors the rotation vector's rate is the angular velocity: good enough a slope for the search.
+        jacobian = model.jacobian(spread(values), link, point)[:, free]
+        return jacobian[:3] if rotation is None else np.vstack([jacobian[:3], ORIENTATION_WEIGHT * jacobian[3:]])
+
+    generator = np.random.default_rng(0)
+    starts = [np.clip(start[free], low, high), *(generator.uniform(low, high) for _ in range(STARTS))]
+    tried: list[Reach] = []
+    for values in starts:
+        inside = np.clip(values, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        found = least_squares(residual, inside, jac=slope, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        tried.append(_reach(model, link, point, spread(found.x), position, rotation))
+        if _cost(tried[-1]) <= tolerance:
+            break
+    return min(tried, key=_cost)
+
+
+def _reach(model: KinematicModel, link: str, point: Point, positions: Array, position: Array, rotation: Array | None) -> Reach:
+    place, turned = model.pose(positions, link, point)
+    return Reach(
+        positions=positions,
+        point=place,
+        distance=float(np.linalg.norm(place - position)),
+        turn=0.0 if rotation is None else float(np.linalg.norm(between(turned, rotation))),
+    )
+
+
+def _cost(reach: Reach) -> float:
+    return float(np.hypot(reach.distance, ORIENTATION_WEIGHT * reach.turn))

@@ -1,0 +1,33 @@
+"""Rotations between matrices, roll-pitch-yaw and rotation vectors; scipy does the work."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asrsim.kinematics.model import Array, Point
+
+
+def from_rpy(rpy: Point) -> Array:
+    """Rotation matrix (3, 3) of URDF's roll, pitch, yaw in rad (about fixed x, y, z in this order)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix(), dtype=float)
+
+
+def exponential(vector: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix(), dtype=float)
+
+
+def logarithm(matrix: Array) -> Array:
+    """Rotation vectors (..., 3) in rad, of angles up to pi, of rotation matrices (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(matrix).as_rotvec(), dtype=float)
+
+
+def between(start: Array, end: Array) -> Array:
+    """Rotation vector (3,) in rad, world frame, that turns `start` into `end` (both (3, 3))."""
+    return logarithm(end @ start.T)

@@ -1,0 +1,111 @@
+"""Cartesian trajectories: from waypoints with times to a pose at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.errors import Problem, ScenarioError
+from asrsim.kinematics.model import Array
+from asrsim.kinematics.rotations import between, exponential, from_rpy
+from asrsim.scenario.data import CartesianPose
+
+
+def minimum_jerk(fraction: Array) -> Array:
+    """10 s^3 - 15 s^4 + 6 s^5: from 0 to 1 with least jerk, at rest at both ends (Flash and Hogan 1985)."""
+    return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
+
+
+def linear(fraction: Array) -> Array:
+    """Constant speed; velocity jumps at the waypoints."""
+    return fraction
+
+
+INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": linear}
+"""How the fraction of a segment's way grows with the fraction of its time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseTrajectory:
+    """Straight segments between poses, turning about one axis each; held before the first and after the last pose."""
+
+    times: Array
+    """(m,) s, ascending: when each pose is reached."""
+    positions: Array
+    """(m, 3) m, world frame."""
+    rotations: Array | None
+    """(m, 3, 3); None: the orientation is free."""
+    interpolation: str = "minimum_jerk"
+
+    @classmethod
+    def through(
+        cls, poses: tuple[CartesianPose, ...], interpolation: str, start: tuple[Array, Array] | None = None
+    ) -> PoseTrajectory:
+        """A trajectory through a task's poses.
+
+        start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose comes later than that.
+        Raises ScenarioError on an unknown interpolation, times that do not ascend, or an orientation that only some
+        poses have.
+        """
+        problems = _faults(poses, interpolation)
+        if problems:
+            raise ScenarioError(problems)
+        times = [pose.time for pose in poses]
+        positions = [np.asarray(pose.position, dtype=float) for pose in poses]
+        turned = [from_rpy(pose.rpy) for pose in poses if pose.rpy is not None]
+        if start is not None and times[0] > 0.0:
+            times.insert(0, 0.0)
+            positions.insert(0, start[0])
+            if turned:
+                turned.insert(0, start[1])
+        return cls(
+            times=np.array(times),
+            positions=np.array(positions),
+            rotations=np.array(turned) if turned else None,
+            interpolation=interpolation,
+        )
+
+    def at(self, time: Array) -> tuple[Array, Array | None]:
+        """Positions (n, 3) and rotations (n, 3, 3) (or None) at `time` (n,)."""
+        if len(self.times) == 1:
+            segment, way = np.zeros(len(time), dtype=int), np.zeros(len(time))
+            ends = np.zeros(len(time), dtype=int)
+        else:
+            segment = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2)
+            span = self.times[segment + 1] - self.times[segment]
+            way = INTERPOLATIONS[self.interpolation](np.clip((time - self.times[segment]) / span, 0.0, 1.0))
+            ends = segment + 1
+        positions = self.positions[segment] + way[:, None] * (self.positions[ends] - self.positions[segment])
+        if self.rotations is None:
+            return positions, None
+        turns = np.array([between(a, b) for a, b in zip(self.rotations, self.rotations[1:], strict=False)]).reshape(-1, 3)
+        turns = np.vstack([turns, np.zeros(3)])
+        return positions, exponential(way[:, None] * turns[segment]) @ self.rotations[segment]
+
+
+def _faults(poses: tuple[CartesianPose, ...], interpolation: str) -> list[Problem]:
+    problems = []
+    if not poses:
+        problems.append(Problem(message="a Cartesian task needs at least one pose", key="task.poses", code="no-poses"))
+    if interpolation not in INTERPOLATIONS:
+        problems.append(
+            Problem(
+                message="unknown interpolation",
+                key="task.interpolation",
+                value=interpolation,
+                choices=tuple(INTERPOLATIONS),
+                code="unknown-interpolation",
+            )
+        )
+    times = [pose.time for pose in poses]
+    if any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)) or any(time < 0.0 for time in times):
+        problems.append(
+            Problem(message="times must ascend from 0 on", key="task.poses", value=times, code="times-not-ascending")
+        )
+    if len({pose.rpy is None for pose in poses}) > 1:
+        problems.append(
+            Problem(message="either all poses have an orientation (rpy) or none", key="task.poses", code="mixed-orientation")
+        )
+    return problems

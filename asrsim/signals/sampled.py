@@ -1,0 +1,25 @@
+"""Samples of a signal that the library computed: planned references, learned inputs. Scenarios use `playback` instead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from asrsim.signals.base import Array, Signal
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampled(Signal):
+    """Straight lines between samples; the ends hold. Not in the registry: it has no form in a document."""
+
+    kind: ClassVar[str] = "sampled"
+
+    times: Array
+    """(n,) s, ascending."""
+    samples: Array
+    """(n,) in the unit of what it drives."""
+
+    def values(self, time: Array) -> Array:
+        return np.asarray(np.interp(time, self.times, self.samples), dtype=np.float64)
