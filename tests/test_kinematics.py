@@ -271,13 +271,14 @@ def test_plans_of_motor_reference_modes_give_motor_positions():
 
 
 def test_joints_that_the_task_leaves_out_hold_their_place():
+    start = elbow(0.35, 0.1)
+    goal, _ = Planar2R().pose(start + np.array([0.1, 0.0]), "tip", ORIGIN)
     planned = plan(
-        task((0.0, 0.35, 0.1), (1.0, *Planar2R().pose(elbow(0.35, 0.1) + [0.1, 0.0], "tip", ORIGIN)[0][:2]),
-             joints=("one",), tolerance=0.02),
+        task((0.0, 0.35, 0.1), (1.0, goal[0], goal[1]), joints=("one",), tolerance=0.02),
         Planar2R(),
         [qbmove("one"), qbmove("two")],
-        initial(elbow(0.35, 0.1)),
+        initial(start),
         2.0,
-    )  # fmt: skip
+    )
     assert np.ptp(planned.path.positions[:, 1]) == 0.0
-    assert planned.path.positions[-1, 0] == pytest.approx(elbow(0.35, 0.1)[0] + 0.1, abs=1e-4)
+    assert planned.path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)

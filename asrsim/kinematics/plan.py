@@ -72,7 +72,7 @@ def plan(
     moving = _moving(task, model, drives)
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     _check_poses(task, model, trajectory, start, moving)
-    count = max(int(round(duration / step)), 1)
+    count = max(round(duration / step), 1)
     time = np.linspace(0.0, duration, count + 1)
     path = follow(
         model,
@@ -138,7 +138,7 @@ def _check_poses(
     problems = []
     for index, time in enumerate(trajectory.times):
         rotation = None if trajectory.rotations is None else trajectory.rotations[index]
-        place, turned = model.pose(start, task.link, task.point)
+        place, _ = model.pose(start, task.link, task.point)
         reach = closest(model, task.link, task.point, trajectory.positions[index], rotation, start, moving=moving)
         if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
             problems.append(_unreachable(f"the pose at {time:g} s", trajectory.positions[index], reach))

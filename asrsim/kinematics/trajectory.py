@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class PoseTrajectory:
         positions = self.positions[segment] + way[:, None] * (self.positions[ends] - self.positions[segment])
         if self.rotations is None:
             return positions, None
-        turns = np.array([between(a, b) for a, b in zip(self.rotations, self.rotations[1:], strict=False)]).reshape(-1, 3)
+        turns = np.array([between(a, b) for a, b in pairwise(self.rotations)]).reshape(-1, 3)
         turns = np.vstack([turns, np.zeros(3)])
         return positions, exponential(way[:, None] * turns[segment]) @ self.rotations[segment]
 
@@ -100,7 +101,7 @@ def _faults(poses: tuple[CartesianPose, ...], interpolation: str) -> list[Proble
             )
         )
     times = [pose.time for pose in poses]
-    if any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)) or any(time < 0.0 for time in times):
+    if any(later <= earlier for earlier, later in pairwise(times)) or any(time < 0.0 for time in times):
         problems.append(
             Problem(message="times must ascend from 0 on", key="task.poses", value=times, code="times-not-ascending")
         )
