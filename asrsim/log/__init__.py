@@ -1,1 +1,7 @@
-"""The MCAP log: written in bulk, read in bulk."""
+"""Logs: one MCAP file a run, written from Samples and read back into them, bit for bit."""
+
+from __future__ import annotations
+
+from asrsim.log.writer import LogWriter
+
+__all__ = ["LogWriter"]

@@ -1,0 +1,198 @@
+"""MCAP above bytes: schemas, channels, chunks with their indexes, attachments, metadata, and the summary at the end."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from asrsim import __version__
+from asrsim.log.messages import schema_name, schema_text
+from asrsim.log.rows import MESSAGE_HEADER, RowBuffer
+from asrsim.log.storage import DATA_END, MAGIC, McapStorage, encode
+from asrsim.log.topics import Topic
+
+COLUMNS_KEY = "asrsim_columns"
+"""Channel metadata: JSON list of [offset in the message's data, kind, name, part] of the numbers read back from it."""
+
+_ZSTD_LEVEL = -3
+"""On these rows as small as levels 1 to 3, at two thirds to a third of their time."""
+
+
+def compressor(compression: str) -> Callable[[bytes | memoryview], bytes]:
+    """The function that compresses a chunk; `zstd`, `lz4` or empty for none."""
+    if compression == "zstd":
+        import zstandard
+
+        return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
+    if compression == "lz4":
+        import lz4.frame
+
+        compress: Callable[[bytes | memoryview], bytes] = lz4.frame.compress
+        return compress
+    return bytes
+
+
+class McapContainer:
+    """Writes an MCAP of profile ros2. Memory grows by one packed chunk index (some hundred bytes) a chunk only."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        attachments: Mapping[str, tuple[str, bytes]],
+        metadata: Mapping[str, Mapping[str, str]],
+        compression: str,
+    ) -> None:
+        """attachments: name -> (media type, data); metadata: name -> record."""
+        self._compression = compression
+        self._compress = compressor(compression)
+        self._schemas: dict[str, Schema] = {}
+        self._channels: dict[tuple[str, str], Channel] = {}
+        self._pending = b""
+        self._counts: dict[int, int] = {}
+        self._span: tuple[int, int] | None = None
+        self._chunk_indexes: list[bytes] = []
+        self._index_counts = {Opcode.ATTACHMENT_INDEX: 0, Opcode.METADATA_INDEX: 0}
+        header = Header(profile="ros2", library=f"asrsim {__version__}")
+        body = b""
+        start = len(MAGIC) + len(encode(header))
+        self._attachment_indexes = self._metadata_indexes = b""
+        for name, (media_type, data) in attachments.items():
+            record = encode(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
+            index = AttachmentIndex(
+                offset=start + len(body), length=len(record), log_time=0, create_time=0,
+                data_size=len(data), name=name, media_type=media_type,
+            )  # fmt: skip
+            self._attachment_indexes += encode(index)
+            self._index_counts[Opcode.ATTACHMENT_INDEX] += 1
+            body += record
+        for name, items in metadata.items():
+            body += self._metadata(name, items, start + len(body))
+        self._storage = McapStorage(path, header, body)
+
+    def channel(self, topic: Topic) -> int:
+        """The number of a topic's channel, registered at its first use and written with the next chunk."""
+        columns = [[offset, *column] for offset, column in topic.template.floats] if topic.canonical else []
+        metadata = {"offered_qos_profiles": ""}
+        if columns:
+            metadata[COLUMNS_KEY] = json.dumps(columns, separators=(",", ":"))
+        key = (topic.name, metadata.get(COLUMNS_KEY, ""))
+        if key not in self._channels:
+            channel = Channel(
+                id=len(self._channels) + 1, topic=topic.name, message_encoding="cdr",
+                metadata=metadata, schema_id=self._schema(topic.message),
+            )  # fmt: skip
+            self._channels[key] = channel
+            self._counts[channel.id] = 0
+            self._pending += encode(channel)
+        return self._channels[key].id
+
+    def chunk(self, rows: RowBuffer, single: tuple[int, bytes] | None = None) -> None:
+        """Writes a chunk: channels not yet written, a single message (channel, data) at the first time, the rows."""
+        start, end = rows.span()
+        prefix = self._pending
+        index = b""
+        index_offsets: list[tuple[int, int]] = []
+        if single is not None:
+            channel, data = single
+            index += struct.pack("<BQHIQQ", Opcode.MESSAGE_INDEX, 22, channel, 16, start, len(prefix))
+            index_offsets.append((channel, 0))
+            length = MESSAGE_HEADER.size - 9 + len(data)
+            prefix += MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel, 0, start, start) + data
+        if rows.count:
+            records, size = rows.message_indexes(len(prefix))
+            index_offsets += [(channel, len(index) + size * i) for i, channel in enumerate(rows.channels)]
+            index += records
+        content: bytes | memoryview = rows.messages()
+        if prefix:
+            content = prefix + bytes(content)
+        packed = self._compress(content)
+        name = self._compression.encode()
+        head = struct.pack("<QQQII", start, end, len(content), zlib.crc32(content), len(name)) + name
+        head += struct.pack("<Q", len(packed))
+        record = struct.pack("<BQ", Opcode.CHUNK, len(head) + len(packed)) + head
+        offset = self._storage.size
+        length = len(record) + len(packed)
+        self._storage.append(b"".join((record, packed, index)))
+        offsets = b"".join(struct.pack("<HQ", channel, offset + length + place) for channel, place in index_offsets)
+        body = struct.pack("<QQQQI", start, end, offset, length, len(offsets)) + offsets
+        body += struct.pack("<QI", len(index), len(name)) + name + struct.pack("<QQ", len(packed), len(content))
+        self._chunk_indexes.append(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body)
+        self._pending = b""
+        for channel in rows.channels:
+            self._counts[channel] += rows.count
+        if single is not None:
+            self._counts[single[0]] += 1
+        first, last = self._span or (start, end)
+        self._span = (min(first, start), max(last, end))
+
+    def finish(self, name: str, metadata: Mapping[str, str]) -> None:
+        """Writes a last metadata record and the summary, and closes the file."""
+        body = self._metadata(name, metadata, self._storage.size) + DATA_END
+        start = self._storage.size + len(body)
+        first, last = self._span or (0, 0)
+        statistics = Statistics(
+            attachment_count=self._index_counts[Opcode.ATTACHMENT_INDEX],
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=sum(self._counts.values()),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=self._index_counts[Opcode.METADATA_INDEX],
+            schema_count=len(self._schemas),
+        )
+        groups = {
+            Opcode.SCHEMA: b"".join(map(encode, self._schemas.values())),
+            Opcode.CHANNEL: b"".join(map(encode, self._channels.values())),
+            Opcode.STATISTICS: encode(statistics),
+            Opcode.CHUNK_INDEX: b"".join(self._chunk_indexes),
+            Opcode.ATTACHMENT_INDEX: self._attachment_indexes,
+            Opcode.METADATA_INDEX: self._metadata_indexes,
+        }
+        summary = offsets = b""
+        for opcode, group in groups.items():
+            if group:
+                offset = SummaryOffset(group_opcode=opcode, group_start=start + len(summary), group_length=len(group))
+                offsets += encode(offset)
+                summary += group
+        offset_start = start + len(summary)
+        summary += offsets
+        checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
+        footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(checked))
+        self._storage.finish(body + summary, footer)
+
+    def close(self) -> None:
+        """Closes the file as it is, without a summary; it stays readable from its start."""
+        self._storage.close()
+
+    def _schema(self, message: str) -> int:
+        if message not in self._schemas:
+            data = schema_text(message).encode()
+            schema = Schema(id=len(self._schemas) + 1, data=data, encoding="ros2msg", name=schema_name(message))
+            self._schemas[message] = schema
+            self._pending += encode(schema)
+        return self._schemas[message].id
+
+    def _metadata(self, name: str, items: Mapping[str, str], offset: int) -> bytes:
+        record = encode(Metadata(name=name, metadata=dict(items)))
+        self._metadata_indexes += encode(MetadataIndex(offset=offset, length=len(record), name=name))
+        self._index_counts[Opcode.METADATA_INDEX] += 1
+        return record

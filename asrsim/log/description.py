@@ -1,0 +1,103 @@
+"""What a log says of its run, besides the time series: RunInfo to attachments and metadata, and back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from asrsim import __version__
+from asrsim.errors import LogError, Problem
+from asrsim.samples import JointInfo, RunInfo
+
+FORMAT = "1"
+"""Version of the layout of a log; raised when an older reader would misread a newer log."""
+RUN_METADATA = "asrsim"
+RESULT_METADATA = "asrsim_result"
+
+_RUN, _URDF, _SCENARIO, _RESOLVED = "run.json", "robot.urdf", "scenario.yaml", "resolved.json"
+_FOLDER = "attachments/"
+
+
+def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
+    """Name -> (media type, data) of everything needed to repeat the run. `run.json` holds what has no file of its own."""
+    run = {
+        "format": FORMAT,
+        "robot": info.robot,
+        "variant": info.variant,
+        "step": info.step,
+        "log_every": info.log_every,
+        "urdf_path": info.urdf_path,
+        "scenario_path": info.scenario_path,
+        "joints": [asdict(joint) for joint in info.joints],
+        "metadata": dict(info.metadata),
+    }
+    files = {
+        _RUN: ("application/json", json.dumps(run, indent=1).encode()),
+        _RESOLVED: ("application/json", json.dumps(dict(info.resolved), indent=1).encode()),
+    }
+    if info.urdf:
+        files[_URDF] = ("application/xml", info.urdf.encode())
+    if info.scenario:
+        files[_SCENARIO] = ("application/yaml", info.scenario.encode())
+    files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
+    return files
+
+
+def info_metadata(info: RunInfo) -> dict[str, str]:
+    """The metadata record `asrsim`: for people and tools that list metadata."""
+    return {
+        "asrsim_version": __version__,
+        "log_format": FORMAT,
+        "robot": info.robot,
+        "variant": info.variant,
+        "step": repr(float(info.step)),
+        "log_every": str(info.log_every),
+        **info.metadata,
+    }
+
+
+def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
+    """RunInfo of a log; raises LogError if asrsim did not write it, or a newer asrsim did."""
+    if _RUN not in attachments:
+        raise LogError(
+            Problem(
+                message="this MCAP file was not written by asrsim, or ends before its description",
+                hint="A robot's recording is read as a recording (`asrsim compare`)",
+                code="foreign-log",
+            )
+        )
+    try:
+        run: dict[str, Any] = json.loads(attachments[_RUN])
+        version = run["format"]
+    except (ValueError, TypeError, KeyError) as error:
+        raise LogError(Problem(message=f"the description of the run is damaged: {error}", code="corrupt-log")) from error
+    if version != FORMAT:
+        raise LogError(
+            Problem(
+                message="the log has another format than this asrsim reads",
+                value=version,
+                choices=(FORMAT,),
+                hint="Read it with the version of asrsim that wrote it",
+                code="log-format",
+            )
+        )
+    try:
+        joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
+        return RunInfo(
+            robot=run["robot"],
+            joints=joints,
+            step=run["step"],
+            log_every=run["log_every"],
+            variant=run["variant"],
+            urdf=attachments.get(_URDF, b"").decode(),
+            urdf_path=run["urdf_path"],
+            scenario=attachments.get(_SCENARIO, b"").decode(),
+            scenario_path=run["scenario_path"],
+            resolved=json.loads(attachments.get(_RESOLVED, b"{}")),
+            metadata=run["metadata"],
+            attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},
+        )
+    except (ValueError, TypeError, KeyError) as error:
+        raise LogError(Problem(message=f"the description of the run is damaged: {error}", code="corrupt-log")) from error

@@ -1,0 +1,71 @@
+"""ROS 2 message definitions (`ros2msg` text) of everything a log contains: standard ones and two of our own."""
+
+from __future__ import annotations
+
+from asrsim.quantities import QUANTITIES
+
+LINK_STATE_FIELDS: dict[str, str] = {
+    "q": "link_position",
+    "dq": "link_velocity",
+    "ref_1": "reference_1",
+    "ref_2": "reference_2",
+    "tau": "link_torque",
+    "stiff": "stiffness",
+}
+"""Fields of the toolbox's `state_info` message -> quantities. Ours has a header, and float64 instead of float32."""
+
+_OWN_TOPICS = {
+    *LINK_STATE_FIELDS.values(),
+    *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity", "torque")),
+    "elastic_torque_1",
+    "elastic_torque_2",
+    "external_torque",
+}
+
+DETAIL_FIELDS: tuple[str, ...] = tuple(name for name in QUANTITIES if name not in _OWN_TOPICS)
+"""Quantities without a topic of the toolbox; they share one message a joint, NaN where a joint does not record one."""
+
+_FIELDS: dict[str, str] = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "std_msgs/Float64": "float64 data",
+    "std_msgs/String": "string data",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform",
+    "geometry_msgs/Vector3Stamped": "std_msgs/Header header\ngeometry_msgs/Vector3 vector",
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+    ),
+    "asrsim_msgs/LinkState": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in LINK_STATE_FIELDS)]),
+    "asrsim_msgs/JointDetails": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in DETAIL_FIELDS)]),
+}
+
+_SEPARATOR = "=" * 80
+
+
+def schema_name(message: str) -> str:
+    """The name MCAP and ROS 2 use: `std_msgs/Float64` -> `std_msgs/msg/Float64`."""
+    package, name = message.split("/")
+    return f"{package}/msg/{name}"
+
+
+def schema_text(message: str) -> str:
+    """The definition of a message followed by those of all the messages it is made of, as rosbag2 stores it."""
+    parts = [_FIELDS[message]]
+    parts += [f"{_SEPARATOR}\nMSG: {name}\n{_FIELDS[name]}" for name in _dependencies(message)]
+    return "\n".join(parts) + "\n"
+
+
+def _dependencies(message: str) -> list[str]:
+    found: list[str] = []
+    waiting = [message]
+    while waiting:
+        for line in _FIELDS[waiting.pop(0)].splitlines():
+            name = line.split()[0].removesuffix("[]")
+            if name in _FIELDS and name not in found:
+                found.append(name)
+                waiting.append(name)
+    return found

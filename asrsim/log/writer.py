@@ -1,0 +1,114 @@
+"""LogWriter: Samples in, one MCAP file out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from asrsim.errors import OutputError
+from asrsim.log.cdr import CdrBuilder
+from asrsim.log.container import McapContainer
+from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_attachments, info_metadata
+from asrsim.log.rows import RowBuffer
+from asrsim.log.topics import DESCRIPTION_TOPIC, Topic, body_topic, contact_topic, robot_topics
+from asrsim.samples import RunInfo, Samples
+
+
+class LogWriter:
+    """Writes one run to one MCAP file that ROS 2 tools, viewers and :func:`asrsim.log.read_log` open.
+
+    path: the file; an existing one is replaced. info: the run; its joints' `quantities` say what is recorded.
+    compression: `zstd`, `lz4`, or empty for none.
+
+    The file is readable at any time, up to the last whole chunk (some hundred to 2048 samples), also if the process
+    is killed. Memory does not depend on the duration. Times are simulated times.
+
+    Raises OutputError if the file cannot be written; what is in it by then stays readable.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], info: RunInfo, *, compression: str = "zstd") -> None:
+        self.path = Path(path)
+        self.info = info
+        self.samples = 0
+        """Samples taken so far."""
+        self._container = McapContainer(
+            self.path,
+            attachments=info_attachments(info),
+            metadata={RUN_METADATA: info_metadata(info)},
+            compression=compression,
+        )
+        self._robot_topics = robot_topics(info.joints)
+        self._layout: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+        self._rows = self._row_buffer()
+        self._description = Topic(
+            name=DESCRIPTION_TOPIC, message="std_msgs/String", template=CdrBuilder().string(info.urdf).build()
+        )
+        self._described = not info.urdf
+        self._failed = False
+        self._closed = False
+
+    def write(self, samples: Samples) -> None:
+        """Adds samples, which must follow those before in time. Bodies and contacts may come and go between calls."""
+        if self._failed or self._closed:
+            raise OutputError(f"{self.path}: the log is closed")
+        layout = (tuple(samples.bodies), tuple(samples.contacts))
+        if layout != self._layout:
+            self._flush()
+            self._layout = layout
+            self._rows = self._row_buffer()
+        start = 0
+        while start < len(samples.time):
+            taken = self._rows.append(samples, start, self.samples)
+            start += taken
+            self.samples += taken
+            if self._rows.count == self._rows.capacity:
+                self._flush()
+
+    def close(self, metadata: Mapping[str, str] | None = None) -> None:
+        """Writes what is left, the result as metadata record `asrsim_result`, and the index. Further calls do nothing.
+
+        metadata: the result; `status` is `complete` unless it says otherwise.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if not self._failed:
+                self._flush(last=True)
+            self._container.finish(RESULT_METADATA, {"status": "complete", "samples": str(self.samples), **(metadata or {})})
+        finally:
+            self._container.close()
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        if error is None:
+            self.close()
+            return
+        status = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+        try:
+            self.close({"status": status, "error": f"{type(error).__name__}: {error}"})
+        except OutputError as second:
+            error.add_note(str(second))
+
+    def _row_buffer(self) -> RowBuffer:
+        bodies, contacts = self._layout
+        topics = [*self._robot_topics, *([body_topic(bodies)] if bodies else []), *map(contact_topic, contacts)]
+        return RowBuffer([(self._container.channel(topic), topic) for topic in topics])
+
+    def _flush(self, *, last: bool = False) -> None:
+        if not self._rows.count and (self._described or not last):
+            return
+        single = None
+        if not self._described:
+            single = (self._container.channel(self._description), self._description.template.data)
+        try:
+            self._container.chunk(self._rows, single)
+        except OutputError:
+            self._failed = True
+            raise
+        self._described = True
+        self._rows.clear()
