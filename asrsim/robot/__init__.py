@@ -2,7 +2,22 @@
 
 from __future__ import annotations
 
+from asrsim.robot.engine_text import engine_urdf
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.overrides import with_overrides
 from asrsim.robot.reader import load_robot
+from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
 
-__all__ = ["ActuatorBlock", "Joint", "Link", "ParameterValue", "Robot", "load_robot"]
+__all__ = [
+    "ActuatorBlock",
+    "Joint",
+    "Link",
+    "ParameterValue",
+    "Robot",
+    "StepFigures",
+    "engine_urdf",
+    "load_robot",
+    "step_figures",
+    "step_findings",
+    "with_overrides",
+]

@@ -31,7 +31,9 @@ def advise(actuator: type[Actuator], block: ActuatorBlock, joint: Joint, finding
             code="link-controller", line=block.line, key=place,
         )  # fmt: skip
     if joint.effort is None:
-        findings.warn("the joint has no effort limit: torques are not clipped", code="no-effort-limit", line=joint.line, key=joint.name)
+        findings.warn(
+            "the joint has no effort limit: torques are not clipped", code="no-effort-limit", line=joint.line, key=joint.name
+        )
     elif joint.effort == 0.0:
         findings.warn(
             "the joint's effort limit is 0: every torque is clipped to nothing", code="zero-effort-limit", line=joint.line,
@@ -60,9 +62,7 @@ def _without_effect(actuator: type[Actuator], given: dict[str, ParameterValue], 
     for parameter in actuator.parameters:
         if parameter.unused and parameter.name in given:
             value = given[parameter.name]
-            findings.warn(
-                f"has no effect: {parameter.unused}", code="unused-tag", line=value.line, key=f"{place}.{value.tag}"
-            )
+            findings.warn(f"has no effect: {parameter.unused}", code="unused-tag", line=value.line, key=f"{place}.{value.tag}")
     limits = [value for name, value in given.items() if name.endswith("max_velocity")]
     if limits:
         findings.warn(

@@ -71,7 +71,7 @@ class _BlockReader:
             return
         if reference:
             self.findings.warn(
-                f"this block stands in <gazebo reference='{reference}'>, from which Gazebo loads no actuator; it is not simulated",
+                f"this block stands in <gazebo reference='{reference}'>, where Gazebo loads no actuator; it is not simulated",
                 code="plugin-in-reference", line=line, key=shown, hint="Take the reference attribute out",
             )  # fmt: skip
             return
@@ -246,7 +246,13 @@ class _BlockReader:
             self.findings.error(fault, code="out-of-range", line=self.line(tag), key=place, value=text_of(tag))
             return None
         return ParameterValue(
-            name=parameter.name, value=value, unit=parameter.unit, origin="tag", tag=name, line=self.line(tag), text=text_of(tag)
+            name=parameter.name,
+            value=value,
+            unit=parameter.unit,
+            origin="tag",
+            tag=name,
+            line=self.line(tag),
+            text=text_of(tag),
         )
 
     def _number(self, tag: Any, place: str) -> float | None:

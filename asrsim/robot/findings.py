@@ -58,6 +58,4 @@ class Findings:
         choices: tuple[str, ...],
         hint: str | None,
     ) -> Problem:
-        return Problem(
-            message=message, file=self.file, line=line, key=key, value=value, choices=choices, hint=hint, code=code
-        )
+        return Problem(message=message, file=self.file, line=line, key=key, value=value, choices=choices, hint=hint, code=code)

@@ -58,7 +58,9 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(
-            Problem(message=f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
+            Problem(
+                message=f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links"
+            )
         )
     structure = StructureReader(findings, line)
     links = structure.links(root)
@@ -114,5 +116,5 @@ def _line(element: Any) -> int | None:
     return line
 
 
-def _no_line(element: Any) -> int | None:
+def _no_line(_element: Any) -> int | None:
     return None

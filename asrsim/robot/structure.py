@@ -60,9 +60,7 @@ class StructureReader:
         line = self.line(element)
         inertials = elements(element, "inertial")
         if len(inertials) > 1:
-            self.findings.error(
-                "has more than one <inertial>", code="duplicate-tag", line=self.line(inertials[1]), key=name
-            )
+            self.findings.error("has more than one <inertial>", code="duplicate-tag", line=self.line(inertials[1]), key=name)
         if not inertials:
             return Link(name=name, mass=None, inertia=None, line=line)
         inertial = inertials[0]
@@ -177,9 +175,7 @@ class StructureReader:
             )  # fmt: skip
         return (x / length, y / length, z / length)
 
-    def _limits(
-        self, element: Any, name: str, kind: str
-    ) -> tuple[float | None, float | None, float | None, float | None]:
+    def _limits(self, element: Any, name: str, kind: str) -> tuple[float | None, float | None, float | None, float | None]:
         tags = elements(element, "limit")
         if not tags:
             if kind in ("revolute", "prismatic"):
@@ -212,7 +208,9 @@ class StructureReader:
                 value=f"{lower:g} > {upper:g}",
             )  # fmt: skip
         elif lower is not None and lower == upper:
-            self.findings.warn("lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name)
+            self.findings.warn(
+                "lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name
+            )
         lower = None if lower is not None and math.isinf(lower) else lower
         upper = None if upper is not None and math.isinf(upper) else upper
         return lower, upper, effort, velocity
@@ -246,7 +244,9 @@ class StructureReader:
         text = element.get(key)
         if text is None:
             if required:
-                self.findings.error(f"attribute '{key}' is missing", code="missing-attribute", line=self.line(element), key=place)
+                self.findings.error(
+                    f"attribute '{key}' is missing", code="missing-attribute", line=self.line(element), key=place
+                )
             return 0.0
         return self._float(text, text, element, place, finite=finite)
 

@@ -54,7 +54,7 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
     """Raise RobotError for a document type with declarations (entities): they may only stand before the root."""
     parser = expat.ParserCreate()
 
-    def document_type(name: str, system_id: str | None, public_id: str | None, has_internal_subset: int) -> None:
+    def document_type(_name: str, _system: str | None, _public: str | None, has_internal_subset: int) -> None:
         if has_internal_subset:
             raise RobotError(
                 Problem(
@@ -66,7 +66,7 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
                 )
             )
 
-    def root(name: str, attributes: dict[str, str]) -> None:
+    def root(_name: str, _attributes: dict[str, str]) -> None:
         raise _RootReachedError
 
     parser.StartDoctypeDeclHandler = document_type

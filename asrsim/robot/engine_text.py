@@ -1,0 +1,115 @@
+"""URDF text for a physics engine: the robot's own text without simulator blocks and with meshes that exist."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from asrsim.errors import Problem
+from asrsim.robot.model import Robot
+from asrsim.robot.packages import Packages, packages_of
+from asrsim.robot.xmlfile import elements, parse_xml
+
+STRIPPED = ("gazebo", "transmission", "sensor")
+MESH_FORMATS = (".stl", ".obj", ".dae")
+
+
+def engine_urdf(
+    robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
+) -> tuple[str, tuple[Problem, ...]]:
+    """The robot as a physics engine may load it, and warnings.
+
+    Gazebo, transmission and sensor blocks are taken out, mesh names become absolute paths of existing files inside the
+    robot's folder, its package or a known package; a collision or visual whose mesh is not there is taken out (a warning
+    names the link of each collision; all visuals share one). `visuals=False` takes all visuals out. The rest is
+    untouched.
+    """
+    root = parse_xml(robot.text.encode(), robot.path)
+    packages = packages_of(robot.path, package_paths)
+    expanded = robot.path.suffix == ".xacro"
+    warnings: list[Problem] = []
+    missing_visuals: list[tuple[str, str]] = []
+    for child in elements(root):
+        if child.tag in STRIPPED:
+            _remove(child)
+    for link in elements(root, "link"):
+        name = link.get("name") or ""
+        for collision in elements(link, "collision"):
+            reason = _resolve(collision, packages)
+            if reason is not None:
+                line = None if expanded else collision.sourceline
+                warnings.append(
+                    Problem(
+                        message=f"collision mesh {reason[1]}; the link does not collide with it",
+                        file=robot.path,
+                        line=line,
+                        key=name,
+                        value=reason[0],
+                        code="missing-collision-mesh",
+                    )
+                )
+                _remove(collision)
+        for visual in elements(link, "visual"):
+            reason = _resolve(visual, packages) if visuals else ("", "")
+            if reason is not None:
+                if visuals:
+                    missing_visuals.append(reason)
+                _remove(visual)
+    _drop_other_files(root)
+    if missing_visuals:
+        first_name, first_reason = missing_visuals[0]
+        warnings.append(
+            Problem(
+                message=f"{len(missing_visuals)} visual meshes are not drawn; the first {first_reason}",
+                file=robot.path,
+                value=first_name,
+                code="missing-visual-mesh",
+            )
+        )
+    return etree.tostring(root, encoding="unicode"), tuple(warnings)
+
+
+def _resolve(shape: Any, packages: Packages) -> tuple[str, str] | None:
+    """Make the file names inside a collision or visual absolute; (name, reason) of the first that cannot be used."""
+    for element in shape.iter():
+        if not isinstance(element.tag, str) or element.get("filename") is None:
+            continue
+        if element.tag == "texture":
+            continue
+        filename = element.get("filename").strip()
+        if element.tag != "mesh":
+            return filename, f"is given by <{element.tag}>, which is not supported"
+        if Path(filename).suffix.lower() not in MESH_FORMATS:
+            return filename, f"is none of {', '.join(MESH_FORMATS)}"
+        found = packages.resolve(filename)
+        if isinstance(found, str):
+            return filename, found
+        element.set("filename", str(found))
+    return None
+
+
+def _drop_other_files(root: Any) -> None:
+    """Take out what else names a file (textures, engine extensions): no physics, and no reading of strangers' paths."""
+    for element in list(root.iter()):
+        if isinstance(element.tag, str) and element.tag != "mesh" and element.get("filename") is not None:
+            _remove(element)
+    for element in elements(root):
+        if element.tag not in ("link", "joint", "material"):
+            _remove(element)
+
+
+def _remove(element: Any) -> None:
+    """Take an element out of its parent, but keep the text behind it."""
+    parent = element.getparent()
+    if parent is None:
+        return
+    if element.tail:
+        before = element.getprevious()
+        if before is not None:
+            before.tail = (before.tail or "") + element.tail
+        else:
+            parent.text = (parent.text or "") + element.tail
+    parent.remove(element)

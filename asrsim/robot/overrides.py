@@ -1,0 +1,119 @@
+"""Modes and parameters that a scenario sets in the place of the file's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import Problem, ScenarioError, did_you_mean
+from asrsim.robot.blocks import MODE_CHOICES, default_value
+from asrsim.robot.model import ActuatorBlock, ParameterValue, Robot
+from asrsim.robot.tags import parameter_name, tag_parameters
+
+
+def with_overrides(
+    robot: Robot,
+    *,
+    modes: Mapping[str, int] | None = None,
+    parameters: Mapping[str, Mapping[str, float]] | None = None,
+) -> Robot:
+    """The robot with modes and parameters replaced, per joint or for all joints by `"*"` (a joint's own entry wins).
+
+    Parameters are named by our names or the toolbox's tags; under `"*"` those that an actuator does not have are passed
+    over, if some actuator has them. Controller defaults follow a mode that changes to or from 1.
+    Raises ScenarioError with every problem: unknown joints, modes, parameters, values out of range.
+    """
+    modes, parameters = modes or {}, parameters or {}
+    problems: list[Problem] = []
+    joints = tuple(block.joint for block in robot.actuators)
+    for section, keys in (("modes", modes), ("parameters", parameters)):
+        problems.extend(
+            Problem(
+                message="no actuator is on this joint",
+                key=f"{section}.{joint}",
+                choices=joints,
+                hint=did_you_mean(joint, joints),
+                code="unknown-joint",
+            )
+            for joint in keys
+            if joint != "*" and joint not in joints
+        )
+    problems.extend(
+        Problem(
+            message="there is no such operation mode",
+            key=f"modes.{joint}",
+            value=mode,
+            choices=MODE_CHOICES,
+            code="operation-mode",
+        )
+        for joint, mode in modes.items()
+        if mode not in MODES
+    )
+    everyone = {name for block in robot.actuators for name in _names(block)}
+    problems.extend(_unknown(f"parameters.*.{key}", key, everyone) for key in parameters.get("*", {}) if key not in everyone)
+    blocks = []
+    for block in robot.actuators:
+        mode = modes.get(block.joint, modes.get("*", block.mode))
+        changed = _with_mode(block, mode) if mode in MODES else block
+        for scope in ("*", block.joint):
+            changed = _with_parameters(changed, scope, parameters.get(scope, {}), problems)
+        blocks.append(changed)
+    if problems:
+        raise ScenarioError(problems)
+    return replace(robot, actuators=tuple(blocks))
+
+
+def _with_mode(block: ActuatorBlock, mode: int) -> ActuatorBlock:
+    if mode == block.mode:
+        return block
+    values = dict(block.parameters)
+    for parameter in ACTUATORS.get(block.actuator).all_parameters():
+        old = values[parameter.name]
+        if old.origin in ("default", "mode default"):
+            number, origin = default_value(parameter, mode)
+            values[parameter.name] = replace(old, value=number, origin=origin)
+    return replace(block, mode=mode, parameters=values)
+
+
+def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float], problems: list[Problem]) -> ActuatorBlock:
+    actuator = ACTUATORS.get(block.actuator)
+    declared = {parameter.name: parameter for parameter in actuator.all_parameters()}
+    values: dict[str, ParameterValue] = dict(block.parameters)
+    for key, number in given.items():
+        place = f"parameters.{scope}.{key}"
+        name = parameter_name(actuator, key)
+        if name is None:
+            if scope != "*":
+                problems.append(_unknown(place, key, _names(block)))
+            continue
+        fault = declared[name].fault(float(number))
+        if fault:
+            problem = Problem(message=fault, key=place, value=number, code="out-of-range")
+            if problem not in problems:
+                problems.append(problem)
+            continue
+        values[name] = replace(values[name], value=float(number), origin="scenario", line=None, text="")
+    for index in range(1, actuator.motors + 1):
+        low, high = values[f"motor_{index}_min_position"].value, values[f"motor_{index}_max_position"].value
+        if low > high:
+            problems.append(
+                Problem(
+                    message=f"lower stop of motor {index} is above the upper one",
+                    key=f"parameters.{block.joint}",
+                    value=f"{low:g} > {high:g}",
+                    code="limits-crossed",
+                )
+            )
+    return replace(block, parameters=values)
+
+
+def _names(block: ActuatorBlock) -> set[str]:
+    return {*block.parameters, *tag_parameters(ACTUATORS.get(block.actuator))}
+
+
+def _unknown(place: str, key: str, known: set[str]) -> Problem:
+    names = tuple(sorted(known))
+    return Problem(
+        message="no such parameter", key=place, hint=did_you_mean(key, names), choices=names, code="unknown-parameter"
+    )

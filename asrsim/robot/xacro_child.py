@@ -1,0 +1,251 @@
+"""Run as a script by :mod:`asrsim.robot.expansion`: expands one xacro file under restrictions.
+
+Reads a JSON request on stdin, writes a JSON answer on stdout. It imports nothing of asrsim.
+
+What a stranger's file cannot do here: reach an attribute of a Python object (attribute access is a guarded call that
+knows xacro's name spaces, YAML tables and a few string methods), define functions, see `type` or `vars`, read files
+outside the allowed folders, read environment variables, write files, or run for ever.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+_NODES = (
+    ast.Expression, ast.Constant, ast.Name, ast.Load, ast.Store, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare,
+    ast.IfExp, ast.Call, ast.keyword, ast.Starred, ast.Attribute, ast.Subscript, ast.Slice, ast.List, ast.Tuple, ast.Dict,
+    ast.Set, ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.comprehension, ast.operator, ast.unaryop,
+    ast.boolop, ast.cmpop, ast.JoinedStr, ast.FormattedValue,
+)  # fmt: skip
+_STRING_METHODS = (
+    "capitalize", "count", "endswith", "find", "index", "isdigit", "isnumeric", "join", "lower", "lstrip", "replace",
+    "rstrip", "split", "splitlines", "startswith", "strip", "title", "upper", "zfill",
+)  # fmt: skip
+_TABLE_METHODS = ("get", "items", "keys", "values", "index", "count")
+_GUARD = "asrsim_attribute"
+_MAX_EXPRESSION = 10_000
+
+
+class RefusedError(Exception):
+    """The file asks for something that a robot file is not allowed."""
+
+    def __init__(self, message: str, *, code: str, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        self.hint = hint
+
+
+class _Guarding(ast.NodeTransformer):
+    """Turns `a.b` into a guarded call."""
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        self.generic_visit(node)
+        return ast.copy_location(ast.Call(ast.Name(_GUARD, ast.Load()), [node.value, ast.Constant(node.attr)], []), node)
+
+
+def _attribute(owner: Any, name: str) -> Any:
+    import xacro
+
+    if not name.startswith("_"):
+        if isinstance(owner, xacro.NameSpace):
+            return owner[name]
+        if isinstance(owner, xacro.YamlDictWrapper) and name in owner:
+            return owner[name]
+        if (isinstance(owner, str) and name in _STRING_METHODS) or (isinstance(owner, (dict, list)) and name in _TABLE_METHODS):
+            return getattr(owner, name)
+    raise RefusedError(f"attribute '{name}' may not be used in an expression", code="xacro-refused")
+
+
+def _checked_eval(expression: str, table: Any, _local: Any = None) -> Any:
+    """Replaces xacro's `safe_eval`."""
+    if len(expression) > _MAX_EXPRESSION:
+        raise RefusedError("an expression is too long", code="xacro-refused")
+    tree = ast.parse(expression.strip(), "<expression>", "eval")
+    for node in ast.walk(tree):
+        if not isinstance(node, _NODES):
+            raise RefusedError(f"'{expression.strip()[:80]}' uses Python that is not allowed", code="xacro-refused")
+        if isinstance(node, ast.Name) and (node.id.startswith("__") or node.id == _GUARD):
+            raise RefusedError(f"the name '{node.id}' may not be used in an expression", code="xacro-refused")
+    code = compile(ast.fix_missing_locations(_Guarding().visit(tree)), "<expression>", "eval")
+    # The table itself is the global name space (as in xacro), so that comprehensions see its names.
+    table.update({"__builtins__": {}, _GUARD: _attribute})
+    return eval(code, table)
+
+
+def _refuse_entities(text: str, file: str) -> None:
+    parser = expat.ParserCreate()
+
+    def document_type(_name: str, _system: str | None, _public: str | None, has_internal_subset: int) -> None:
+        if has_internal_subset:
+            raise RefusedError(f"{file} declares entities or a document type", code="xml-declarations")
+
+    parser.StartDoctypeDeclHandler = document_type
+    parser.Parse(text, True)
+
+
+def _restrict(request: dict[str, Any]) -> None:
+    """Put guards in the place of xacro's evaluation, parsing, YAML loading, packages and environment."""
+    import xacro
+    import xacro.substitution_args as substitution
+
+    roots = [Path(root) for root in request["roots"]]
+
+    def read(filename: str) -> str:
+        path = Path(filename).resolve()
+        if not any(path.is_relative_to(root) for root in roots):
+            raise RefusedError(
+                f"{filename} lies outside the file's folder and the known packages", code="path-outside",
+                hint="Name the package's folder if you trust it",
+            )  # fmt: skip
+        if not path.is_file():
+            raise RefusedError(f"{filename} does not exist", code="missing-file")
+        with path.open("rb") as stream:
+            data = stream.read(request["max_bytes"] + 1)
+        if len(data) > request["max_bytes"]:
+            raise RefusedError(f"{filename} is too large", code="file-too-large")
+        return data.decode("utf-8-sig")
+
+    def parse(_given: Any, filename: str | None = None) -> Any:
+        import xml.dom.minidom
+
+        text = read(filename or "")
+        try:
+            _refuse_entities(text, filename or "")
+            return xml.dom.minidom.parseString(text.encode())
+        except expat.ExpatError as error:
+            raise RefusedError(f"{filename}:{error.lineno}: not well-formed XML", code="malformed-xml") from error
+
+    def load_yaml(filename: str) -> Any:
+        import yaml
+
+        for unit in xacro.ConstructUnits:
+            yaml.SafeLoader.add_constructor(unit.value.tag, unit.constructor)
+        full = xacro.abs_filename_spec(filename)
+        text = read(full)
+        xacro.filestack.append(full)
+        try:
+            return xacro.YamlListWrapper.wrap(yaml.safe_load(text))
+        finally:
+            xacro.filestack.pop()
+
+    def find(name: str) -> str:
+        if name in request["packages"]:
+            return str(request["packages"][name])
+        if name and "/" not in name and name not in (".", ".."):
+            for root in map(Path, request["searched"]):
+                candidates = (
+                    [root, root / name, root / "share" / name] if root.name == name else [root / name, root / "share" / name]
+                )
+                for candidate in candidates:
+                    if candidate.is_dir():
+                        return str(candidate)
+        raise RefusedError(
+            f"package '{name}' is not known", code="unknown-package",
+            hint=f"Give its folder: --package {name}=FOLDER, or packages in the scenario",
+        )  # fmt: skip
+
+    def environment(name: str) -> str:
+        raise RefusedError(
+            f"environment variable {name} is not given to a robot file", code="xacro-refused", hint="Use a xacro argument"
+        )
+
+    def evaluate(expression: str, context: dict[str, Any]) -> str:
+        names = {
+            key: value
+            for key, value in xacro.create_global_symbols().items()
+            if key not in ("load_yaml", "abs_filename", "dotify")
+        }
+        names.update(
+            {key: substitution.convert_value(value, "auto") for key, value in context.get("arg", {}).items()},
+            find=find, env=environment, optenv=lambda _name, default="": default, true=True, false=False,
+            arg=lambda name: substitution.convert_value(context["arg"][name], "auto"),
+        )  # fmt: skip
+        return str(_checked_eval(expression, names))
+
+    xacro.safe_eval = _checked_eval
+    xacro.parse = parse
+    xacro.load_yaml = load_yaml
+    substitution._eval_find = find
+    substitution._eval_env = environment
+    substitution._eval_optenv = lambda _name, default="": default
+    substitution._eval = evaluate
+    # The tables of names hold the old functions: fill them anew, then take out what opens doors.
+    symbols = xacro.create_global_symbols()
+    for name in ("type", "vars", "hash", "repr"):
+        symbols["python"].pop(name, None)
+    xacro._global_symbols = symbols
+
+
+def _limit(request: dict[str, Any]) -> None:
+    """Bound processor time, memory and written files, where the system can."""
+    try:
+        import resource
+    except ImportError:
+        return
+    for name, bound in (("RLIMIT_CPU", request["cpu_seconds"]), ("RLIMIT_AS", 2 * 2**30), ("RLIMIT_FSIZE", 0)):
+        kind = getattr(resource, name)
+        hard = resource.getrlimit(kind)[1]
+        bound = bound if hard == resource.RLIM_INFINITY else min(bound, hard)
+        resource.setrlimit(kind, (bound, hard))
+
+
+def _expand(request: dict[str, Any]) -> str:
+    import xacro
+
+    document = xacro.process_file(request["path"], mappings=dict(request["arguments"]), verbosity=1)
+    text: str = document.toprettyxml(indent="  ")
+    if len(text) > request["max_bytes"]:
+        raise RefusedError("the expanded robot is too large", code="file-too-large")
+    return text
+
+
+def _cause(error: BaseException) -> BaseException:
+    """The refusal inside xacro's wrappers, or the error itself."""
+    inner: BaseException | None = error
+    while inner is not None:
+        if isinstance(inner, RefusedError):
+            return inner
+        inner = getattr(inner, "exc", None) or inner.__cause__
+    return error
+
+
+def main() -> None:
+    """Answer one request."""
+    request = json.loads(sys.stdin.buffer.read())
+    answer: dict[str, Any]
+    sys.stderr = io.StringIO()
+    try:
+        _restrict(request)
+        _limit(request)
+        answer = {"text": _expand(request)}
+    except RecursionError:
+        answer = {"error": "macros or properties call themselves without end", "code": "xacro-failed"}
+    except MemoryError:
+        answer = {"error": "needs too much memory", "code": "xacro-failed"}
+    except Exception as error:
+        cause = _cause(error)
+        text = " ".join(str(cause).split()) or type(cause).__name__
+        if cause is not error and "evaluating expression" in str(error):
+            text += " (" + " ".join(str(getattr(error, "suffix", "") or "").split()) + ")"
+        answer = {"error": text, "code": getattr(cause, "code", "xacro-failed"), "hint": getattr(cause, "hint", None)}
+    try:
+        import xacro
+
+        stack = xacro.filestack or []
+        if "error" in answer and stack and stack[-1] != request["path"]:
+            answer["file"] = stack[-1]
+    except Exception as error:
+        answer.setdefault("error", f"xacro is not installed: {error}")
+    lines = [line.removeprefix("warning: ") for line in sys.stderr.getvalue().splitlines() if line.startswith("warning: ")]
+    answer["warnings"] = list(dict.fromkeys(lines))[:50]
+    sys.stdout.write(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main()
