@@ -1,0 +1,94 @@
+"""Columns out of chunks: in a chunk every sample takes a row of equal length, so a number is a strided view."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel
+from numpy.typing import NDArray
+
+from asrsim.log.cdr import Column
+from asrsim.log.container import COLUMNS_KEY
+from asrsim.log.rows import MESSAGE_HEADER
+from asrsim.log.structure import split_records, stream
+from asrsim.samples import Array
+
+_TIME = Column("time")
+
+
+class ColumnReader:
+    """Knows the channels met so far and finds their numbers."""
+
+    def __init__(self, channels: Iterable[Channel] = ()) -> None:
+        self._columns: dict[int, list[tuple[int, Column]]] = {}
+        for channel in channels:
+            self._register(channel)
+
+    def read(self, data: bytes, wanted: Collection[str], joints: Collection[str]) -> dict[Column, Array]:
+        """Views (rows,) of the columns in an uncompressed chunk: time, bodies, contacts, and values that are wanted.
+
+        wanted: quantities; joints: their joints. Empty if the chunk has no samples. Raises ValueError if the chunk
+        is not laid out as asrsim does it.
+        """
+        row_start, row = self._first_row(data)
+        if not row:
+            return {}
+        size = sum(length + 9 for _, length, _ in row)
+        count, rest = divmod(len(data) - row_start, size)
+        if rest:
+            raise ValueError("a chunk is not made of whole rows; was the file rewritten by another program?")
+
+        def view(offset: int, kind: str) -> NDArray[Any]:
+            return np.ndarray((count,), kind, data, row_start + offset, (size,))
+
+        found: dict[Column, Array] = {}
+        for offset, length, channel in row:
+            columns = [
+                (place, column)
+                for place, column in self._columns.get(channel, ())
+                if column.kind != "value" or (column.name in wanted and column.part in joints)
+            ]
+            if not columns:
+                continue
+            alike = (view(offset, "u1") == Opcode.MESSAGE) & (view(offset + 1, "<u8") == length)
+            if not np.all(alike & (view(offset + 9, "<u2") == channel)):
+                raise ValueError("the rows of a chunk differ; was the file rewritten by another program?")
+            for place, column in columns:
+                if not 0 <= place <= length - (MESSAGE_HEADER.size - 9) - 8:
+                    raise ValueError("a message is shorter than its channel says")
+                found[column] = view(offset + MESSAGE_HEADER.size + place, "<f8")
+        return found
+
+    def _first_row(self, data: bytes) -> tuple[int, list[tuple[int, int, int]]]:
+        """Start of the first row, and (offset in the row, length, channel) of its messages."""
+        start = 0
+        row: list[tuple[int, int, int]] = []
+        for opcode, place, length in split_records(data):
+            if opcode == Opcode.CHANNEL:
+                self._register(Channel.read(stream(data[place : place + length])))
+            if opcode != Opcode.MESSAGE:
+                continue
+            (channel,) = struct.unpack_from("<H", data, place)
+            if not row:
+                if _TIME not in (column for _, column in self._columns.get(channel, ())):
+                    continue
+                start = place - 9
+            elif channel == row[0][2]:
+                break
+            row.append((place - 9 - start, length, channel))
+        return start, row
+
+    def _register(self, channel: Channel) -> None:
+        text = channel.metadata.get(COLUMNS_KEY)
+        if text is None:
+            return
+        try:
+            columns = [(int(offset), Column(str(kind), str(name), part)) for offset, kind, name, part in json.loads(text)]
+        except TypeError as error:
+            raise ValueError(f"channel {channel.topic} has no valid list of columns") from error
+        self._columns[channel.id] = columns

@@ -1,0 +1,260 @@
+"""Reading logs, whole or in parts: :func:`read_log` for arrays, :func:`open_log` for logs larger than memory."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from mcap.exceptions import McapError
+
+from asrsim.errors import LogError, Problem, did_you_mean
+from asrsim.log.cdr import Column
+from asrsim.log.columns import ColumnReader
+from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
+from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_chunk, read_structure
+from asrsim.quantities import QUANTITIES
+from asrsim.samples import Array, RunInfo, Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class Log:
+    """A log, or the part of it that was asked for, in memory."""
+
+    path: Path
+    info: RunInfo
+    samples: Samples
+    metadata: Mapping[str, str]
+    """Of the run (versions, seed, engine, ...) and its result, as text."""
+    truncated: bool
+    """The run did not close its log; all samples up to the last whole chunk are there."""
+    status: str
+    """`complete`, `interrupted`, `failed`, ... as the run said; `truncated` if it could not."""
+
+
+class LogReader:
+    """A log opened for reading; holds no samples and no open file.
+
+    Raises LogError if the file is not a log of asrsim, or is damaged. A log that was cut off is no error.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self._structure: Structure = read_structure(self.path)
+        try:
+            self.info: RunInfo = info_from(self._structure.attachments)
+        except LogError as error:
+            raise LogError(replace(problem, file=self.path) for problem in error.problems) from error
+
+    @property
+    def truncated(self) -> bool:
+        """The run did not close its log."""
+        return self._structure.truncated
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Of the run and its result."""
+        records = self._structure.metadata
+        return {**records.get(RUN_METADATA, {}), **records.get(RESULT_METADATA, {})}
+
+    @property
+    def result(self) -> dict[str, str]:
+        """What the run wrote at its end; empty if it could not."""
+        return dict(self._structure.metadata.get(RESULT_METADATA, {}))
+
+    @property
+    def status(self) -> str:
+        """`complete`, `interrupted`, `failed`, ... as the run said; `truncated` if it could not."""
+        return self.result.get("status", "truncated")
+
+    @property
+    def duration(self) -> float:
+        """Simulated time in s from the first to the last sample, to the ns."""
+        chunks = self._structure.chunks
+        return (chunks[-1].end - chunks[0].start) * 1e-9 if chunks else 0.0
+
+    def read(
+        self,
+        *,
+        quantities: Sequence[str] | None = None,
+        joints: Sequence[str] | None = None,
+        start: float | None = None,
+        end: float | None = None,
+        stride: int | None = None,
+    ) -> Log:
+        """All samples, or those asked for; arguments as in :meth:`iter_samples`."""
+        parts = list(self.iter_samples(quantities=quantities, joints=joints, start=start, end=end, stride=stride))
+        names, members = self._selection(quantities, joints)
+        return Log(
+            path=self.path,
+            info=self.info,
+            samples=concatenate(parts, joints=members, quantities=names),
+            metadata=self.metadata,
+            truncated=self.truncated,
+            status=self.status,
+        )
+
+    def iter_samples(
+        self,
+        *,
+        quantities: Sequence[str] | None = None,
+        joints: Sequence[str] | None = None,
+        start: float | None = None,
+        end: float | None = None,
+        stride: int | None = None,
+    ) -> Iterator[Samples]:
+        """The samples chunk by chunk, in constant memory.
+
+        quantities, joints: names, all by default, in the order given. start, end: s, both included.
+        stride: every n-th sample of those. Raises LogError on unknown names and damaged chunks.
+        """
+        names, members = self._selection(quantities, joints)
+        step = 1 if stride is None else stride
+        if step < 1:
+            raise LogError(Problem(message="the stride must be 1 or more", key="stride", value=stride, code="bad-stride"))
+        columns = ColumnReader(self._structure.channels)
+        skip = 0
+        for place, found in self._chunks(columns, set(names), set(members), start, end):
+            if Column("time") not in found:
+                continue
+            time = found[Column("time")]
+            chosen = np.arange(len(time))
+            if start is not None or end is not None:
+                low = -np.inf if start is None else start
+                high = np.inf if end is None else end
+                chosen = np.flatnonzero((time >= low) & (time <= high))
+            first, count = chosen[0] if len(chosen) else 0, len(chosen)
+            if np.any(np.diff(chosen) != 1):
+                raise corrupt(self.path, f"times run backwards near {place.start * 1e-9:g} s")
+            rows = slice(int(first) + skip, int(first) + count, step)
+            taken = len(range(*rows.indices(len(time)))) if skip < count else 0
+            skip += taken * step - count
+            if taken:
+                yield _samples(found, names, members, rows)
+
+    def _chunks(
+        self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
+    ) -> Iterator[tuple[ChunkPlace, dict[Column, Array]]]:
+        last = len(self._structure.chunks) - 1
+        try:
+            with self.path.open("rb") as file:
+                for number, place in enumerate(self._structure.chunks):
+                    # One ns of margin: the log time is rounded. Without index, channels are met on the way.
+                    outside = (start is not None and place.end * 1e-9 < start - 1e-9) or (
+                        end is not None and place.start * 1e-9 > end + 1e-9
+                    )
+                    if outside and self._structure.channels:
+                        continue
+                    try:
+                        found = columns.read(read_chunk(file, place), names, joints)
+                    except (ValueError, struct.error, McapError, EOFError) as error:
+                        if self.truncated and number == last:
+                            return
+                        raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
+                    if not outside:
+                        yield place, found
+        except OSError as error:
+            raise LogError(
+                Problem(message=f"cannot read the log: {error.strerror or error}", file=self.path, code="unreadable-log")
+            ) from error
+
+    def _selection(
+        self, quantities: Sequence[str] | None, joints: Sequence[str] | None
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        known = dict.fromkeys(quantity for joint in self.info.joints for quantity in joint.quantities)
+        ordered = tuple(sorted(known, key=lambda name: list(QUANTITIES).index(name) if name in QUANTITIES else len(QUANTITIES)))
+        members = tuple(joint.name for joint in self.info.joints)
+        problems = [
+            Problem(
+                message=f"the log has no {noun} '{name}'",
+                file=self.path,
+                key=key,
+                choices=choices,
+                hint=did_you_mean(name, choices),
+                code=f"unknown-{noun}",
+            )
+            for noun, key, asked, choices in (
+                ("quantity", "quantities", quantities, ordered),
+                ("joint", "joints", joints, members),
+            )
+            for name in asked or ()
+            if name not in choices
+        ]
+        if problems:
+            raise LogError(problems)
+        return (ordered if quantities is None else tuple(quantities)), (members if joints is None else tuple(joints))
+
+
+def open_log(path: str | os.PathLike[str]) -> LogReader:
+    """Opens a log without reading its samples. Raises LogError if it is none or is damaged."""
+    return LogReader(path)
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    *,
+    quantities: Sequence[str] | None = None,
+    joints: Sequence[str] | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    stride: int | None = None,
+) -> Log:
+    """Reads a log into arrays; arguments as in :meth:`LogReader.iter_samples`. Raises LogError."""
+    return LogReader(path).read(quantities=quantities, joints=joints, start=start, end=end, stride=stride)
+
+
+def concatenate(parts: Sequence[Samples], *, joints: Sequence[str] = (), quantities: Sequence[str] = ()) -> Samples:
+    """Joins samples in time. Bodies and contacts that a part does not have are NaN there.
+
+    joints, quantities: of the result if there are no parts.
+    """
+    if not parts:
+        return Samples(time=np.empty(0), joints=tuple(joints), values={name: np.empty((0, len(joints))) for name in quantities})
+    if len(parts) == 1:
+        return parts[0]
+
+    def joined(tables: list[Mapping[str, Array]], width: int) -> dict[str, Array]:
+        names = dict.fromkeys(name for table in tables for name in table)
+        return {
+            name: np.concatenate(
+                [
+                    table[name] if name in table else np.full((len(part.time), width), np.nan)
+                    for table, part in zip(tables, parts, strict=True)
+                ]
+            )
+            for name in names
+        }
+
+    return Samples(
+        time=np.concatenate([part.time for part in parts]),
+        joints=parts[0].joints,
+        values=joined([part.values for part in parts], len(parts[0].joints)),
+        bodies=joined([part.bodies for part in parts], 7),
+        contacts=joined([part.contacts for part in parts], 3),
+    )
+
+
+def _samples(found: Mapping[Column, Array], names: Sequence[str], joints: Sequence[str], rows: slice) -> Samples:
+    time = found[Column("time")][rows].astype(np.float64)
+
+    def matrix(columns: Sequence[Column]) -> Array:
+        # One joint's samples lie together: that is how they are read, plotted and measured.
+        block = np.empty((len(columns), len(time)))
+        for line, column in zip(block, columns, strict=True):
+            line[:] = found[column][rows] if column in found else np.nan
+        return block.T
+
+    tables: dict[str, dict[str, Array]] = {"body": {}, "contact": {}}
+    for kind, width in (("body", 7), ("contact", 3)):
+        for name in dict.fromkeys(column.name for column in found if column.kind == kind):
+            tables[kind][name] = matrix([Column(kind, name, index) for index in range(width)])
+    return Samples(
+        time=time,
+        joints=tuple(joints),
+        values={name: matrix([Column("value", name, joint) for joint in joints]) for name in names},
+        bodies=tables["body"],
+        contacts=tables["contact"],
+    )

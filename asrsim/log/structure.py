@@ -1,0 +1,213 @@
+"""Where things are in an MCAP file: from its index, or record by record where a killed run left none."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, MetadataIndex
+
+from asrsim.errors import LogError, Problem
+from asrsim.log.storage import MAGIC
+
+_FOOTER_SIZE = 29
+_LARGEST_CHUNK = 1 << 30
+_CHUNK_HEAD = struct.Struct("<QQQI")
+"""Start and end time, uncompressed size and its CRC: what a chunk record begins with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChunkPlace:
+    """A chunk record in the file."""
+
+    offset: int
+    """Of the record's content."""
+    length: int
+    start: int
+    """First log time in ns."""
+    end: int
+
+
+@dataclass(kw_only=True)
+class Structure:
+    """Everything of a log but its messages."""
+
+    path: Path
+    chunks: list[ChunkPlace] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    """Those known without looking into chunks: all of them if the file is whole, none if not."""
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    truncated: bool = False
+    """The file has no index: its writer was killed or is still at work, or the end is missing."""
+
+
+def corrupt(path: Path, what: str) -> LogError:
+    """The error of a damaged file."""
+    return LogError(Problem(message=f"the log is damaged: {what}", file=path, code="corrupt-log"))
+
+
+def read_structure(path: Path) -> Structure:
+    """Structure of an MCAP file; raises LogError if it cannot be read, is none, or is damaged."""
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size == 0:
+                raise LogError(Problem(message="the file is empty", file=path, code="empty-log"))
+            if file.read(len(MAGIC)) != MAGIC:
+                raise LogError(Problem(message="this is not an MCAP file", file=path, code="not-mcap"))
+            structure = Structure(path=path)
+            try:
+                if not _read_index(file, size, structure):
+                    structure.truncated = True
+                    _scan(file, size, structure)
+            except (struct.error, ValueError, McapError, EOFError) as error:
+                raise corrupt(path, str(error) or type(error).__name__) from error
+    except OSError as error:
+        raise LogError(
+            Problem(message=f"cannot read the log: {error.strerror or error}", file=path, code="unreadable-log")
+        ) from error
+    return structure
+
+
+def split_records(data: bytes, position: int = 0) -> Iterator[tuple[int, int, int]]:
+    """(opcode, offset of the content, length) of the records in `data`; raises ValueError where they do not fit."""
+    while position < len(data):
+        opcode, length = struct.unpack_from("<BQ", data, position)
+        position += 9
+        if length > len(data) - position:
+            raise ValueError(f"a record is longer than what holds it ({length} bytes)")
+        yield opcode, position, length
+        position += length
+
+
+def stream(data: bytes) -> ReadDataStream:
+    """For the record classes of the mcap package."""
+    return ReadDataStream(BytesIO(data))
+
+
+def _read_index(file: BinaryIO, size: int, structure: Structure) -> bool:
+    """Reads the summary; False if there is none."""
+    end = size - _FOOTER_SIZE - len(MAGIC)
+    if end < len(MAGIC):
+        return False
+    file.seek(end)
+    tail = file.read(_FOOTER_SIZE + len(MAGIC))
+    opcode, length, start, _, crc = struct.unpack_from("<BQQQI", tail)
+    if tail[_FOOTER_SIZE:] != MAGIC or (opcode, length) != (Opcode.FOOTER, _FOOTER_SIZE - 9) or not start:
+        return False
+    if not len(MAGIC) <= start <= end:
+        raise ValueError("the index lies outside the file")
+    file.seek(start)
+    summary = file.read(end - start)
+    if crc and zlib.crc32(summary + tail[: _FOOTER_SIZE - 4]) != crc:
+        raise ValueError("the index does not match its checksum")
+    indexed: list[tuple[int, int]] = []
+    for opcode, place, length in split_records(summary):
+        content = summary[place : place + length]
+        if opcode == Opcode.CHANNEL:
+            structure.channels.append(Channel.read(stream(content)))
+        elif opcode == Opcode.CHUNK_INDEX:
+            first, last, offset, chunk_length = struct.unpack_from("<QQQQ", content)
+            if not len(MAGIC) <= offset <= offset + chunk_length <= start:
+                raise ValueError("a chunk lies outside the file")
+            structure.chunks.append(ChunkPlace(offset=offset + 9, length=chunk_length - 9, start=first, end=last))
+        elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
+            kind = AttachmentIndex if opcode == Opcode.ATTACHMENT_INDEX else MetadataIndex
+            index = kind.read(stream(content))
+            indexed.append((index.offset, index.length))
+    for offset, length in indexed:
+        if not len(MAGIC) <= offset <= offset + length <= start:
+            raise ValueError("an attachment lies outside the file")
+        file.seek(offset)
+        record = file.read(length)
+        for opcode, place, inner in split_records(record):
+            _keep(opcode, record[place : place + inner], structure)
+    structure.chunks.sort(key=lambda chunk: chunk.offset)
+    return True
+
+
+def _scan(file: BinaryIO, size: int, structure: Structure) -> None:
+    """Goes from record to record until the closing footer, or the last whole one."""
+    position = len(MAGIC)
+    while position + 9 <= size:
+        file.seek(position)
+        opcode, length = struct.unpack("<BQ", file.read(9))
+        position += 9
+        if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or length > size - position:
+            return
+        if opcode == Opcode.CHUNK and length >= _CHUNK_HEAD.size:
+            start, end, _, _ = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
+            structure.chunks.append(ChunkPlace(offset=position, length=length, start=start, end=end))
+        elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA):
+            _keep(opcode, file.read(length), structure)
+        position += length
+
+
+def _keep(opcode: int, content: bytes, structure: Structure) -> None:
+    if opcode == Opcode.ATTACHMENT:
+        crc = int.from_bytes(content[-4:], "little")
+        if crc and zlib.crc32(content[:-4]) != crc:
+            raise ValueError("an attachment does not match its checksum")
+        attachment = Attachment.read(stream(content))
+        structure.attachments[attachment.name] = attachment.data
+    elif opcode == Opcode.METADATA:
+        metadata = Metadata.read(stream(content))
+        structure.metadata[metadata.name] = metadata.metadata
+
+
+def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
+    """The messages of a chunk, decompressed and checked; raises ValueError if it is damaged."""
+    file.seek(place.offset)
+    content = file.read(place.length)
+    if len(content) < place.length:
+        raise ValueError("a chunk ends early")
+    _, _, size, crc = _CHUNK_HEAD.unpack_from(content)
+    (name_length,) = struct.unpack_from("<I", content, _CHUNK_HEAD.size)
+    data_start = _CHUNK_HEAD.size + 4 + name_length
+    name = content[data_start - name_length : data_start].decode()
+    (packed_size,) = struct.unpack_from("<Q", content, data_start)
+    packed = content[data_start + 8 :]
+    if packed_size != len(packed):
+        raise ValueError("a chunk has another length than it says")
+    data = _decompress(name, packed, size)
+    if len(data) != size or (crc and zlib.crc32(data) != crc):
+        raise ValueError("a chunk does not match its checksum")
+    return data
+
+
+def _decompress(name: str, packed: bytes, size: int) -> bytes:
+    # Memory is not given to whatever a damaged or hostile file asks for.
+    if size > _LARGEST_CHUNK:
+        raise ValueError("a chunk claims more data than it can hold")
+    if name == "":
+        return packed
+    if name == "zstd":
+        import zstandard
+
+        try:
+            if zstandard.frame_content_size(packed) not in (-1, size):
+                raise ValueError("a chunk has another length than it says")
+            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        except zstandard.ZstdError as error:
+            raise ValueError(f"a chunk cannot be decompressed: {error}") from error
+    if name == "lz4":
+        import lz4.frame
+
+        try:
+            if lz4.frame.get_frame_info(packed)["content_size"] not in (0, size):
+                raise ValueError("a chunk has another length than it says")
+            unpacked: bytes = lz4.frame.decompress(packed)
+        except RuntimeError as error:
+            raise ValueError(f"a chunk cannot be decompressed: {error}") from error
+        return unpacked
+    raise ValueError(f"a chunk's compression '{name}' is not known")
