@@ -112,10 +112,10 @@ class Expectation:
     """World object instead of a joint, for poses and contacts."""
     variant: str | None = None
     """Only in this variant; None: in every one."""
-    against: str | None = None
+    against: Path | None = None
     """File of a recording to compare with, for measures of a difference."""
     options: Mapping[str, Any] = field(default_factory=dict)
-    line: int | None = None
+    line: int | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,3 +219,5 @@ class Scenario:
     """Files that the scenario names (playbacks, manager YAML), to be attached to the log."""
     resolved: Mapping[str, Any] = field(default_factory=dict)
     """This variant as plain JSON values with overrides applied: parsing it again gives this scenario."""
+    lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
+    """Dotted key -> line in `path`, for messages of later checks."""

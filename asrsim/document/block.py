@@ -1,0 +1,188 @@
+"""Blocks: mappings with declared keys. One declaration gives validation, JSON Schema and the documentation's table."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from asrsim.document.composite import merge_items
+from asrsim.document.kinds import Kind, Schema, attempt
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.errors import InputError, did_you_mean
+
+T = TypeVar("T")
+
+REQUIRED: Any = object()
+"""Marks a key without default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """A key that a mapping may have."""
+
+    name: str
+    kind: Kind[Any]
+    default: Any = REQUIRED
+    doc: str = ""
+    unit: str = ""
+    attribute: str = ""
+    """Name of the constructor's argument; empty: the key's own name."""
+    shown: str = ""
+    """The default for people, where the value itself says little."""
+
+    @property
+    def required(self) -> bool:
+        """Whether the key must be there."""
+        return self.default is REQUIRED
+
+    @property
+    def argument(self) -> str:
+        """Name of the constructor's argument."""
+        return self.attribute or self.name
+
+    @property
+    def default_text(self) -> str:
+        """The default for tables."""
+        if self.required:
+            return "required"
+        if self.shown:
+            return self.shown
+        value = self.default
+        if value is None or value in ({}, ()):
+            return ""
+        if isinstance(value, bool):
+            return "true" if value else "false"
+        if isinstance(value, tuple):
+            return f"[{', '.join(f'{item:g}' for item in value)}]"
+        return f"{value:g}" if isinstance(value, float) else str(value)
+
+    def schema(self) -> Schema:
+        """JSON Schema of the value, with its description."""
+        doc = self.doc + (f" Unit: {self.unit}." if self.unit else "")
+        if self.default_text and not self.required:
+            doc += f" Default: {self.default_text}."
+        return {**self.kind.schema(), "description": doc.strip()}
+
+
+def declare(kind: Kind[Any], *, doc: str, unit: str = "", default: Any = REQUIRED, key: str = "", shown: str = "") -> Any:
+    """A dataclass field that is also a key of a document; `key` is its name there, if it differs."""
+    metadata = {"key": Key(name=key, kind=kind, default=default, doc=doc, unit=unit, shown=shown)}
+    if default is REQUIRED:
+        return dataclasses.field(metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def declared_keys(cls: Any) -> tuple[Key, ...]:
+    """The keys that a dataclass declares by :func:`declare`, in order."""
+    return tuple(
+        dataclasses.replace(field.metadata["key"], name=field.metadata["key"].name or field.name, attribute=field.name)
+        for field in dataclasses.fields(cls)
+        if "key" in field.metadata
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block(Kind[T], Generic[T]):
+    """A mapping with declared keys, built into an object."""
+
+    keys: Sequence[Key]
+    build: Callable[..., T]
+    """Called with a keyword argument for every key, defaults filled in; its InputError is placed at this block."""
+    noun: str = "mapping"
+    doc: str = ""
+    may_be_empty: bool = True
+    line_argument: str = ""
+    """Argument of `build` that takes the block's line; empty: none."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> T:
+        if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):
+            node = Node({}, node.line, None, node.file)
+        if not isinstance(node.value, dict):
+            raise reading.fault(node, path, f"must be a mapping ({', '.join(self.names)})", code="type")
+        good = self._unknown(node, path, reading)
+        arguments: dict[str, Any] = {}
+        for key in self.keys:
+            item = node.value.get(key.name)
+            if item is None or (item.value is None and not key.required):
+                if key.required:
+                    reading.fault(
+                        node, path, f"the key '{key.name}' is missing", hint=key.doc or None, code="missing-key", show=False
+                    )
+                    good = False
+                else:
+                    arguments[key.argument] = key.default
+                continue
+            fine, arguments[key.argument] = attempt(key.kind, item, (*path, key.name), reading)
+            good = good and fine
+        if not good:
+            raise Rejected
+        if self.line_argument:
+            arguments[self.line_argument] = node.line
+        return self._built(arguments, node, path, reading)
+
+    def _unknown(self, node: Node, path: KeyPath, reading: Reading) -> bool:
+        good = True
+        for name in node.value if isinstance(node.value, dict) else ():
+            if name not in self.names:
+                reading.fault(
+                    node,
+                    (*path, name),
+                    "unknown key",
+                    line=node.key_line(name),
+                    choices=self.names,
+                    hint=did_you_mean(name, self.names),
+                    code="unknown-key",
+                    show=False,
+                )
+                good = False
+        return good
+
+    def _built(self, arguments: dict[str, Any], node: Node, path: KeyPath, reading: Reading) -> T:
+        try:
+            return self.build(**arguments)
+        except InputError as error:
+            items = node.value if isinstance(node.value, dict) else {}
+            for problem in error.problems:
+                place = next((key.name for key in self.keys if problem.key in (key.argument, key.name)), None)
+                item = items.get(place or "", node)
+                inner = problem.file is not None
+                text = str(dataclasses.replace(problem, key=problem.key if inner else None, choices=(), hint=None, value=None))
+                reading.problems.append(
+                    dataclasses.replace(
+                        problem,
+                        message=text,
+                        file=item.file,
+                        line=item.line,
+                        key=".".join((*path, place) if place else path) or None,
+                    )
+                )
+            raise Rejected from None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the keys."""
+        return tuple(key.name for key in self.keys)
+
+    def schema(self) -> Schema:
+        required = [key.name for key in self.keys if key.required]
+        schema: Schema = {
+            "type": "object" if required or not self.may_be_empty else ["object", "null"],
+            "properties": {key.name: key.schema() for key in self.keys},
+            "additionalProperties": False,
+        }
+        if required:
+            schema["required"] = required
+        if self.doc:
+            schema["description"] = self.doc
+        return schema
+
+    @property
+    def text(self) -> str:
+        return self.noun
+
+    def merge(self, base: Node, over: Node) -> Node:
+        kinds = {key.name: key.kind for key in self.keys}
+        return merge_items(base, over, kinds.get)

@@ -1,0 +1,264 @@
+"""Kinds of values: each reads a node, describes itself for people, and gives its JSON Schema."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.errors import did_you_mean
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+Schema = dict[str, Any]
+
+
+class Kind(ABC, Generic[T_co]):
+    """What a value may be."""
+
+    @abstractmethod
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> T_co:
+        """The value; raises Rejected once its problems are recorded in `reading`."""
+
+    @abstractmethod
+    def schema(self) -> Schema:
+        """JSON Schema of the values allowed."""
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """For tables in the documentation, a few words."""
+
+    def merge(self, base: Node, over: Node) -> Node:
+        """`over` laid upon `base`, for variants: replaced unless the kind has parts."""
+        return over
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number(Kind[float]):
+    """A finite real number (infinite ones where `finite` is off)."""
+
+    minimum: float | None = None
+    above: float | None = None
+    """The number must be larger than this."""
+    maximum: float | None = None
+    finite: bool = True
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> float:
+        value = node.value
+        if not self.finite and value in ("inf", "+inf", "-inf"):
+            value = float(str(value))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise reading.fault(node, path, "must be a number", code="type")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if math.isnan(number) or (self.finite and math.isinf(number)):
+            raise reading.fault(node, path, "must be a finite number", code="range")
+        if (
+            (self.minimum is not None and number < self.minimum)
+            or (self.above is not None and number <= self.above)
+            or (self.maximum is not None and number > self.maximum)
+        ):
+            raise reading.fault(node, path, f"must be a {self.text}", code="range")
+        return number
+
+    def schema(self) -> Schema:
+        limits = {"minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum}
+        schema = {"type": "number", **{key: value for key, value in limits.items() if value is not None}}
+        return schema if self.finite else {"anyOf": [schema, {"enum": ["inf", "+inf", "-inf"]}]}
+
+    @property
+    def text(self) -> str:
+        bounds = []
+        if self.minimum is not None:
+            bounds.append(f">= {self.minimum:g}")
+        if self.above is not None:
+            bounds.append(f"> {self.above:g}")
+        if self.maximum is not None:
+            bounds.append(f"<= {self.maximum:g}")
+        return " ".join(["number", " and ".join(bounds)]).strip()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integer(Kind[int]):
+    """A whole number."""
+
+    minimum: int | None = None
+    maximum: int | None = None
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> int:
+        value = node.value
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise reading.fault(node, path, "must be a whole number", code="type")
+        if (self.minimum is not None and value < self.minimum) or (self.maximum is not None and value > self.maximum):
+            raise reading.fault(node, path, f"must be a {self.text}", code="range")
+        return value
+
+    def schema(self) -> Schema:
+        limits = {"minimum": self.minimum, "maximum": self.maximum}
+        return {"type": "integer", **{key: value for key, value in limits.items() if value is not None}}
+
+    @property
+    def text(self) -> str:
+        if self.minimum is not None and self.maximum is not None:
+            return f"whole number {self.minimum} to {self.maximum}"
+        return "whole number" + (f" >= {self.minimum}" if self.minimum is not None else "")
+
+
+@dataclass(frozen=True)
+class Boolean(Kind[bool]):
+    """`true` or `false`."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> bool:
+        if not isinstance(node.value, bool):
+            raise reading.fault(node, path, "must be true or false", code="type")
+        return node.value
+
+    def schema(self) -> Schema:
+        return {"type": "boolean"}
+
+    @property
+    def text(self) -> str:
+        return "true or false"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text(Kind[str]):
+    """Text that is not empty."""
+
+    noun: str = "text"
+    """What it names, for messages and tables."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
+        if isinstance(node.value, bool | int | float):  # a joint called 1, an argument that is a number
+            return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
+        if not isinstance(node.value, str) or not node.value.strip():
+            raise reading.fault(node, path, f"must be {self.noun}", code="type")
+        return node.value
+
+    def schema(self) -> Schema:
+        return {"type": ["string", "number", "boolean"]}
+
+    @property
+    def text(self) -> str:
+        return self.noun
+
+
+@dataclass(frozen=True)
+class Choice(Kind[str]):
+    """One of a few words."""
+
+    options: tuple[str, ...]
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
+        value = str(node.value) if isinstance(node.value, str | int) and not isinstance(node.value, bool) else None
+        if value not in self.options:
+            raise reading.fault(
+                node,
+                path,
+                "is not one of the choices",
+                choices=self.options,
+                hint=did_you_mean(str(node.value), self.options),
+                code="choice",
+            )
+        return value
+
+    def schema(self) -> Schema:
+        return {"enum": list(self.options)}
+
+    @property
+    def text(self) -> str:
+        return " or ".join(f"`{option}`" for option in self.options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class File(Kind[Path]):
+    """A file, sought from the document's folder; noted as one that the document needs."""
+
+    noun: str = "file"
+    attach: bool = True
+    folder: bool = False
+    """A folder will do too."""
+    exists: bool = True
+    """It must exist when the document is read."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
+        if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
+            raise reading.fault(node, path, f"must be the path of a {self.noun}", code="type")
+        place = reading.locate(node.value)
+        if not self.exists:
+            return place
+        try:
+            there = place.exists() if self.folder else place.is_file()
+        except OSError:
+            there = False
+        if not there:
+            raise reading.fault(node, path, f"there is no {self.noun} {place}", code="no-file", show=False)
+        if self.attach and not place.is_dir():
+            reading.attach(node, place)
+        return place
+
+    def schema(self) -> Schema:
+        return {"type": "string"}
+
+    @property
+    def text(self) -> str:
+        return f"path of a {self.noun}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Null(Kind[None]):
+    """Nothing: the default."""
+
+    word: str | None = None
+    """A word that means the same, such as `auto`."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> None:
+        if node.value is not None and node.value != self.word:
+            raise reading.fault(node, path, "must be empty", code="type")
+
+    def schema(self) -> Schema:
+        return {"enum": [None, self.word] if self.word else [None]}
+
+    @property
+    def text(self) -> str:
+        return f"`{self.word or 'null'}`"
+
+
+@dataclass(frozen=True)
+class Optional(Kind[T | None], Generic[T]):
+    """A value, or nothing (or the word that means nothing)."""
+
+    kind: Kind[T]
+    word: str | None = None
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> T | None:
+        if node.value is None or (self.word is not None and node.value == self.word):
+            return None
+        return self.kind.read(node, path, reading)
+
+    def schema(self) -> Schema:
+        return {"anyOf": [self.kind.schema(), Null(word=self.word).schema()]}
+
+    @property
+    def text(self) -> str:
+        return self.kind.text + (f" or `{self.word}`" if self.word else "")
+
+    def merge(self, base: Node, over: Node) -> Node:
+        return self.kind.merge(base, over)
+
+
+def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[bool, T | None]:
+    """Read and go on: (True, value), or (False, None) with the problem recorded."""
+    try:
+        return True, kind.read(node, path, reading)
+    except Rejected:
+        return False, None

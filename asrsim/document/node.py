@@ -1,0 +1,59 @@
+"""A value of a document that remembers where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+Value: TypeAlias = "bool | int | float | str | list[Node] | dict[str, Node] | None"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """A scalar, list or mapping of a document; compared by identity."""
+
+    value: Value
+    line: int | None = None
+    """Line in the file, counted from 1; None for values that did not come from a file."""
+    key_lines: Mapping[str, int | None] | None = None
+    """For a mapping: the line of each key."""
+    file: Path | None = None
+    """File of `line`."""
+
+    def key_line(self, key: str) -> int | None:
+        """Line of a mapping's key, the mapping's own if it has none."""
+        return (self.key_lines or {}).get(key, self.line)
+
+    def plain(self, renamed: Mapping[int, object] | None = None) -> Any:
+        """The value as plain JSON-like data; `renamed` maps ids of nodes to values that stand in for them."""
+        if renamed and id(self) in renamed:
+            return renamed[id(self)]
+        if isinstance(self.value, dict):
+            return {key: node.plain(renamed) for key, node in self.value.items()}
+        if isinstance(self.value, list):
+            return [node.plain(renamed) for node in self.value]
+        return self.value
+
+    def describe(self) -> object:
+        """The value for a message: scalars as they are, larger things by their kind."""
+        if isinstance(self.value, dict):
+            return "{" + ", ".join(self.value) + "}" if self.value else "{}"
+        if isinstance(self.value, list):
+            items = [item.describe() for item in self.value[:6]]
+            return f"[{', '.join(map(str, items))}{', ...' if len(self.value) > 6 else ''}]"
+        return "nothing" if self.value is None else self.value
+
+
+def node_from_data(data: object) -> Node:
+    """A node tree from plain data; paths become text, tuples lists, other objects their text."""
+    if isinstance(data, Mapping):
+        return Node({str(key): node_from_data(value) for key, value in data.items()})
+    if isinstance(data, list | tuple):
+        return Node([node_from_data(value) for value in data])
+    if data is None or isinstance(data, bool | int | float | str):
+        return Node(data)
+    if hasattr(data, "item"):  # numpy scalars
+        return Node(data.item())
+    return Node(str(data))

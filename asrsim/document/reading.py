@@ -1,0 +1,79 @@
+"""The state of reading one document: where files are found, what was wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from asrsim.document.node import Node
+from asrsim.errors import Problem
+
+KeyPath = tuple[str, ...]
+
+
+class Rejected(Exception):  # noqa: N818 - internal: its problem is recorded already, readers go on with the next key
+    """A value was refused; the problem stands in the reading."""
+
+
+@dataclass(kw_only=True)
+class Reading:
+    """Collects problems and the files that a document names."""
+
+    base: Path = field(default_factory=Path)
+    """Folder from which relative paths count."""
+    files: Mapping[str, Path] = field(default_factory=dict)
+    """Files by the name that the document uses, before the folder is searched (attachments of a log)."""
+    problems: list[Problem] = field(default_factory=list)
+    warnings: list[Problem] = field(default_factory=list)
+    attachments: dict[str, Path] = field(default_factory=dict)
+    """Files named so far, by a unique short name."""
+    renamed: dict[int, object] = field(default_factory=dict)
+    """id of a node with a file name -> its name among the attachments."""
+
+    def fault(
+        self,
+        node: Node | None,
+        path: KeyPath,
+        message: str,
+        *,
+        line: int | None = None,
+        choices: tuple[str, ...] = (),
+        hint: str | None = None,
+        code: str = "value",
+        show: bool = True,
+    ) -> Rejected:
+        """Record a problem and give back the exception to raise (or to drop, to go on)."""
+        self.problems.append(
+            Problem(
+                message=message,
+                file=node.file if node else None,
+                line=line if line is not None else (node.line if node else None),
+                key=".".join(path) or None,
+                value=node.describe() if node is not None and show else None,
+                choices=choices,
+                hint=hint,
+                code=code,
+            )
+        )
+        return Rejected(message)
+
+    def locate(self, text: str) -> Path:
+        """The file that a name in the document means."""
+        if text in self.files:
+            return self.files[text]
+        path = Path(text).expanduser()
+        return path if path.is_absolute() else self.base / path
+
+    def attach(self, node: Node, path: Path) -> None:
+        """Note that the document needs `path`, named by `node`."""
+        for name, known in self.attachments.items():
+            if known == path:
+                self.renamed[id(node)] = name
+                return
+        name, count = path.name, 1
+        while name in self.attachments:
+            count += 1
+            name = f"{path.stem}-{count}{path.suffix}"
+        self.attachments[name] = path
+        self.renamed[id(node)] = name

@@ -1,0 +1,172 @@
+"""YAML to nodes: YAML 1.2's numbers and booleans, a line for every key, duplicate keys and bombs refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from asrsim.document.node import Node, Value
+from asrsim.errors import InputError, Problem
+
+MAX_BYTES = 2_000_000
+MAX_DEPTH = 40
+MAX_NODES = 200_000
+
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_INFINITY = re.compile(r"([-+]?)\.(inf|Inf|INF)")
+_NULLS = ("", "~", "null", "Null", "NULL")
+_BOOLEANS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+
+_TAG = "tag:yaml.org,2002:"
+_PLAIN = "plain"
+"""Our mark on scalars that stand without quotes and tag: only these are more than text."""
+
+
+def plain_scalar(text: str) -> bool | int | float | str | None:
+    """The value of an unquoted scalar under YAML 1.2's core schema: `1e-3` is a number, `on` and `yes` are text."""
+    if text in _NULLS:
+        return None
+    if text in _BOOLEANS:
+        return _BOOLEANS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text) if len(text) < 400 else float(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if text.startswith("0x") and re.fullmatch(r"0x[0-9a-fA-F]{1,16}", text):
+        return int(text, 16)
+    if found := _INFINITY.fullmatch(text):
+        return float(found[1] + "inf")
+    if text in (".nan", ".NaN", ".NAN"):
+        return float("nan")
+    return text
+
+
+def read_yaml(path: Path, *, error: type[InputError] = InputError, max_bytes: int = MAX_BYTES) -> tuple[Node, str]:
+    """The document of a file and its text; raises `error` if it cannot be read or is no sound YAML."""
+    try:
+        size = path.stat().st_size
+        if path.is_dir():
+            raise error(Problem(message="is a folder, not a file", file=path, code="no-file"))
+        if size > max_bytes:
+            raise error(Problem(message=f"has {size} bytes; at most {max_bytes} are read", file=path, code="too-large"))
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise error(Problem(message=f"is not UTF-8 text ({fault.reason})", file=path, code="encoding")) from None
+    except OSError as fault:
+        raise error(Problem(message=f"cannot be read: {fault.strerror}", file=path, code="no-file")) from None
+    return parse_yaml(text, file=path, error=error), text
+
+
+def parse_yaml(text: str, *, file: Path | None = None, error: type[InputError] = InputError) -> Node:
+    """The document of a text; raises `error` with every duplicate key, or the first fault of syntax."""
+    import yaml
+
+    converter = _Converter(file)
+    try:
+        root = _loader()(text).get_single_node()
+        node = Node(None, 1) if root is None else converter.convert(root, 0)
+    except yaml.MarkedYAMLError as fault:
+        mark = fault.problem_mark or fault.context_mark
+        message = f"is no valid YAML: {fault.problem or fault.context}"
+        if "tab" in message or "'\\t'" in message:
+            message += " (tabs cannot indent)"
+        problem = Problem(message=message, file=file, line=mark.line + 1 if mark else None, code="yaml")
+        raise error(problem) from None
+    except yaml.YAMLError as fault:
+        problem = Problem(message=f"is no valid YAML: {' '.join(str(fault).split())}", file=file, code="yaml")
+        raise error(problem) from None
+    except (_Refused, RecursionError) as fault:
+        message = str(fault) if isinstance(fault, _Refused) else "is nested too deeply"
+        raise error(Problem(message=message, file=file, code="yaml")) from None
+    if converter.problems:
+        raise error(converter.problems)
+    return node
+
+
+class _Refused(Exception):  # noqa: N818 - internal signal, not an error of the tree
+    """The document is hostile."""
+
+
+class _Converter:
+    """From PyYAML's nodes, which aliases may share, to ours."""
+
+    def __init__(self, file: Path | None) -> None:
+        self.file = file
+        self.problems: list[Problem] = []
+        self.count = 0
+
+    def convert(self, node: Any, depth: int) -> Node:
+        self.count += 1
+        if self.count > MAX_NODES:
+            raise _Refused(f"has more than {MAX_NODES} values once its aliases are expanded")
+        if depth > MAX_DEPTH:
+            raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
+        line = node.start_mark.line + 1
+        if node.id == "scalar":
+            return Node(self._scalar(node, line), line, file=self.file)
+        if node.tag not in (_TAG + "seq", _TAG + "map"):
+            self._complain(f"YAML tag {node.tag} is not supported", line)
+        if node.id == "sequence":
+            return Node([self.convert(item, depth + 1) for item in node.value], line, file=self.file)
+        return self._mapping(node, line, depth)
+
+    def _scalar(self, node: Any, line: int) -> Value:
+        if node.tag == _PLAIN:
+            return plain_scalar(node.value)
+        if node.tag != _TAG + "str":
+            self._complain(f"YAML tag {node.tag} is not supported", line)
+        return str(node.value)
+
+    def _mapping(self, node: Any, line: int, depth: int) -> Node:
+        items: dict[str, Node] = {}
+        lines: dict[str, int | None] = {}
+        merged: list[Node] = []
+        for key_node, value_node in node.value:
+            key_line = key_node.start_mark.line + 1
+            if key_node.id != "scalar":
+                self._complain("a key must be plain text", key_line)
+                continue
+            key = str(key_node.value)
+            value = self.convert(value_node, depth + 1)
+            if key == "<<" and key_node.tag == _PLAIN:
+                merged.extend(value.value if isinstance(value.value, list) else [value])
+            elif key in items:
+                self._complain(f"the key is there already, in line {lines[key]}", key_line, key=key, code="duplicate-key")
+            else:
+                items[key], lines[key] = value, key_line
+        for other in merged:
+            if not isinstance(other.value, dict):
+                self._complain("only mappings can be merged by '<<'", line)
+                continue
+            for key, value in other.value.items():
+                if key not in items:
+                    items[key], lines[key] = value, other.key_line(key)
+        return Node(items, line, lines, self.file)
+
+    def _complain(self, message: str, line: int, *, key: str | None = None, code: str = "yaml") -> None:
+        self.problems.append(Problem(message=message, file=self.file, line=line, key=key, code=code))
+
+
+def _loader() -> Any:
+    """PyYAML's pure Python composer (no constructors) without YAML 1.1's implicit types."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        depth = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            self.depth += 1
+            if self.depth > MAX_DEPTH:
+                raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
+            node = super().compose_node(parent, index)
+            self.depth -= 1
+            return node
+
+        def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
+            if kind is yaml.ScalarNode:
+                return _PLAIN if implicit[0] else _TAG + "str"
+            return _TAG + ("seq" if kind is yaml.SequenceNode else "map")
+
+    return Loader

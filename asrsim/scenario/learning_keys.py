@@ -1,0 +1,108 @@
+"""Keys of `ilc:`, iterative learning control. The result is a plain mapping, consumed by :mod:`asrsim.learning`."""
+
+from __future__ import annotations
+
+from asrsim.document.block import Block, Key
+from asrsim.document.composite import MapOf
+from asrsim.document.kinds import Choice, Integer, Kind, Number, Optional, Schema
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading
+from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys
+
+
+class Gain(Kind["float | str"]):
+    """A number, or `model`: chosen from the joint's linearised dynamics."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> float | str:
+        if node.value == "model":
+            return "model"
+        if isinstance(node.value, str):
+            raise reading.fault(node, path, "must be a number or model", choices=("model",), code="choice")
+        return POSITIVE.read(node, path, reading)
+
+    def schema(self) -> Schema:
+        return {"anyOf": [POSITIVE.schema(), {"enum": ["model"]}]}
+
+    @property
+    def text(self) -> str:
+        return "number > 0 or `model`"
+
+
+_SPREAD = Number(minimum=0.0)
+
+SPREAD: Block[Keys] = Block(
+    keys=(
+        Key(
+            name="parameters", kind=MapOf(of=_SPREAD, noun="parameter", star=False), default={}, unit="1",
+            doc="relative spread of actuator parameters, by name (0.1: a tenth)",
+        ),
+        Key(name="mass", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the links' masses and inertias"),
+        Key(name="damping", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' damping"),
+        Key(name="friction", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' and motors' friction"),
+        Key(name="delay", kind=_SPREAD, default=0.0, unit="s", doc="largest delay of the commands"),
+    ),
+    build=dict,
+    noun="spreads",
+)  # fmt: skip
+
+PLANTS: Block[Keys] = Block(
+    keys=(
+        Key(name="draws", kind=Integer(minimum=1, maximum=100_000), default=50, doc="number of plants"),
+        Key(name="seed", kind=Integer(minimum=0), default=0, doc="of the draws"),
+        Key(
+            name="distribution", kind=Choice(("uniform", "normal")), default="uniform",
+            doc="the spread is the half-width of a uniform, or the standard deviation of a normal distribution",
+        ),
+        Key(name="spread", kind=SPREAD, doc="what differs, by how much"),
+    ),
+    build=dict,
+    noun="set of plants",
+)  # fmt: skip
+
+FILTER: Block[Keys] = Block(
+    keys=(
+        Key(name="cutoff", kind=POSITIVE, unit="Hz", doc="frequency above which nothing is learned"),
+        Key(name="order", kind=Integer(minimum=1, maximum=8), default=2, doc="of the Butterworth filter"),
+    ),
+    build=dict,
+    noun="zero-phase filter",
+)
+
+LEARNING: Block[Keys] = Block(
+    keys=(
+        Key(name="trajectory", kind=SIGNALS_BY_JOINT, unit="rad", doc="desired link positions"),
+        Key(
+            name="gain", kind=Gain(), default=0.5, unit="1",
+            doc="K of K exp(-n / gain_decay), the weight of the last error; `model`: from the linearised joint",
+        ),
+        Key(
+            name="gain_decay", kind=Optional(POSITIVE, word="none"), default=10.0, unit="iterations",
+            doc="how fast the gain falls; `none`: it stays",
+        ),
+        Key(name="joint_gains", kind=MapOf(of=Gain(), star=False), default={}, unit="1", doc="gains that replace `gain`"),
+        Key(name="derivative", kind=NOT_NEGATIVE, default=0.0, unit="s", doc="weight of the error's rate, times the gain"),
+        Key(name="filter", kind=Optional(FILTER), default=None, doc="zero-phase filter on what is learned", shown="none"),
+        Key(name="forgetting", kind=SHARE, default=0.0, unit="1", doc="share of the learned input that each iteration forgets"),
+        Key(
+            name="first_guess", kind=Choice(("zero", "reference", "gravity")), default="zero",
+            doc="first input: zero, the trajectory, or the trajectory plus the springs' deflection under gravity",
+        ),
+        Key(name="tolerance", kind=POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it"),
+        Key(name="max_iterations", kind=Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many"),
+        Key(
+            name="patience", kind=Integer(minimum=1), default=3,
+            doc="stop when the error has grown for so many iterations in a row",
+        ),
+        Key(
+            name="keep_logs", kind=Choice(("none", "last", "all")), default="last",
+            doc="whose iterations' logs are kept",
+        ),
+        Key(name="plants", kind=Optional(PLANTS), default=None, doc="learn over several plants at once", shown="one plant"),
+        Key(
+            name="transfer", kind=Optional(PLANTS), default=None,
+            doc="plants on which `asrsim ilc --transfer` tries the learned input", shown="none",
+        ),
+    ),
+    build=dict,
+    noun="learning",
+)  # fmt: skip

@@ -1,0 +1,148 @@
+"""Scenarios from files, plain data or keywords."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from asrsim.document.node import Node, node_from_data
+from asrsim.document.reading import Reading
+from asrsim.document.yaml_reader import read_yaml
+from asrsim.errors import Problem, ScenarioError, did_you_mean
+from asrsim.scenario.build import build_scenario
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.overrides import apply_override
+
+DEFAULT = "default"
+"""Name of the variant of a scenario without variants."""
+
+
+def load_scenario(
+    path: str | Path, *, variant: str | None = None, overrides: Sequence[str] = (), robot: str | Path | None = None
+) -> tuple[Scenario, ...]:
+    """Every variant of a scenario file, in file order, or the one asked for.
+
+    A file without variants has one, called `default`. `overrides` are `key=value` texts (dotted key, YAML value),
+    applied after the variant; `robot` replaces the file's robot. Raises ScenarioError with every problem of the file.
+    """
+    path = Path(path)
+    root, text = read_yaml(path, error=ScenarioError)
+    if not isinstance(root.value, dict):
+        message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
+        raise ScenarioError(Problem(message=message, file=path, line=root.line, code="type"))
+    common, variants = _split(root)
+    if variant is not None and variant not in variants:
+        names = tuple(variants)
+        hint = did_you_mean(variant, names)
+        message = f"there is no variant '{variant}'"
+        raise ScenarioError(Problem(message=message, file=path, choices=names, hint=hint, code="unknown-variant"))
+    _check_claims(common, tuple(variants))
+    chosen = variants if variant is None else {variant: variants[variant]}
+    readings, scenarios = [], []
+    for name, merged in chosen.items():
+        for override in overrides:
+            merged = apply_override(merged, override)
+        if robot is not None:
+            merged = apply_override(merged, "robot=")
+            assert isinstance(merged.value, dict)
+            merged.value["robot"] = Node(str(Path(robot).absolute()))
+        reading = Reading(base=path.parent)
+        readings.append(reading)
+        scenarios.append(build_scenario(merged, reading, name=path.stem, variant=name, path=path, text=text))
+    problems = _distinct(problem for reading in readings for problem in reading.problems)
+    if problems:
+        raise ScenarioError(problems)
+    return tuple(scenario for scenario in scenarios if scenario is not None)
+
+
+def scenario_from_data(
+    data: Mapping[str, Any],
+    *,
+    base_dir: str | Path | None = None,
+    files: Mapping[str, Path] | None = None,
+    name: str = "scenario",
+    variant: str = DEFAULT,
+    overrides: Sequence[str] = (),
+    robot: str | Path | None = None,
+) -> Scenario:
+    """One scenario from plain data: the keys of a scenario file without `variants`; inverse of `Scenario.resolved`.
+
+    Files are first sought in `files` (name in the data -> path; `Scenario.attachments` fits), then from `base_dir`
+    (default: the working folder). `robot` replaces the data's robot. Raises ScenarioError with every problem.
+    """
+    items = dict(data)
+    if robot is not None:
+        items["robot"] = str(Path(robot).absolute())
+    root = node_from_data(items)
+    for override in overrides:
+        root = apply_override(root, override)
+    reading = Reading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
+    scenario = build_scenario(root, reading, name=name, variant=variant)
+    if scenario is None:
+        raise ScenarioError(_distinct(reading.problems))
+    return scenario
+
+
+def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **keys: Any) -> Scenario:
+    """A scenario from keywords, named and shaped as in a scenario file: `make_scenario("arm.urdf", duration=2.0, ...)`.
+
+    Paths count from `base_dir`, by default the working folder. Raises ScenarioError with every problem.
+    """
+    return scenario_from_data({"robot": str(robot), **keys}, base_dir=base_dir)
+
+
+def _split(root: Node) -> tuple[Node, dict[str, Node]]:
+    """What all variants share, and every variant merged with it."""
+    assert isinstance(root.value, dict)
+    items = dict(root.value)
+    node = items.pop("variants", None)
+    common = Node(items, root.line, root.key_lines, root.file)
+    if node is None or node.value is None:
+        only = items.get("variant")
+        return common, {str(only.value) if only is not None and only.value is not None else DEFAULT: common}
+    problems: list[Problem] = []
+    if not isinstance(node.value, dict) or not node.value:
+        problems.append(_problem("must be a mapping from names to the keys that differ", node, "variants"))
+    elif "variant" in items:
+        problems.append(_problem("a file with variants names them there", items["variant"], "variant"))
+    merged: dict[str, Node] = {}
+    for name, over in node.value.items() if isinstance(node.value, dict) else ():
+        if isinstance(over.value, dict):
+            problems += [
+                _problem("cannot stand in a variant", over.value[key], f"variants.{name}.{key}")
+                for key in ("variants", "variant", "name")
+                if key in over.value
+            ]
+        if not name.strip() or any(sign in name for sign in "/\\\0") or name in (".", ".."):
+            problems.append(_problem("is no name: it names a folder too", over, f"variants.{name}"))
+        if over.value is not None and not isinstance(over.value, dict):
+            problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))
+        merged[name] = common if over.value is None else SCENARIO.merge(common, over)
+    if problems:
+        raise ScenarioError(problems)
+    return common, merged
+
+
+def _check_claims(common: Node, variants: tuple[str, ...]) -> None:
+    """Claims about variants that there are not."""
+    assert isinstance(common.value, dict)
+    claims = common.value.get("expect")
+    problems = []
+    for index, claim in enumerate(claims.value if claims is not None and isinstance(claims.value, list) else ()):
+        named = claim.value.get("variant") if isinstance(claim.value, dict) else None
+        if named is not None and named.value is not None and str(named.value) not in variants:
+            problem = _problem(f"there is no variant '{named.value}'", named, f"expect.{index}.variant", variants)
+            problems.append(problem)
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) -> Problem:
+    return Problem(message=message, file=node.file, line=node.line, key=key, choices=choices, code="variants")
+
+
+def _distinct(problems: Iterable[Problem]) -> list[Problem]:
+    """Variants share their faults: each is told once."""
+    return list({str(problem): problem for problem in problems}.values())

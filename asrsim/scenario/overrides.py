@@ -1,0 +1,70 @@
+"""`key=value` from the command line, laid upon a scenario's nodes."""
+
+from __future__ import annotations
+
+import re
+
+from asrsim.document.node import Node
+from asrsim.document.yaml_reader import parse_yaml
+from asrsim.errors import InputError, Problem, ScenarioError
+
+_PART = re.compile(r'"([^"]*)"|([^."]+)')
+
+
+def split_path(text: str) -> tuple[str, ...]:
+    """Parts of a dotted path; parts with dots stand in double quotes. Raises ScenarioError."""
+    parts: list[str] = []
+    position = 0
+    while position <= len(text):
+        found = _PART.match(text, position)
+        if not found or (found.end() < len(text) and text[found.end()] != "."):
+            raise ScenarioError(Problem(message="is no dotted key", key=text, code="override"))
+        parts.append(found[1] if found[1] is not None else found[2])
+        position = found.end() + 1
+    return tuple(parts)
+
+
+def apply_override(root: Node, override: str) -> Node:
+    """The document with `a.b.0.c=value` set; an empty value takes the key away. Raises ScenarioError."""
+    key, equals, text = override.partition("=")
+    if not equals or not key.strip():
+        hint = "Write key=value, such as duration=2 or references.joint1.equilibrium_position=0.5"
+        raise ScenarioError(Problem(message="is no key=value", value=override, hint=hint, code="override"))
+    try:
+        value = parse_yaml(text, error=ScenarioError)
+    except InputError as error:
+        message = f"its value {error.problems[0].message}"
+        raise ScenarioError(Problem(message=message, key=key, value=text, code="override")) from None
+    return _set(root, split_path(key.strip()), _without_lines(value), key.strip())
+
+
+def _without_lines(node: Node) -> Node:
+    if isinstance(node.value, dict):
+        return Node({name: _without_lines(item) for name, item in node.value.items()})
+    if isinstance(node.value, list):
+        return Node([_without_lines(item) for item in node.value])
+    return Node(node.value)
+
+
+def _set(node: Node, path: tuple[str, ...], value: Node, key: str) -> Node:
+    if not path:
+        return value
+    head, rest = path[0], path[1:]
+    if isinstance(node.value, list):
+        if not head.isdigit() or int(head) >= len(node.value):
+            message = f"'{head}' is no index of a list of {len(node.value)} entries (they count from 0)"
+            raise ScenarioError(Problem(message=message, key=key, code="override"))
+        items = list(node.value)
+        items[int(head)] = _set(items[int(head)], rest, value, key)
+        return Node(items, node.line, None, node.file)
+    mapping = dict(node.value) if isinstance(node.value, dict) else {}
+    if not isinstance(node.value, dict) and node.value is not None:
+        message = f"'{head}' cannot be set inside the value {node.describe()!r}"
+        raise ScenarioError(Problem(message=message, key=key, code="override"))
+    if not rest and value.value is None:
+        mapping.pop(head, None)
+    else:
+        mapping[head] = _set(mapping.get(head, Node(None)), rest, value, key)
+    lines = dict(node.key_lines or {})
+    lines[head] = None
+    return Node(mapping, node.line, lines, node.file)

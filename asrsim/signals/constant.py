@@ -1,0 +1,24 @@
+"""A constant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from asrsim.signals.base import Array, Signal
+from asrsim.signals.common import driven
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constant(Signal):
+    """The same value at all times; a bare number in a scenario means this."""
+
+    kind: ClassVar[str] = "constant"
+    main_field: ClassVar[str] = "value"
+
+    value: float = driven("the value")
+
+    def values(self, time: Array) -> Array:
+        return np.full(np.shape(time), self.value)

@@ -1,0 +1,116 @@
+"""From a scenario's value to a signal: a number, or a mapping whose only key is the kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from asrsim.document.block import Block, declared_keys
+from asrsim.document.kinds import Kind, Schema
+from asrsim.document.node import Node, node_from_data
+from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.errors import ScenarioError, did_you_mean
+from asrsim.signals.base import Signal
+
+FORM = "a number, or a mapping with one key, the kind of signal"
+
+
+class SignalKind(Kind[Signal]):
+    """A signal as a document writes it."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Signal:
+        from asrsim.signals import SIGNALS
+        from asrsim.signals.constant import Constant
+
+        value = node.value
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return Constant(value=block_of(Constant).keys[0].kind.read(node, path, reading))
+        if not isinstance(value, dict):
+            raise reading.fault(node, path, f"must be a signal: {FORM}", choices=SIGNALS.names(), code="signal")
+        if len(value) != 1:
+            raise reading.fault(
+                node, path, f"a signal has one key, its kind, but here are {len(value)}", choices=SIGNALS.names(), code="signal"
+            )
+        kind, body = next(iter(value.items()))
+        if kind not in SIGNALS:
+            raise reading.fault(
+                node,
+                (*path, kind),
+                f"no signal is called '{kind}'",
+                line=node.key_line(kind),
+                choices=SIGNALS.names(),
+                hint=did_you_mean(kind, SIGNALS.names()),
+                code="unknown-signal",
+                show=False,
+            )
+        cls = SIGNALS.get(kind)
+        return block_of(cls).read(_body(cls, body), (*path, kind), reading)
+
+    def schema(self) -> Schema:
+        return {"$ref": "#/$defs/signal"}
+
+    @property
+    def text(self) -> str:
+        return "signal"
+
+    def merge(self, base: Node, over: Node) -> Node:
+        """Keys of one kind are merged; another kind replaces the signal."""
+        from asrsim.signals import SIGNALS
+
+        if isinstance(base.value, dict) and isinstance(over.value, dict) and len(base.value) == 1:
+            kind = next(iter(base.value))
+            if [*over.value] == [kind] and kind in SIGNALS:
+                cls = SIGNALS.get(kind)
+                inner = block_of(cls).merge(_body(cls, base.value[kind]), _body(cls, over.value[kind]))
+                return Node({kind: inner}, over.line, over.key_lines, over.file)
+        return over
+
+
+SIGNAL = SignalKind()
+
+
+def main_field(cls: type[Signal]) -> str | None:
+    """The field that a value which is no mapping fills (`sum: [...]`), if the kind has one."""
+    name: str | None = getattr(cls, "main_field", None)
+    return name
+
+
+def _body(cls: type[Signal], body: Node) -> Node:
+    main = main_field(cls)
+    if main is not None and not isinstance(body.value, dict):
+        return Node({main: body}, body.line, {main: body.line}, body.file)
+    return body
+
+
+def block_of(cls: type[Signal]) -> Block[Signal]:
+    """The declared keys of a kind of signal."""
+    doc = (cls.__doc__ or "").strip().splitlines()
+    return Block(keys=declared_keys(cls), build=cls, noun=f"mapping of {cls.kind}", doc=doc[0] if doc else "")
+
+
+def signal_schema() -> Schema:
+    """JSON Schema of a signal, to stand at `#/$defs/signal`."""
+    from asrsim.signals import SIGNALS
+
+    shapes: list[Schema] = [{"type": "number", "description": "a constant"}]
+    for name in SIGNALS:
+        cls = SIGNALS.get(name)
+        body = block_of(cls).schema()
+        main = main_field(cls)
+        if main is not None:
+            body = {"anyOf": [body, {"type": ["number", "array"]}], "description": body.get("description", "")}
+        shapes.append({"type": "object", "properties": {name: body}, "required": [name], "additionalProperties": False})
+    return {"anyOf": shapes}
+
+
+def parse_signal(data: object, *, base: Path | None = None, files: Mapping[str, Path] | None = None) -> Signal:
+    """A signal from plain data: a number, or a mapping with one key, the kind.
+
+    `base` is the folder in which files of playbacks are sought (default: the working folder), `files` names some
+    beforehand. Raises ScenarioError with every problem.
+    """
+    reading = Reading(base=base or Path(), files=files or {})
+    try:
+        return SIGNAL.read(node_from_data(data), (), reading)
+    except Rejected:
+        raise ScenarioError(reading.problems) from None

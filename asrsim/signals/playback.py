@@ -1,0 +1,97 @@
+"""Playback of a recording: a column of a CSV file, or a field of a topic in an MCAP file or ROS bag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from asrsim.document.block import declare
+from asrsim.document.kinds import Choice, File, Optional, Text
+from asrsim.signals.bag_series import read_bag_series
+from asrsim.signals.base import Array, Signal
+from asrsim.signals.common import ANY, driven, require
+from asrsim.signals.csv_series import read_csv_series
+from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate
+
+STAMP_LIMIT = 1e6
+"""s: first times beyond it are taken for stamps of a clock, and start at 0."""
+
+_RECORDING = File(noun="recording", folder=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Playback(Signal):
+    """A recorded series; before its first and after its last sample the end values hold."""
+
+    kind: ClassVar[str] = "playback"
+
+    file: Path = declare(_RECORDING, doc="CSV, MCAP, or ROS 1 or ROS 2 bag")  # noqa: RUF009 - makes a field
+    column: str | None = declare(
+        Optional(Text(noun="name of a column")), doc="CSV: the column, with or without its unit", default=None
+    )
+    topic: str | None = declare(Optional(Text(noun="name of a topic")), doc="bags: the topic", default=None)
+    message_field: str = declare(
+        Text(noun="field path"),
+        doc="bags: the field, such as `data`, `position[2]` or `position[joint1]`",
+        default="data",
+        key="field",
+    )
+    time: str | None = declare(
+        Optional(Text(noun="name of a column, or `header`")),
+        doc="CSV: the time's column (default: time or t); bags: `header` for the messages' own stamps",
+        default=None,
+    )
+    start: float | None = declare(
+        Optional(ANY),
+        doc="simulated time of the first sample; default: the recording's own times, stamps of a clock beginning at 0",
+        unit="s",
+        default=None,
+    )
+    scale: float = declare(ANY, doc="factor on the values, on top of units that the header names", default=1.0)
+    offset: float = driven("added after scaling", default=0.0)
+    interpolation: str = declare(
+        Choice(INTERPOLATIONS), doc="between samples: a line, or the earlier sample's value", default="linear"
+    )
+    _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        require((self.column is None) != (self.topic is None), "needs the key column (CSV) or topic (bags)", key="")
+        require(self.interpolation in INTERPOLATIONS, "must be linear or hold", key="interpolation")
+        path = Path(self.file)
+        newest = path.stat().st_mtime_ns if path.exists() else 0
+        if self.column is not None:
+            times, values = _csv(path, newest, self.column, self.time)
+        else:
+            times, values = _bag(path, newest, self.topic or "", self.message_field, self.time == "header")
+        first = float(times[0])
+        if self.start is not None:
+            times = times - first + self.start
+        elif abs(first) > STAMP_LIMIT:
+            times = times - first
+        object.__setattr__(self, "_series", (times, self.scale * values + self.offset))
+
+    @property
+    def samples(self) -> tuple[Array, Array]:
+        """Times in s and values of the recording as played back, (n,) each."""
+        return self._series
+
+    def values(self, time: Array) -> Array:
+        return interpolate(np.asarray(time), *self._series, self.interpolation)
+
+    def jumps(self, start: float, end: float) -> Array:
+        return hold_jumps(*self._series, start, end) if self.interpolation == "hold" else np.empty(0)
+
+
+# A scenario's variants play the same recordings: each is read once. The time of change keeps the cache honest.
+@lru_cache(maxsize=64)
+def _csv(path: Path, _newest: int, column: str, time: str | None) -> tuple[Array, Array]:
+    return read_csv_series(path, column, time)
+
+
+@lru_cache(maxsize=64)
+def _bag(path: Path, _newest: int, topic: str, message_field: str, header_time: bool) -> tuple[Array, Array]:
+    return read_bag_series(path, topic, message_field, header_time=header_time)
