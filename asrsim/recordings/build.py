@@ -1,0 +1,234 @@
+"""From raw series to a recording: mapping, guesses, units, and what is odd about the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.data import Column, Raw, RawSeries, Recording
+from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.names import guess, joint_numbers, tokens_of
+from asrsim.recordings.read_csv import find_column
+from asrsim.recordings.units import Unit, find_unit, fits, split_header
+from asrsim.samples import Array
+
+_KNOWN = {**QUANTITIES, **DERIVED}
+
+
+def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
+    """The recording; raises RecordingError with all problems of the mapping."""
+    findings = list(raw.findings)
+    by_index = _explicit(path, raw, maps)
+    columns = _columns(path, raw, by_index, joints, findings)
+    columns = _without_repeats(path, columns, findings)
+    base = max(columns, key=lambda column: len(column.time)).time
+    findings += _oddities(path, columns)
+    if len({id(series.time) for series in raw.series}) > 1:
+        sizes = sorted({len(series.time) for series in raw.series}, reverse=True)
+        findings.append(
+            Problem(message=f"its columns have times of their own, with {', '.join(map(str, sizes[:6]))} samples; each is kept",
+                    file=path, code="several-times")
+        )  # fmt: skip
+    if not any(column.quantity for column in columns):
+        names = ", ".join(column.source for column in columns[:20])
+        findings.append(
+            Problem(message=f"no column could be matched to a joint's quantity; found {names}", file=path,
+                    code="nothing-mapped", hint="Say what a column is with --map COLUMN=JOINT.QUANTITY, or in a file beside it "
+                    f"({path.name}.yaml)")
+        )  # fmt: skip
+    return Recording(
+        path=path, format=raw.format, time=base, channels={column.source: column for column in columns},
+        findings=tuple(findings), epoch=raw.epoch,
+        guesses=tuple(column for column in columns if column.origin.startswith("guessed")),
+    )  # fmt: skip
+
+
+def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, ColumnMap]:
+    """Index of series -> its map."""
+    names = [series.name for series in raw.series]
+    found: dict[int, ColumnMap] = {}
+    problems: list[Problem] = []
+    for one in maps:
+        if one.role == "time":
+            continue
+        index = find_column(one.column, names)
+        if index is None or (one.column.lstrip("#").isdigit() and raw.format == "csv"):
+            # Numbers count the file's columns, of which the time is one; headerless names carry that number.
+            label = f"column_{one.column.lstrip('#')}"
+            index = names.index(label) if label in names else index
+        if index is None:
+            problems.append(
+                Problem(message="there is no such column", file=path, key=one.column, choices=tuple(names[:40]),
+                        hint=did_you_mean(one.column, names), code="no-such-column")
+            )  # fmt: skip
+            continue
+        unit = one.unit or find_unit(raw.series[index].unit) or split_header(raw.series[index].name)[1]
+        if one.quantity is not None and unit is not None and not fits(unit.si, _KNOWN[one.quantity].unit):
+            problems.append(
+                Problem(
+                    message=f"is in {unit.symbol}, which cannot be a {one.quantity} ({_KNOWN[one.quantity].unit})", file=path,
+                    key=one.column, hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit",
+                )
+            )  # fmt: skip
+            continue
+        found[index] = one
+    if problems:
+        raise RecordingError(problems)
+    return found
+
+
+def _columns(
+    path: Path, raw: Raw, explicit: dict[int, ColumnMap], joints: Sequence[str] | None, findings: list[Problem]
+) -> list[Column]:
+    plain = [split_header(series.name)[0] for series in raw.series]
+    counted = joint_numbers(plain)
+    has_q = any(set(tokens_of(name)) & {"q", "link", "pos", "position"} for name in plain)
+    named = tuple(dict.fromkeys(series.joint for series in raw.series if series.joint is not None))
+    known = tuple(joints) if joints is not None else named
+    columns: list[Column] = []
+    homeless: list[str] = []
+    for index, series in enumerate(raw.series):
+        unit = find_unit(series.unit) or split_header(series.name)[1]
+        one = explicit.get(index)
+        if one is not None:
+            if one.role == "ignore":
+                columns.append(_column(series, unit, None, None, f"not used: {one.origin}"))
+            else:
+                columns.append(_scaled(_column(series, one.unit or unit, one.joint, one.quantity, one.origin), one))
+            continue
+        if series.quantity is not None:
+            joint = series.joint
+            if joint is None:
+                number = next((int(word) for word in reversed(tokens_of(series.name)) if word.isdigit()), None)
+                joint = known[number] if number is not None and number < len(known) else None
+            quantity = series.quantity if joint is not None else None
+            columns.append(
+                _column(series, unit, joint, quantity, "named in the file" if quantity else "not used: no joint named")
+            )
+            continue
+        name = plain[index].rpartition("/")[0] if plain[index].endswith("/data") else plain[index]
+        meaning = guess(name, unit, joints=known, counted=counted, has_q=has_q)
+        if meaning.quantity is None:
+            columns.append(_column(series, unit, series.joint, None, f"not used: {meaning.reason}"))
+            continue
+        joint = series.joint or meaning.joint or _joint(meaning.number, known, counted)
+        if joint is None:
+            homeless.append(series.name)
+            columns.append(_column(series, unit, None, None, "not used: which joint it is of is unclear"))
+        else:
+            columns.append(_column(series, unit, joint, meaning.quantity, f"guessed: {meaning.reason}"))
+    if homeless:
+        findings.append(
+            Problem(message=f"which joint these columns are of is unclear: {', '.join(homeless)}", file=path, choices=known,
+                    hint="Say it with --map COLUMN=JOINT.QUANTITY", code="unclear-joint")
+        )  # fmt: skip
+    return columns
+
+
+def _joint(number: int | None, known: Sequence[str], counted: set[int]) -> str | None:
+    """The joint of a number: of that ending, else by its place; without a number the only joint."""
+    if not known:
+        return f"joint_{1 if number is None else number}"
+    if number is None:
+        return known[0] if len(known) == 1 else None
+    ending = [joint for joint in known if tokens_of(joint)[-1:] == [str(number)]]
+    if len(ending) == 1:
+        return ending[0]
+    place = number if 0 in counted else number - 1
+    return known[place] if 0 <= place < len(known) else None
+
+
+def _column(series: RawSeries, unit: Unit | None, joint: str | None, quantity: str | None, origin: str) -> Column:
+    """The column in SI units, its conversion in words."""
+    expected = _KNOWN[quantity].unit if quantity is not None else ""
+    if unit is None:
+        said = f"{expected} assumed" if expected and not origin.startswith("named") else ""
+        return Column(time=series.time, values=series.values, unit=expected, joint=joint, quantity=quantity,
+                      source=series.name, conversion=said, origin=origin)  # fmt: skip
+    values = series.values if unit.factor == 1.0 else series.values * unit.factor
+    said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
+    si = "" if unit.si == "1" else unit.si
+    return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
+                  conversion=said, origin=origin)  # fmt: skip
+
+
+def _scaled(column: Column, one: ColumnMap) -> Column:
+    """With the mapping's own factor and offset."""
+    if one.scale == 1.0 and one.offset == 0.0:
+        return column
+    said = f"x {one.scale:g}" + (f" + {one.offset:g}" if one.offset else "")
+    conversion = f"{column.conversion}; {said}" if column.conversion else said
+    return replace(column, values=column.values * one.scale + one.offset, conversion=conversion)
+
+
+def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
+    """One column a quantity: what was said wins over what the file names, and that over a guess; then the first."""
+    rank = {"command line": 0, "map file": 0, "named in the file": 1}
+    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), i))
+    owner: dict[tuple[str | None, str], int] = {}
+    problems: list[Problem] = []
+    result = list(columns)
+    for i in order:
+        column = columns[i]
+        if column.quantity is None:
+            continue
+        key = (column.joint, column.quantity)
+        if key not in owner:
+            owner[key] = i
+            continue
+        first = columns[owner[key]]
+        message = f"is a second {column.joint}.{column.quantity} beside '{first.source}'"
+        if rank.get(column.origin) == 0 and rank.get(first.origin) == 0:
+            problems.append(Problem(message=message, file=path, key=column.source, code="mapped-twice"))
+            continue
+        if rank.get(first.origin, 2) == rank.get(column.origin, 2):
+            findings.append(
+                Problem(message=f"{message}, which is used", file=path, key=column.source, code="second-column",
+                        hint=f"Choose with --map '{column.source}={column.joint}.{column.quantity}'")
+            )  # fmt: skip
+        result[i] = replace(
+            column, joint=None, quantity=None, origin=f"not used: {column.joint}.{column.quantity} is '{first.source}'"
+        )
+    if problems:
+        raise RecordingError(problems)
+    return result
+
+
+def _oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
+    """Constant columns and stretches without numbers, of the columns that are used."""
+    found: list[Problem] = []
+    for column in columns:
+        missing = np.isnan(column.values)
+        if missing.all():
+            found.append(Problem(message="has no number at all", file=path, key=column.source, code="empty-column"))
+            continue
+        if column.quantity is None:
+            continue
+        if missing.any():
+            found.append(
+                Problem(message=_stretches(column.time, missing), file=path, key=column.source, code="missing-stretch",
+                        hint="They are left out of every comparison, not bridged")
+            )  # fmt: skip
+        values = column.values[~missing]
+        if len(values) > 2 and np.ptp(values) == 0.0:
+            hint = None if "reference" in column.quantity else "Was the sensor connected?"
+            found.append(
+                Problem(message=f"is constant at {values[0]:g} {column.unit}".rstrip(), file=path, key=column.source,
+                        code="constant-column", hint=hint)
+            )  # fmt: skip
+    return found
+
+
+def _stretches(time: Array, missing: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> str:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
+    starts, ends = edges[::2], edges[1::2] - 1
+    longest = int(np.argmax(ends - starts))
+    return (
+        f"{int(missing.sum())} of {len(missing)} samples have no number, in {len(starts)} stretches; the longest from "
+        f"{time[starts[longest]]:.6g} s to {time[ends[longest]]:.6g} s"
+    )

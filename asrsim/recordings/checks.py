@@ -1,0 +1,92 @@
+"""Suspicions: factors between simulation and recording that are units, not physics; and the table of guesses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.errors import Problem
+from asrsim.recordings.data import Recording
+from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_FACTORS = (
+    (180 / math.pi, "the recording seems to be in degrees"),
+    (math.pi / 180, "the recording seems to have been converted from degrees once too often"),
+    (1000.0, "the recording seems to be in thousandths (mm, mN m, ms)"),
+    (0.001, "the recording seems to be in thousands, or was converted from thousandths once too often"),
+)
+_WIDTH = 1.6
+"""A factor is suspected if the ratio of sizes is within this factor of it; real robots differ by less from their model."""
+
+
+def suspect_scale(simulation: Array, recording: Array) -> Problem | None:
+    """A suspicion that a unit is wrong: the recording is 57.3 or 1000 times as large (or small) as the simulation.
+
+    Compares the ranges (5 to 95 %) of both series, (n,) and (m,), in what should be one unit; where either does not move,
+    their mean magnitudes. None without suspicion, or where both are at rest at zero.
+    """
+    sizes = [_size(simulation), _size(recording)]
+    at_rest = any(size[0] < 1e-9 for size in sizes)
+    pair = (sizes[0][int(at_rest)], sizes[1][int(at_rest)])
+    if min(pair) < 1e-12 or not all(map(math.isfinite, pair)):
+        return None
+    ratio = pair[1] / pair[0]
+    for factor, meaning in _FACTORS:
+        if 1 / _WIDTH < ratio / factor < _WIDTH:
+            return Problem(
+                message=f"the recording is {ratio:.4g} times as large as the simulation, close to {factor:.4g}: {meaning}",
+                hint="State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'", code="suspected-unit",
+            )  # fmt: skip
+    return None
+
+
+def _size(values: Array) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return math.nan, math.nan
+    low, high = np.percentile(finite, (5, 95))
+    return float(high - low), float(np.mean(np.abs(finite)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuessRow:
+    """How one column was read, in words."""
+
+    column: str
+    meaning: str
+    """`joint.quantity`, or "-"."""
+    unit: str
+    conversion: str
+    origin: str
+
+
+def guess_rows(recording: Recording) -> tuple[GuessRow, ...]:
+    """One row a column: what it was taken for, its unit, its conversion and why."""
+    return tuple(
+        GuessRow(
+            column=column.source,
+            meaning=f"{column.joint}.{column.quantity}" if column.quantity else "-",
+            unit=column.unit,
+            conversion=column.conversion,
+            origin=column.origin,
+        )
+        for column in recording.channels.values()
+    )
+
+
+def guess_table(recording: Recording) -> Table:
+    """The same as a table for the terminal."""
+    from rich.table import Table
+
+    table = Table(title=f"{recording.path.name} as it was read")
+    for heading in ("column", "joint.quantity", "unit", "conversion", "why"):
+        table.add_column(heading)
+    for row in guess_rows(recording):
+        table.add_row(row.column, row.meaning, row.unit, row.conversion, row.origin)
+    return table

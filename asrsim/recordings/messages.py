@@ -1,0 +1,123 @@
+"""Numbers out of decoded ROS messages of any type: flat labelled values, joints named where the message names them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.quantities import QUANTITIES
+
+_LONGEST = 64
+"""Arrays longer than this are pictures, scans or maps, not signals."""
+_NAME_FIELDS = ("name", "names", "joint_names")
+_JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
+TOPICS: dict[str, str] = {
+    "torque_command": "reference_1", "link_command": "reference_1", "reference_1": "reference_1", "reference_2": "reference_2",
+    "equilibrium_position": "reference_1", "stiffness_preset": "reference_2", "motor_1_command": "reference_1",
+    "motor_2_command": "reference_2", "torque_m1_command": "reference_1", "torque_m2_command": "reference_2",
+    "torque_el1_state": "elastic_torque_1", "torque_el2_state": "elastic_torque_2",
+    **{name: name for name in QUANTITIES},
+}  # fmt: skip
+"""Last part of a Float64 topic `.../<joint>/<topic>` of the toolbox, and what it carries."""
+_LINK_STATE = {
+    "q": "link_position", "dq": "link_velocity", "ref_1": "reference_1", "ref_2": "reference_2", "tau": "link_torque",
+    "stiff": "stiffness",
+}  # fmt: skip
+_FIELDS: dict[type, tuple[str, ...]] = {}
+
+
+class Skip(Exception):  # noqa: N818
+    """The message holds no signal."""
+
+
+def stamp_of(message: Any) -> int | None:
+    """Header stamp in ns, None without a header or with a zero one."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return None
+    return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) or None
+
+
+def flatten(message: Any) -> tuple[list[tuple[str, str | None]], list[float]]:
+    """Labels with joints, and values, of all numbers in a message (or in plain JSON tables and lists)."""
+    labels: list[tuple[str, str | None]] = []
+    values: list[float] = []
+    for label, joint, value in _walk(message, "", ()):
+        labels.append((label, joint))
+        values.append(value)
+    return labels, values
+
+
+def _members(message: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(message, dict):
+        yield from message.items()
+        return
+    kind = type(message)
+    names = _FIELDS.get(kind)
+    if names is None:
+        names = _FIELDS[kind] = tuple(field.name for field in fields(message) if not field.name.startswith("__"))
+    for name in names:
+        yield name, getattr(message, name)
+
+
+def _walk(message: Any, prefix: str, names: Sequence[str]) -> Iterator[tuple[str, str | None, float]]:
+    members = list(_members(message))
+    for key, value in members:
+        if key in _NAME_FIELDS and isinstance(value, list) and value and isinstance(value[0], str):
+            names = value
+    for key, value in members:
+        if key in ("header", "stamp", "layout"):
+            continue
+        label = f"{prefix}{key}"
+        if isinstance(value, bool | int | float | np.number | np.bool_):
+            yield label, None, float(value)
+        elif isinstance(value, np.ndarray | list | tuple):
+            yield from _sequence(label, value, names)
+        elif isinstance(value, dict) or is_dataclass(value):
+            yield from _walk(value, f"{label}.", names)
+
+
+def _sequence(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[str, str | None, float]]:
+    if len(value) > _LONGEST:
+        raise Skip
+    labelled = len(names) == len(value)
+    for i, item in enumerate(value):
+        name = names[i] if labelled else None
+        place = f"{label}[{name if name is not None else i}]"
+        if isinstance(item, bool | int | float | np.number | np.bool_):
+            yield place, name, float(item)
+        elif isinstance(item, dict) or is_dataclass(item):
+            yield from _walk(item, f"{place}.", ())
+
+
+def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None, str]:
+    """Joint, quantity and unit of a labelled number by its topic and message type, as far as these fix them."""
+    parts = [part for part in topic.split("/") if part]
+    last = parts[-1] if parts else ""
+    field = label.partition("[")[0]
+    lower = topic.lower()
+    if kind.endswith("/JointState") and field in _JOINT_STATE:
+        commanded = any(word in lower for word in ("command", "cmd", "desired", "reference", "target", "setpoint"))
+        if commanded:
+            return joint, "reference_1" if field == "position" else None, ""
+        side = next((name for name in ("motor_1", "motor_2") if name in lower), "link")
+        return joint, f"{side}_{_JOINT_STATE[field]}", ""
+    if field in ("data", "value") and "[" not in label and last in TOPICS and len(parts) > 1:
+        return parts[-2], TOPICS[last], ""
+    if field in ("data", "value") and "[" in label and last in ("reference_1", "reference_2"):
+        return None, last, ""
+    if last == "link_state" and field in _LINK_STATE and len(parts) > 1:
+        return parts[-2], _LINK_STATE[field], ""
+    if joint is not None:
+        # Controller states of ros_control: actual/feedback and desired/reference points of named joints.
+        head, _, tail = field.rpartition(".")
+        if tail in ("positions", "velocities", "effort"):
+            desired = any(word in head for word in ("desired", "reference"))
+            if not desired and any(word in head for word in ("actual", "feedback")):
+                quantity = {"positions": "link_position", "velocities": "link_velocity", "effort": "link_torque"}[tail]
+                return joint, quantity, ""
+            return joint, "reference_1" if desired and tail == "positions" else None, ""
+    return joint, None, ""

@@ -1,0 +1,154 @@
+"""Guesses: which joint and quantity a column's name means. Cautious: what is unclear stays unmapped, and says so."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.units import Unit, fits
+
+_REFERENCE = {
+    "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
+    "soll",
+}  # fmt: skip
+_VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "dtheta", "thetadot", "omega", "dot", "rate"}
+_TORQUE = {"torque", "tau", "effort", "moment", "force", "trq", "eff", "drehmoment"}
+_POSITION = {"q", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state", "link"}
+_PLAIN = {"q", "pos", "position", "angle", "link", "joint", "hub"}
+_MOTOR = {"motor", "mot", "hub", "rotor"}
+_FOREIGN = {
+    "current", "voltage", "volt", "pwm", "temp", "temperature", "raw", "counts", "status", "index", "acc", "acceleration",
+    "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
+    "covariance", "id", "seq", "flag", "strain", "gauge",
+}  # fmt: skip
+_SUFFIXES = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
+_STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guess:
+    """What a name seems to mean; `quantity` None: nothing in the simulation, or unclear."""
+
+    quantity: str | None
+    number: int | None = None
+    """Number in the name that counts joints."""
+    joint: str | None = None
+    """Joint whose name is in the column's name."""
+    reason: str = ""
+
+
+def tokens_of(name: str) -> list[str]:
+    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    words: list[str] = []
+    for word in re.findall(r"[A-Za-zÀ-ÿ]+|\d+", text):
+        lower = word.lower()
+        for suffix in _SUFFIXES:
+            stem = lower.removesuffix(suffix)
+            if stem != lower and stem in _STEMS and lower not in _VELOCITY:
+                words += [stem, suffix]
+                break
+        else:
+            words.append(lower)
+    return words
+
+
+def joint_numbers(names: Iterable[str]) -> set[int]:
+    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1)."""
+    found = set()
+    for name in names:
+        words = tokens_of(name)
+        plain = [word for word in words if not word.isdigit()]
+        numbers = [int(word) for word in words if word.isdigit()]
+        if len(numbers) == 1 and plain and all(word in _PLAIN for word in plain):
+            found.add(numbers[0])
+    return found
+
+
+def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[int], has_q: bool) -> Guess:
+    """Meaning of one name.
+
+    `joints`: names to look for; `counted`: numbers that count joints in this file (:func:`joint_numbers`);
+    `has_q`: the file has a column of link positions besides angles called theta, which then are motors.
+    """
+    joint, rest = _find_joint(name, joints)
+    words = tokens_of(rest)
+    numbers = [int(word) for word in words if word.isdigit()]
+    plain = [word for word in words if not word.isdigit()]
+    quantity, own_number = _quantity(plain, words, unit, has_q=has_q, named=joint is not None)
+    if quantity is None:
+        return Guess(quantity=None, joint=joint, reason="no quantity of the simulation in its name")
+    if unit is not None and not fits(unit.si, (QUANTITIES | DERIVED)[quantity].unit):
+        return Guess(quantity=None, joint=joint, reason=f"looks like {quantity}, but its unit is {unit.symbol}")
+    # reference_1, motor_2, theta_1: the number is the quantity's own unless numbers count joints in this file.
+    if own_number is not None and (len(numbers) > 1 or joint is not None or not counted):
+        numbers.remove(own_number)
+    else:
+        quantity = re.sub(r"_2(?=_|$)", "_1", quantity) if own_number is not None else quantity
+    number = numbers[0] if len(numbers) == 1 and joint is None else None
+    if len(numbers) > 1:
+        return Guess(quantity=None, reason="more than one number in its name")
+    return Guess(quantity=quantity, number=number, joint=joint, reason=f"'{name}' reads as {quantity}")
+
+
+def _find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
+    """The joint whose name is part of the column's name, and the rest of the name."""
+    lower = name.lower()
+    for joint in sorted(joints, key=len, reverse=True):
+        for spelling in (joint.lower(), joint.lower().replace("_", "")):
+            match = re.search(rf"(?<![a-z0-9]){re.escape(spelling)}(?![0-9])", lower)
+            if match and len(spelling) > 1:
+                return joint, name[: match.start()] + " " + name[match.end() :]
+    return None, name
+
+
+def _quantity(
+    plain: list[str], words: list[str], unit: Unit | None, *, has_q: bool, named: bool
+) -> tuple[str | None, int | None]:
+    """Quantity of the words, and the number that belongs to it (motor_2, reference_1, el1)."""
+    found = set(plain)
+    if found & _FOREIGN:
+        return None, None
+    velocity, torque, reference = bool(found & _VELOCITY), bool(found & _TORQUE), bool(found & _REFERENCE)
+    si = unit.si if unit is not None else ""
+    velocity = velocity or si in ("rad/s", "m/s")
+    torque = torque or si in ("N m", "N")
+    if found & {"deflection", "defl"}:
+        return (None if velocity or torque or reference else "deflection"), None
+    if "preset" in found:
+        return "reference_2", None
+    if found & {"stiffness", "stiff", "sigma"}:
+        return (None if reference else "stiffness"), None
+    if reference:
+        if velocity or torque:
+            return None, None
+        own = _after(words, _REFERENCE)
+        return ("reference_2" if own == 2 else "reference_1"), own
+    if found & {"eq", "equilibrium"}:
+        return "equilibrium_position", None
+    if found & {"error", "err"}:
+        return (None if velocity or torque else "position_error"), None
+    if torque and found & {"el", "elastic", "spring"}:
+        own = _after(words, {"el", "elastic", "spring", "torque"})
+        return f"elastic_torque_{own if own in (1, 2) else 1}", own
+    if torque and found & {"ext", "external", "disturbance"}:
+        return "external_torque", None
+    kind = "velocity" if velocity else "torque" if torque else "position"
+    theta = "theta" in found and has_q
+    if found & _MOTOR or theta or (len(plain) > 1 and "m" in found):
+        own = None if "hub" in found else _after(words, {"motor", "mot", "rotor", "theta", "m"})
+        return f"motor_{own if own in (1, 2) else 1}_{kind}", own
+    if velocity or torque or found & _POSITION or (named and (not plain or si in ("rad", "m"))):
+        return f"link_{kind}", None
+    return None, None
+
+
+def _after(words: list[str], keys: set[str]) -> int | None:
+    """The number that follows one of the words."""
+    for word, following in pairwise(words):
+        if word in keys and following.isdigit():
+            return int(following)
+    return None

@@ -1,0 +1,107 @@
+"""`read_recording`: one entry to every format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.quantities import QUANTITIES
+from asrsim.recordings.bags import read_bag
+from asrsim.recordings.build import build
+from asrsim.recordings.data import Raw, RawSeries, Recording
+from asrsim.recordings.mapping import resolve_mapping
+from asrsim.recordings.matlab import read_mat
+from asrsim.recordings.read_csv import read_csv
+
+FORMATS = {
+    ".csv": "delimited text", ".txt": "delimited text", ".tsv": "delimited text", ".dat": "delimited text",
+    ".log": "delimited text", ".asc": "delimited text", ".mcap": "MCAP", ".bag": "ROS 1 bag", ".db3": "ROS 2 bag",
+    ".mat": "MATLAB (to version 7)",
+}  # fmt: skip
+"""File endings that are read; a folder with a metadata.yaml is a ROS 2 bag, any other ending is tried as text."""
+
+
+def read_recording(
+    path: str | PathLike[str],
+    *,
+    mapping: Mapping[str, str] | Sequence[str] | Path | None = None,
+    joints: Sequence[str] | None = None,
+    rate: float | None = None,
+) -> Recording:
+    """Reads an experiment's file.
+
+    Args:
+        path: Delimited text, MCAP (of robots or our own logs), ROS 1 or ROS 2 bag, or a MATLAB file.
+        mapping: From columns to quantities: items `COLUMN=JOINT.QUANTITY [unit]` (or `COLUMN=time [ms]`,
+            `COLUMN=ignore`), a table of the same, or a YAML file. Added to (and winning over) the YAML beside the file,
+            `lab.csv.yaml` or `lab.map.yaml`. What is not mapped is guessed from names.
+        joints: Joints of the simulation, for the guesses.
+        rate: Hz; replaces the file's time by an even one from 0, for text and MATLAB files without a time.
+
+    Returns:
+        The recording in SI units with all findings; show `guess_table(recording)` to the user.
+
+    Raises:
+        RecordingError: With what was found and what was expected.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise RecordingError(Problem(message="there is no such file", file=path, code="no-file"))
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise RecordingError(Problem(message="the sampling rate must be positive", value=rate, code="bad-rate"))
+    if path.is_file() and path.stat().st_size == 0:
+        raise RecordingError(
+            Problem(message="the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
+        )
+    maps = resolve_mapping(mapping, path)
+    suffix = path.suffix.lower()
+    try:
+        if path.is_dir():
+            if not (path / "metadata.yaml").is_file():
+                raise RecordingError(
+                    Problem(message="is a folder without a metadata.yaml, so no ROS 2 bag", file=path, code="no-bag")
+                )
+            raw = read_bag(path)
+        elif suffix == ".mcap":
+            raw = _own_log(path) if _is_own_log(path) else read_bag(path)
+        elif suffix in (".bag", ".db3"):
+            raw = read_bag(path)
+        elif suffix == ".mat":
+            raw = read_mat(path, maps, rate)
+        else:
+            raw = read_csv(path, maps, rate)
+    except OSError as error:
+        raise RecordingError(Problem(message=f"cannot be read: {error.strerror or error}", file=path, code="no-file")) from None
+    return build(path, raw, maps, joints)
+
+
+def _is_own_log(path: Path) -> bool:
+    """Whether asrsim wrote the file: the MCAP header's library says so."""
+    with path.open("rb") as stream:
+        start = stream.read(128)
+    return start[1:5] == b"MCAP" and b"asrsim " in start
+
+
+def _own_log(path: Path) -> Raw:
+    """A log of another run as a recording."""
+    from asrsim.errors import LogError
+    from asrsim.log import read_log
+
+    try:
+        log = read_log(path)
+    except LogError as error:
+        raise RecordingError(error.problems) from None
+    series = [
+        RawSeries(name=f"{joint}.{quantity}", time=log.samples.time, values=values, joint=joint, quantity=quantity)
+        for joint in log.samples.joints
+        for quantity, values in log.samples.joint(joint).items()
+        if quantity in QUANTITIES
+    ]
+    findings: tuple[Problem, ...] = ()
+    if log.truncated:
+        findings = (Problem(message="the log was cut off; read up to its last whole chunk", file=path, code="truncated"),)
+    return Raw(format="asrsim", series=tuple(series), findings=findings)

@@ -1,0 +1,192 @@
+"""From a delimited text file to series: finds the time columns and cleans them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.data import Raw, RawSeries
+from asrsim.recordings.delimited import Table, read_table
+from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.names import tokens_of
+from asrsim.recordings.timebase import clean_time, scale_time
+from asrsim.recordings.units import Unit, find_unit, split_header
+from asrsim.samples import Array
+
+_TIME_WORDS = {"time", "t", "timestamp", "stamp", "zeit", "temps", "tempo", "elapsed", "clock", "datetime", "date", "millis"}
+_MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
+
+
+def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
+    """The series of a text file on clean times. Raises RecordingError with what was found and expected."""
+    table = read_table(path)
+    findings = list(table.findings)
+    names, stated = zip(*(_name_and_unit(table, i) for i in range(len(table.layout.names))), strict=True)
+    if rate is not None:
+        time = np.arange(len(table.values)) / rate
+        bases = [(-1, time, np.ones(len(time), dtype=bool))]
+        epoch = None
+    else:
+        bases, epoch = _bases(path, table, names, stated, maps, findings)
+    series: list[RawSeries] = []
+    owner: int | None = None
+    times = {column: (time[keep], keep) for column, time, keep in bases}
+    for column, label in enumerate(table.layout.names):
+        if column in times:
+            owner = column
+            continue
+        if column in table.layout.text or column in table.layout.stamps:
+            continue
+        # Columns belong to the time column before them; those before the first belong to the first.
+        time, keep = times[owner if owner is not None else bases[0][0]]
+        unit = stated[column]
+        values = table.values[:, column]
+        series.append(RawSeries(name=label, time=time, values=_kept(values, keep), unit=unit.symbol if unit else ""))
+    if not series:
+        raise RecordingError(
+            Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
+                    file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
+        )  # fmt: skip
+    return Raw(format="csv", series=tuple(series), findings=tuple(findings), epoch=epoch)
+
+
+def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
+    kept = values[keep]
+    return np.where(np.isinf(kept), np.nan, kept)
+
+
+def _name_and_unit(table: Table, column: int) -> tuple[str, Unit | None]:
+    name, unit = split_header(table.layout.names[column])
+    own = table.layout.units[column]
+    return name, find_unit(own) if own else unit
+
+
+def _bases(
+    path: Path,
+    table: Table,
+    names: Sequence[str],
+    stated: Sequence[Unit | None],
+    maps: Sequence[ColumnMap],
+    findings: list[Problem],
+) -> tuple[list[tuple[int, Array, NDArray[np.bool_]]], float | None]:
+    """Every time column: its index, its time in s and the rows to keep; and the Unix time of the first one's zero."""
+    columns, factors = _time_columns(path, table, names, stated, maps, findings)
+    bases: list[tuple[int, Array, NDArray[np.bool_]]] = []
+    epoch: float | None = None
+    for column in columns:
+        label = table.layout.names[column]
+        values = table.values[:, column]
+        if column in table.layout.stamps:
+            time, start = values, table.epoch
+        else:
+            time, start, found = scale_time(values, factors.get(column), path=path, name=label)
+            findings += found
+        lines = table.lines
+        if bases:
+            # A further time column may simply be shorter than the table.
+            first, other, _ = bases[0]
+            both = np.isfinite(time) & np.isfinite(other)
+            if both.sum() > 1 and _same_clock(time[both], other[both]):
+                findings.append(
+                    Problem(message=f"is the same clock as '{table.layout.names[first]}', which is used", file=path, key=label,
+                            code="second-time")
+                )  # fmt: skip
+                bases.append((column, other, bases[0][2]))
+                continue
+            findings.append(
+                Problem(message=f"is a second time base beside '{table.layout.names[first]}'; the columns after it use it",
+                        file=path, key=label, code="second-time-base")
+            )  # fmt: skip
+            filled = np.isfinite(time)
+            keep = np.zeros(len(time), dtype=bool)
+            kept, found = clean_time(time[filled], lines[filled], path=path, name=label)
+            keep[np.flatnonzero(filled)[kept]] = True
+        else:
+            epoch = start
+            keep, found = clean_time(time, lines, path=path, name=label)
+        findings += found
+        bases.append((column, time, keep))
+    return bases, epoch
+
+
+def _same_clock(a: Array, b: Array) -> bool:
+    """Whether two times tell the same but for their zero."""
+    step = float(np.median(np.abs(np.diff(a)))) or 1e-9
+    difference = a - b
+    return bool(np.max(np.abs(difference - np.median(difference))) < 0.5 * step)
+
+
+def _time_columns(
+    path: Path,
+    table: Table,
+    names: Sequence[str],
+    stated: Sequence[Unit | None],
+    maps: Sequence[ColumnMap],
+    findings: list[Problem],
+) -> tuple[list[int], dict[int, float]]:
+    """The columns that hold time, and s per unit where it is known."""
+    labels = table.layout.names
+    factors = {i: unit.factor for i, unit in enumerate(stated) if unit is not None and unit.si == "s"}
+    for one in maps:
+        if one.role != "time":
+            continue
+        index = find_column(one.column, labels)
+        if index is None:
+            raise RecordingError(
+                Problem(message="there is no such column for the time", file=path, key=one.column, choices=tuple(labels),
+                        code="no-time")
+            )  # fmt: skip
+        if one.unit is not None:
+            factors[index] = one.unit.factor
+        return [index], factors
+    mapped = {find_column(one.column, labels) for one in maps}
+    free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
+    named = [i for i in free if _is_time(names[i], stated[i])]
+    if named or table.layout.stamps:
+        return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
+    rising = [i for i in free if _rises(table.values[:, i])]
+    if rising:
+        findings.append(
+            Problem(message="no column is named as the time; this one rises evenly and is taken", file=path,
+                    key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
+        )  # fmt: skip
+        return rising[:1], factors
+    raise RecordingError(
+        Problem(message=f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
+                hint="Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate")
+    )  # fmt: skip
+
+
+def find_column(wanted: str, labels: Sequence[str]) -> int | None:
+    """Index of a column by its header, with or without unit, by case-blind name, or by its number from 1."""
+    plain = [split_header(label)[0] for label in labels]
+    for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
+        for spelling in (wanted, wanted.lower()):
+            if spelling in candidates:
+                return list(candidates).index(spelling)
+    if wanted.lstrip("#").isdigit() and 1 <= int(wanted.lstrip("#")) <= len(labels):
+        return int(wanted.lstrip("#")) - 1
+    return None
+
+
+def _is_time(name: str, unit: Unit | None) -> bool:
+    words = {word for word in tokens_of(name) if not word.isdigit()}
+    if unit is not None and unit.si != "s":
+        return False
+    if words & _MEASURED and not words & {"stamp", "timestamp"}:
+        return False
+    return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+
+
+def _rises(values: Array) -> bool:
+    """Increases nearly always, by nearly the same step."""
+    finite = values[np.isfinite(values)]
+    if len(finite) < 3 or len(finite) < 0.9 * len(values):
+        return False
+    steps = np.diff(finite)
+    typical = float(np.median(steps))
+    return typical > 0 and float(np.mean(np.abs(steps - typical) < typical)) > 0.95

@@ -1,0 +1,166 @@
+"""Time columns: their unit, duplicates, backward steps, gaps and jitter. Everything that is dropped is reported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.samples import Array
+
+EPOCH = 1e8
+"""Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
+_LISTED = 8
+
+
+def lines_text(lines: NDArray[np.int64] | list[int]) -> str:
+    """`line 4`, `lines 4, 7, 9` or `lines 4, 7, ... (312 in all)`."""
+    numbers = [int(line) for line in lines]
+    if len(numbers) == 1:
+        return f"line {numbers[0]}"
+    listed = ", ".join(str(number) for number in numbers[:_LISTED])
+    return f"lines {listed}" + (f", ... ({len(numbers)} in all)" if len(numbers) > _LISTED else "")
+
+
+def scale_time(values: Array, factor: float | None, *, path: Path, name: str) -> tuple[Array, float | None, list[Problem]]:
+    """Time in s, the Unix time of its zero for absolute stamps (else None), and what was assumed.
+
+    `factor` is s per unit where the unit is stated; else the unit is inferred: absolute stamps by their size, others so that
+    a sample takes at most 0.2 s (0.002 is s, 2 is ms, 2000 is us, 2000000 is ns).
+    """
+    findings: list[Problem] = []
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        raise RecordingError(Problem(message="the time column has no number", file=path, key=name, code="no-time"))
+    steps = np.abs(np.diff(finite))
+    steps = steps[steps > 0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    size = abs(float(np.median(finite)))
+    if factor is None:
+        if size > EPOCH and size > 1e3 * step:
+            # Unix time: s ~ 1.7e9, ms ~ 1.7e12, us ~ 1.7e15, ns ~ 1.7e18.
+            factor = next(f for f, top in ((1.0, 1e11), (1e-3, 1e14), (1e-6, 1e17), (1e-9, np.inf)) if size < top)
+        else:
+            factor = next(f for f, top in ((1.0, 0.2), (1e-3, 200.0), (1e-6, 2e5), (1e-9, np.inf)) if step <= top)
+        if factor != 1.0:
+            unit = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[factor]
+            findings.append(
+                Problem(
+                    message=f"time states no unit; read as {unit}, since its samples are {step:g} apart",
+                    file=path, key=name, hint=f"Say otherwise with --map '{name}=time [s]'", code="time-unit-assumed",
+                )
+            )  # fmt: skip
+    if size * factor > EPOCH:
+        zero = float(finite[0])
+        return (values - zero) * factor, zero * factor, findings
+    return values * factor, None, findings
+
+
+def clean_time(
+    time: Array, lines: NDArray[np.int64] | None, *, path: Path, name: str
+) -> tuple[NDArray[np.bool_], list[Problem]]:
+    """Which samples to keep so that time increases strictly, and what was found. Raises RecordingError for two time bases.
+
+    Of samples with one time stamp the first is kept. A backward step is dropped sample by sample until time passes the
+    last good one; if that concerns more than a tenth of the file, its time starts anew and it is an error.
+    """
+    where = np.arange(1, len(time) + 1) if lines is None else lines
+    noun = "sample" if lines is None else "line"
+    findings: list[Problem] = []
+    valid = np.isfinite(time)
+    if not valid.all():
+        bad = where[~valid]
+        findings.append(
+            Problem(message=f"{len(bad)} rows without a valid time are dropped: {lines_text(bad)}", file=path,
+                    line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
+        )  # fmt: skip
+    t, w = time[valid], where[valid]
+    if len(t) < 2:
+        raise RecordingError(
+            Problem(message=f"{len(t)} samples with a valid time; at least 2 are needed", file=path, key=name, code="too-short")
+        )
+    _one_base(t, w, path=path, name=name, noun=noun)
+    top = np.maximum.accumulate(t)
+    fresh = np.concatenate(([True], t[1:] > top[:-1]))
+    duplicate = ~fresh & (t == top)
+    backward = ~fresh & ~duplicate
+    # A repeat of an older stamp within a backward stretch counts as backward, which it is.
+    if backward.sum() > 0.1 * len(t):
+        first = int(np.flatnonzero(backward)[0])
+        raise RecordingError(
+            Problem(
+                message=f"time jumps back from {t[first - 1]:g} s to {t[first]:g} s at {noun} {w[first]} and stays behind: "
+                "two time bases or two recordings in one file",
+                file=path, line=int(w[first]) if lines is not None else None, key=name,
+                hint="Expected one time that increases; split the file there", code="two-time-bases",
+            )
+        )  # fmt: skip
+    for mask, what, code in (
+        (duplicate, "duplicate time stamps", "duplicate-time"),
+        (backward, "time stamps that go backward", "backward-time"),
+    ):
+        if mask.any():
+            bad = w[mask]
+            place = lines_text(bad) if lines is not None else lines_text(bad).replace("line", "sample")
+            hint = None
+            if mask is duplicate and mask.sum() > 0.2 * len(t):
+                hint = "Time is written with too few digits; give the sampling rate with --rate to keep all samples"
+            findings.append(
+                Problem(message=f"{len(bad)} {what}, dropped: {place}", file=path,
+                        line=int(bad[0]) if lines is not None else None, key=name, hint=hint, code=code)
+            )  # fmt: skip
+    findings += _spacing(t[fresh], w[fresh], path=path, name=name, numbered=lines is not None)
+    keep = np.zeros(len(time), dtype=bool)
+    keep[np.flatnonzero(valid)[fresh]] = True
+    return keep, findings
+
+
+def _one_base(t: Array, where: NDArray[np.int64], *, path: Path, name: str, noun: str) -> None:
+    """Raise where one step dwarfs all the others: a clock that was set, or two clocks in one column."""
+    steps = np.abs(np.diff(t))
+    if len(steps) < 3:
+        return
+    worst = int(np.argmax(steps))
+    rest = float(np.sum(np.delete(steps, worst))) or float(np.median(steps))
+    if steps[worst] > max(1e3 * rest, 3600.0) and rest > 0:
+        raise RecordingError(
+            Problem(
+                message=f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s at {noun} {where[worst + 1]}: two time bases",
+                file=path, line=int(where[worst + 1]) if noun == "line" else None, key=name,
+                hint="Expected one clock over the whole file; split it or repair the time", code="two-time-bases",
+            )
+        )  # fmt: skip
+
+
+def _spacing(t: Array, where: NDArray[np.int64], *, path: Path, name: str, numbered: bool) -> list[Problem]:
+    """Dropped samples and jitter of increasing times."""
+    findings: list[Problem] = []
+    if len(t) < 4:
+        return findings
+    steps = np.diff(t)
+    typical = float(np.median(steps))
+    gaps = np.flatnonzero(steps > 1.7 * typical)
+    if len(gaps):
+        missing = int(np.sum(np.round(steps[gaps] / typical) - 1))
+        worst = gaps[np.argmax(steps[gaps])]
+        place = f" after line {where[worst]}" if numbered else ""
+        findings.append(
+            Problem(
+                message=f"{missing} samples are missing in {len(gaps)} gaps; the longest is {steps[worst]:.4g} s at "
+                f"t = {t[worst]:.6g} s{place}",
+                file=path, line=int(where[gaps[0]]) if numbered else None, key=name, code="dropped-samples",
+            )
+        )  # fmt: skip
+    regular = steps[steps <= 1.7 * typical]
+    jitter = float(np.std(regular))
+    if jitter > 0.01 * typical:
+        findings.append(
+            Problem(
+                message=f"samples are {typical * 1e3:.4g} ms apart with a jitter of {jitter * 1e3:.2g} ms (standard "
+                f"deviation), {np.min(steps) * 1e3:.4g} to {np.max(steps) * 1e3:.4g} ms",
+                file=path, key=name, code="jitter",
+            )
+        )  # fmt: skip
+    return findings

@@ -1,0 +1,129 @@
+"""Units of columns: symbols found in headers, their SI unit and factor. Nothing is converted without being said."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from asrsim.errors import Problem, RecordingError, did_you_mean
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as written, what it is in SI, and the factor to it."""
+
+    symbol: str
+    si: str
+    factor: float
+
+
+_DEGREE = math.pi / 180
+_TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
+    # SI unit, factor, spellings (compared without spaces; case matters only where two units differ by it)
+    ("rad", 1.0, ("rad", "rads", "radian", "radians")),
+    ("rad", 1e-3, ("mrad",)),
+    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "grad°")),
+    ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
+    ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "radps", "rads-1", "rad*s-1", "rad.s-1")),
+    ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
+    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "degps", "dps", "°/s")),
+    ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min")),
+    ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
+    ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
+    ("rad/s^2", _DEGREE, ("deg/s^2", "deg/s2", "deg_s2")),
+    ("N m", 1.0, ("Nm", "N*m", "N.m", "N·m", "N_m", "newtonmetre", "newtonmeter")),
+    ("N m", 1e-3, ("mNm", "mN*m", "mN.m", "mN_m", "Nmm", "N*mm")),
+    ("N m", 1e-2, ("Ncm", "cNm", "N*cm")),
+    ("N m", 1e3, ("kNm",)),
+    ("N m", 9.80665e-2, ("kgcm", "kgf.cm", "kgf*cm", "kgfcm")),
+    ("N m/rad", 1.0, ("Nm/rad", "N*m/rad", "N.m/rad", "Nm_rad", "Nm_per_rad")),
+    ("N m/rad", 1e-3, ("mNm/rad",)),
+    ("N m/rad", 1 / _DEGREE, ("Nm/deg", "Nm/°", "Nm_per_deg")),
+    ("N", 1.0, ("N", "newton", "newtons")),
+    ("N", 1e3, ("kN",)),
+    ("N", 1e-3, ("mN",)),
+    ("m", 1.0, ("m", "metre", "meter", "metres", "meters")),
+    ("m", 1e-2, ("cm",)),
+    ("m", 1e-3, ("mm", "millimetre", "millimeter")),
+    ("m", 1e-6, ("um", "µm", "μm")),
+    ("m/s", 1.0, ("m/s", "m_s", "m_per_s")),
+    ("m/s", 1e-3, ("mm/s", "mm_s")),
+    ("m/s^2", 1.0, ("m/s^2", "m/s2", "m_s2")),
+    ("s", 1.0, ("s", "sec", "secs", "second", "seconds", "sek")),
+    ("s", 1e-3, ("ms", "msec", "millis", "millisecond", "milliseconds")),
+    ("s", 1e-6, ("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds")),
+    ("s", 1e-9, ("ns", "nsec", "nanos", "nanosecond", "nanoseconds")),
+    ("s", 60.0, ("min", "minutes")),
+    ("A", 1.0, ("A", "amp", "amps", "ampere")),
+    ("A", 1e-3, ("mA",)),
+    ("V", 1.0, ("V", "volt", "volts")),
+    ("V", 1e-3, ("mV",)),
+    ("J", 1.0, ("J", "joule", "joules")),
+    ("W", 1.0, ("W", "watt", "watts")),
+    ("Hz", 1.0, ("Hz",)),
+    ("degC", 1.0, ("°C", "degC", "celsius")),
+    ("1", 1.0, ("1", "-")),
+    ("1", 1e-2, ("%", "percent")),
+)
+UNITS: dict[str, Unit] = {spelling: Unit(spelling, si, factor) for si, factor, spellings in _TABLE for spelling in spellings}
+"""Every spelling that is understood."""
+_LOWER: dict[str, Unit] = {}
+for _spelling, _unit in UNITS.items():
+    if len(_spelling) > 2 or _spelling in ("ms", "us", "ns", "cm", "mm", "nm", "hz"):
+        _LOWER.setdefault(_spelling.lower(), _unit)
+_LOWER["nm"] = UNITS["Nm"]
+_LOWER["hz"] = UNITS["Hz"]
+
+# Last tokens that look like a unit but are part of the name: theta_m is a motor's angle, q_s no second.
+_SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
+_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
+_SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S.*)$")
+
+
+def find_unit(text: str) -> Unit | None:
+    """The unit of that spelling, or None."""
+    plain = text.strip().strip("[](){}<>").replace(" ", "").replace("²", "^2")
+    return UNITS.get(plain) or _LOWER.get(plain.lower())
+
+
+def parse_unit(text: str) -> Unit:
+    """The unit of that spelling; raises RecordingError naming the known ones."""
+    unit = find_unit(text)
+    if unit is None:
+        raise RecordingError(
+            Problem(
+                message="is not a unit that is known here",
+                value=text,
+                hint=did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}",
+                code="unknown-unit",
+            )
+        )
+    return unit
+
+
+def split_header(header: str) -> tuple[str, Unit | None]:
+    """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
+    text = header.strip().strip("\"'").strip()
+    for pattern in (_BRACKETS, _SLASH):
+        match = pattern.match(text)
+        if match and match["name"] and (unit := find_unit(match["unit"])):
+            return match["name"].strip().rstrip("_").strip(), unit
+    tokens = re.split(r"[_\s]+", text)
+    for count in (3, 2, 1):
+        if len(tokens) <= count:
+            continue
+        name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
+        found = UNITS.get(tail) or (_LOWER.get(tail.lower()) if len(tail) > 1 else None)
+        if found is None or tail in ("1", "-", "min"):
+            continue
+        if len(tail) == 1 and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
+            continue
+        return name, found
+    return text, None
+
+
+def fits(unit: str, quantity_unit: str) -> bool:
+    """Whether a column's SI unit can be a quantity's: equal, or its counterpart of a prismatic joint."""
+    prismatic = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
+    return unit in ("", quantity_unit) or quantity_unit == "" or prismatic.get(quantity_unit) == unit
