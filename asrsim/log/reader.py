@@ -13,9 +13,10 @@ from mcap.exceptions import McapError
 
 from asrsim.errors import LogError, Problem, did_you_mean
 from asrsim.log.cdr import Column
+from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
-from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_chunk, read_structure
+from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_structure
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array, RunInfo, Samples
 

@@ -20,8 +20,7 @@ from asrsim.errors import LogError, Problem
 from asrsim.log.storage import MAGIC
 
 _FOOTER_SIZE = 29
-_LARGEST_CHUNK = 1 << 30
-_CHUNK_HEAD = struct.Struct("<QQQI")
+CHUNK_HEAD = struct.Struct("<QQQI")
 """Start and end time, uncompressed size and its CRC: what a chunk record begins with."""
 
 
@@ -145,8 +144,8 @@ def _scan(file: BinaryIO, size: int, structure: Structure) -> None:
         position += 9
         if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or length > size - position:
             return
-        if opcode == Opcode.CHUNK and length >= _CHUNK_HEAD.size:
-            start, end, _, _ = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
+        if opcode == Opcode.CHUNK and length >= CHUNK_HEAD.size:
+            start, end, _, _ = CHUNK_HEAD.unpack(file.read(CHUNK_HEAD.size))
             structure.chunks.append(ChunkPlace(offset=position, length=length, start=start, end=end))
         elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA):
             _keep(opcode, file.read(length), structure)
@@ -163,51 +162,3 @@ def _keep(opcode: int, content: bytes, structure: Structure) -> None:
     elif opcode == Opcode.METADATA:
         metadata = Metadata.read(stream(content))
         structure.metadata[metadata.name] = metadata.metadata
-
-
-def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
-    """The messages of a chunk, decompressed and checked; raises ValueError if it is damaged."""
-    file.seek(place.offset)
-    content = file.read(place.length)
-    if len(content) < place.length:
-        raise ValueError("a chunk ends early")
-    _, _, size, crc = _CHUNK_HEAD.unpack_from(content)
-    (name_length,) = struct.unpack_from("<I", content, _CHUNK_HEAD.size)
-    data_start = _CHUNK_HEAD.size + 4 + name_length
-    name = content[data_start - name_length : data_start].decode()
-    (packed_size,) = struct.unpack_from("<Q", content, data_start)
-    packed = content[data_start + 8 :]
-    if packed_size != len(packed):
-        raise ValueError("a chunk has another length than it says")
-    data = _decompress(name, packed, size)
-    if len(data) != size or (crc and zlib.crc32(data) != crc):
-        raise ValueError("a chunk does not match its checksum")
-    return data
-
-
-def _decompress(name: str, packed: bytes, size: int) -> bytes:
-    # Memory is not given to whatever a damaged or hostile file asks for.
-    if size > _LARGEST_CHUNK:
-        raise ValueError("a chunk claims more data than it can hold")
-    if name == "":
-        return packed
-    if name == "zstd":
-        import zstandard
-
-        try:
-            if zstandard.frame_content_size(packed) not in (-1, size):
-                raise ValueError("a chunk has another length than it says")
-            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-        except zstandard.ZstdError as error:
-            raise ValueError(f"a chunk cannot be decompressed: {error}") from error
-    if name == "lz4":
-        import lz4.frame
-
-        try:
-            if lz4.frame.get_frame_info(packed)["content_size"] not in (0, size):
-                raise ValueError("a chunk has another length than it says")
-            unpacked: bytes = lz4.frame.decompress(packed)
-        except RuntimeError as error:
-            raise ValueError(f"a chunk cannot be decompressed: {error}") from error
-        return unpacked
-    raise ValueError(f"a chunk's compression '{name}' is not known")
