@@ -6,12 +6,18 @@ import sys
 
 import typer
 
+from asrsim.cli import actuators, check
+
 app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False)
 
 
 @app.callback()
 def root() -> None:
     """Simulate articulated soft robots: joints driven through springs or variable-stiffness actuators."""
+
+
+app.command()(check.check)
+app.command()(actuators.actuators)
 
 
 def main() -> None:

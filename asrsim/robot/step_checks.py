@@ -1,7 +1,8 @@
 """What a time step means for a robot, estimated from its file: stiff springs, damping and gains past their limits.
 
 Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit
-and the motors' torque let a spring reach. The simulation itself works with exact mass matrices and chooses its substeps by them.
+and the motors' torque let a spring reach. The simulation itself works with
+exact mass matrices and chooses its substeps by them.
 """
 
 from __future__ import annotations
@@ -72,10 +73,8 @@ def largest_stiffness(actuator: type[Actuator], parameters: Mapping[str, float],
         2.0 * parameters["motor_1_max_torque"] if motors else math.inf,
         2.0 * parameters["motor_2_max_torque"] if motors and actuator.motors == 2 else math.inf,
     )
-    if actuator.motors == 2:
-        rays = [(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)]
-    else:
-        rays = [(-1.0, 0.0), (1.0, 0.0)]
+    sides = (-1.0, 0.0, 1.0)
+    rays = [(x, y) for x in sides for y in (sides if actuator.motors == 2 else (0.0,))]
 
     def positions(ray: tuple[float, float], part: float) -> tuple[float, float]:
         second = actuator.typical_preset if actuator.adjuster else part * limit * ray[1]
@@ -155,8 +154,8 @@ def _findings(robot: Robot, joint: Joint, block: ActuatorBlock | None, figures: 
     if figures.spring >= 2.0:
         cure = f"asrsim takes about {figures.substeps} substeps" if figures.substeps else "no number of substeps resolves it"
         warn(
-            f"the spring is too stiff {at}: omega h reaches 2 or more at the largest deflection it can reach (approximate, zero pose); "
-            "the toolbox would be unstable or settle wrongly",
+            f"the spring is too stiff {at}: omega h reaches 2 or more (approximate: zero pose, largest "
+            "reachable deflection); the toolbox would be unstable or settle wrongly",
             "stiff-spring", line, f"omega h = {figures.spring:.3g}", cure,
         )  # fmt: skip
     if figures.damping > 2.0:

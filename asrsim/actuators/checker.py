@@ -1,0 +1,282 @@
+"""A generic checker of actuators, ours and users': do the laws agree with each other and with physics?
+
+Every check samples the laws at seeded random points: deflections inside the limit, the defaults and perturbed
+parameters. It says what it measured, and where the worst point is.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from asrsim.actuators import Actuator
+from asrsim.actuators.user import declaration_problems
+
+FREE_RANGE = 0.5
+"""rad, deflections sampled for an actuator without a `max_deflection`."""
+SAMPLES = 200
+PARAMETER_SETS = 6
+_FAR = 4.0
+"""Deflections up to this multiple of the limit must still give finite torques."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One check's verdict."""
+
+    name: str
+    passed: bool
+    doc: str
+    """What was asked."""
+    figure: float | None = None
+    """The worst value found."""
+    limit: float | None = None
+    """What `figure` had to stay within."""
+    detail: str = ""
+    """Where the worst value is, or what went wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckReport:
+    """All checks of one actuator."""
+
+    actuator: str
+    title: str
+    checks: tuple[Check, ...] = field(default_factory=tuple)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+
+@dataclass(frozen=True)
+class _Point:
+    q: float
+    theta_1: float
+    theta_2: float
+    parameters: tuple[float, ...]
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{value:.6g}" for value in self.parameters)
+        return f"q={self.q:.4g}, theta_1={self.theta_1:.4g}, theta_2={self.theta_2:.4g}, parameters=({values})"
+
+
+def check_actuator(actuator: type[Actuator]) -> CheckReport:
+    """Run every check; laws that raise fail theirs. Nothing is raised."""
+    problems = declaration_problems(actuator)
+    declaration = Check(
+        name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as the contract asks",
+        detail="; ".join(f"{problem.key}: {problem.message}" for problem in problems),
+    )  # fmt: skip
+    checks = [declaration]
+    if not problems:
+        for name, doc, limit, measure in _CHECKS:
+            checks.append(_run(name, doc, limit, measure, actuator))
+    return CheckReport(
+        actuator=str(getattr(actuator, "name", actuator.__name__)),
+        title=str(getattr(actuator, "title", actuator.__name__)),
+        checks=tuple(checks),
+    )
+
+
+class _FailedError(Exception):
+    """A check failed in a way that is no figure."""
+
+
+_Measure = Callable[[type[Actuator]], Iterator[tuple[float, str]]]
+
+
+def _run(name: str, doc: str, limit: float | None, measure: _Measure, actuator: type[Actuator]) -> Check:
+    worst, where = 0.0, ""
+    try:
+        for figure, place in measure(actuator):
+            if math.isnan(figure):
+                raise _FailedError(f"not a number at {place}")
+            if figure > worst:
+                worst, where = figure, place
+    except _FailedError as error:
+        return Check(name=name, passed=False, doc=doc, limit=limit, detail=str(error))
+    except Exception as error:
+        return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"raised {type(error).__name__}: {error}")
+    passed = limit is None or worst <= limit
+    return Check(name=name, passed=passed, doc=doc, figure=worst, limit=limit, detail=where if worst > 0.0 else "")
+
+
+# -- what is sampled ---------------------------------------------------------------------------------------------------
+
+
+def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
+    """The defaults, and sets with every spring parameter changed by up to 30 %, inside its bounds."""
+    source = random.Random(1)
+    sets = [tuple(float(parameter.default) for parameter in actuator.parameters)]
+    for _ in range(PARAMETER_SETS - 1 if actuator.parameters else 0):
+        values = []
+        for parameter in actuator.parameters:
+            value = parameter.default * source.uniform(0.7, 1.3)
+            values.append(parameter.default if parameter.fault(value) else value)
+        sets.append(tuple(values))
+    return sets
+
+
+def _limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
+    for parameter, value in zip(actuator.parameters, parameters, strict=True):
+        if parameter.name == "max_deflection":
+            return value
+    return FREE_RANGE
+
+
+def _points(actuator: type[Actuator], reach: float = 0.98, *, defaults: bool = False) -> Iterator[_Point]:
+    """Points with deflections up to `reach` times the limit."""
+    source = random.Random(2)
+    sets = parameter_sets(actuator)[: 1 if defaults else None]
+    for parameters in sets:
+        limit = reach * _limit_of(actuator, parameters)
+        for _ in range(SAMPLES):
+            q = source.uniform(-2.0, 2.0)
+            theta_1 = q + source.uniform(-limit, limit)
+            if actuator.adjuster:
+                theta_2 = actuator.typical_preset * source.uniform(0.5, 1.5)
+            else:
+                theta_2 = q + source.uniform(-limit, limit)
+            yield _Point(q, theta_1, theta_2, parameters)
+
+
+def _torque(actuator: type[Actuator], point: _Point, q: float | None = None) -> float:
+    tau_1, tau_2 = actuator.elastic_torques(point.q if q is None else q, point.theta_1, point.theta_2, point.parameters)
+    return tau_1 + tau_2
+
+
+# -- the checks --------------------------------------------------------------------------------------------------------
+
+
+def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    points = list(_points(actuator))
+    first = []
+    for point in points:
+        torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
+        stiffness = actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters)
+        if not isinstance(torques, tuple) or len(torques) != 2:
+            raise _FailedError(f"elastic_torques must return two numbers as a tuple, got {torques!r}")
+        if not all(isinstance(value, float) for value in (*torques, stiffness)):
+            raise _FailedError(f"laws must return floats, got {torques!r} and {stiffness!r} at {point}")
+        first.append((*torques, stiffness))
+    for point, earlier in zip(reversed(points), reversed(first), strict=True):
+        torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
+        again = (*torques, actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters))
+        if again != earlier and not any(map(math.isnan, earlier)):
+            raise _FailedError(f"the same input gave {earlier} and {again}: the law has a state; at {point}")
+    yield 0.0, ""
+
+
+def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    has_limit = any(parameter.name == "max_deflection" for parameter in actuator.parameters)
+    for point in _points(actuator, _FAR if has_limit else 1.0):
+        try:
+            torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
+            values = (*torques, actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters))
+        except ArithmeticError as error:
+            raise _FailedError(f"{type(error).__name__} at {point}") from error
+        if not all(map(math.isfinite, values)):
+            raise _FailedError(f"not finite at {point}: {values}")
+    yield 0.0, ""
+
+
+def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    points = list(_points(actuator, 0.95))  # off the limit, where the slope breaks
+    stated = [actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters) for point in points]
+    # Where a law is flat its slope has no relative error: the largest stiffness sets a floor.
+    floor = max(1e-4 * max(map(abs, stated)), 1e-12)
+    for point, value in zip(points, stated, strict=True):
+        # Smaller differences serve where the first one happens to reach over a corner of the law.
+        h = 1e-3 * _limit_of(actuator, point.parameters)
+        slopes = [_slope(actuator, point, part * h) for part in (1.0, 0.03, 0.001)]
+        figure, slope = min((abs(value - slope) / max(abs(value), abs(slope), floor), slope) for slope in slopes)
+        yield figure, f"{point}: stiffness {value:.6g}, slope {slope:.6g}"
+
+
+def _slope(actuator: type[Actuator], point: _Point, h: float) -> float:
+    """-d tau_q / dq by a fourth-order central difference."""
+    far = _torque(actuator, point, point.q - 2 * h) - _torque(actuator, point, point.q + 2 * h)
+    near = _torque(actuator, point, point.q - h) - _torque(actuator, point, point.q + h)
+    return (8.0 * near - far) / (12.0 * h)
+
+
+def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    for point in _points(actuator):
+        stiffness = actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters)
+        yield max(0.0, -stiffness), f"{point}: stiffness {stiffness:.6g} N m/rad"
+
+
+def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    """Work round closed loops of link and motors, against the work that goes to and fro in them."""
+    source = random.Random(3)
+    for parameters in parameter_sets(actuator):
+        limit = _limit_of(actuator, parameters)
+        for loop in range(8):
+            amplitudes = [source.uniform(0.1, 0.3) * limit for _ in range(3)]
+            phases = [source.uniform(0.0, 2.0 * math.pi) for _ in range(3)]
+            frozen = loop < 2
+            if frozen:
+                amplitudes[1] = amplitudes[2] = 0.0
+            offset = 0.0 if actuator.motors == 1 else source.uniform(-0.3, 0.3) * limit
+            work, moved = _loop_work(actuator, parameters, amplitudes, phases, offset)
+            kind = "motors frozen" if frozen else "motors moving"
+            yield (abs(work) / moved if moved > 0.0 else 0.0), f"{kind}: {work:.3g} J of {moved:.3g} J in one loop"
+
+
+def _loop_work(
+    actuator: type[Actuator], parameters: tuple[float, ...], amplitudes: list[float], phases: list[float], offset: float
+) -> tuple[float, float]:
+    """Work taken by the spring round an ellipse, and the sum of its magnitude. The periodic trapezoid rule is exact here."""
+    count = 400
+    work = moved = 0.0
+    for k in range(count):
+        angle = 2.0 * math.pi * k / count
+        q, theta_1, theta_2 = (a * math.sin(angle + p) for a, p in zip(amplitudes, phases, strict=True))
+        dq, d_1, d_2 = (a * math.cos(angle + p) * 2.0 * math.pi / count for a, p in zip(amplitudes, phases, strict=True))
+        if actuator.adjuster:
+            theta_2, d_2 = actuator.typical_preset, 0.0
+        tau_1, tau_2 = actuator.elastic_torques(
+            q, theta_1 + offset, theta_2 if actuator.adjuster else theta_2 - offset, parameters
+        )
+        power = tau_1 * d_1 + tau_2 * d_2 - (tau_1 + tau_2) * dq
+        work += power
+        moved += abs(power)
+    return work, moved
+
+
+def _reference_map(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    source = random.Random(4)
+    for _ in range(50):
+        equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
+        theta_1, theta_2 = actuator.motor_references(equilibrium, preset)
+        back = actuator.equilibrium_position(theta_1, theta_2)
+        yield abs(back - equilibrium), f"equilibrium {equilibrium:.4g}, preset {preset:.4g}: comes back as {back:.6g}"
+
+
+def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    source = random.Random(5)
+    parameters = parameter_sets(actuator)[0]
+    limit = _limit_of(actuator, parameters)
+    for _ in range(50):
+        equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
+        theta_1, theta_2 = actuator.motor_references(equilibrium, preset)
+        point = _Point(equilibrium, theta_1, theta_2, parameters)
+        tau_1, tau_2 = actuator.elastic_torques(point.q, theta_1, theta_2, parameters)
+        stiffness = actuator.stiffness(point.q, theta_1, theta_2, parameters)
+        scale = max(abs(tau_1), abs(tau_2), abs(stiffness) * limit, 1e-12)
+        yield abs(tau_1 + tau_2) / scale, f"{point}: {tau_1 + tau_2:.3g} N m on the unloaded link"
+
+
+_CHECKS: tuple[tuple[str, str, float | None, _Measure], ...] = (
+    ("pure", "the same input gives the same floats, in any order", None, _pure),
+    ("finite", "torques and stiffness are finite over the range and beyond the limit", None, _finite),
+    ("stiffness", "the stiffness is minus the torque's slope in q (relative error)", 1e-6, _stiffness_agrees),
+    ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
+    ("passive", "no work is made round closed loops of link and motors (share of the work moved)", 1e-9, _passive),
+    ("reference map", "equilibrium_position undoes motor_references (rad)", 1e-9, _reference_map),
+    ("rest", "at the equilibrium the unloaded link feels no torque (share of the springs' torque)", 1e-9, _rest),
+)

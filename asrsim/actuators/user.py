@@ -1,0 +1,177 @@
+"""Users' own actuators: a Python file named on the command line, its classes checked and registered."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+import sys
+import traceback
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+
+from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.actuators.parameters import Parameter
+from asrsim.errors import ActuatorError, Problem
+
+
+def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
+    """Run a user's file and register every actuator class that it defines; a file may be loaded again.
+
+    The file is run as the Python that it is: name only files that you trust. Classes whose names begin with an
+    underscore are left out. Raises ActuatorError with file and line if the file is missing, raises, defines no actuator,
+    or defines a malformed one.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ActuatorError(Problem(message="no such plugin file", file=path, code="missing-file"))
+    module = _run(path)
+    found = [
+        entry
+        for name, entry in vars(module).items()
+        if inspect.isclass(entry)
+        and issubclass(entry, Actuator)
+        and entry.__module__ == module.__name__
+        and not name.startswith("_")
+    ]
+    if not found:
+        raise ActuatorError(
+            Problem(
+                message="defines no actuator", file=path, code="no-actuator",
+                hint="Derive a class from asrsim.actuators.Actuator",
+            )
+        )  # fmt: skip
+    problems = [problem for actuator in found for problem in declaration_problems(actuator)]
+    names = [getattr(actuator, "name", None) for actuator in found]
+    problems.extend(_taken(path, found))
+    problems.extend(
+        _problem(
+            actuator, f"two classes of this file are called '{actuator.name}'", "name-taken", key=f"{actuator.__name__}.name"
+        )
+        for i, actuator in enumerate(found)
+        if names[i] is not None and names[i] in names[:i]
+    )
+    if problems:
+        raise ActuatorError(problems)
+    for actuator in found:
+        ACTUATORS.add(actuator.name, actuator, replace=True)
+    return tuple(found)
+
+
+def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
+    """Everything in the class's declaration that breaks the contract of :class:`Actuator`."""
+    return tuple(_attributes(actuator)) + tuple(_laws(actuator)) + tuple(_parameters(actuator))
+
+
+def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
+    name = getattr(actuator, "name", None)
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        yield _problem(
+            actuator, "must be a name of small letters, digits and underscores; lib<name>_plugin.so finds it", "bad-declaration",
+            key="name", value=name,
+        )  # fmt: skip
+    for key in ("title", "source"):
+        if not isinstance(getattr(actuator, key, None), str):
+            yield _problem(actuator, "must be given, as text", "bad-declaration", key=key)
+    if actuator.motors not in (1, 2):
+        yield _problem(actuator, "must be 1 or 2", "bad-declaration", key="motors", value=actuator.motors)
+    preset = actuator.typical_preset
+    if not isinstance(preset, (int, float)) or not math.isfinite(preset):
+        yield _problem(actuator, "must be a finite number", "bad-declaration", key="typical_preset", value=preset)
+
+
+def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
+    for law, required, count in (
+        ("elastic_torques", True, 4),
+        ("stiffness", True, 4),
+        ("motor_references", False, 2),
+        ("equilibrium_position", False, 2),
+    ):
+        own = inspect.getattr_static(actuator, law)
+        if own is inspect.getattr_static(Actuator, law):
+            if required:
+                yield _problem(actuator, "is missing; every actuator needs this law", "missing-law", key=law)
+            continue
+        if not isinstance(own, staticmethod):
+            yield _problem(actuator, "must be a @staticmethod: laws have no state", "bad-law", key=law)
+            continue
+        try:
+            inspect.signature(getattr(actuator, law)).bind(*range(count))
+        except (TypeError, ValueError):
+            names = "q, theta_1, theta_2, parameters" if count == 4 else "two numbers"
+            yield _problem(actuator, f"must take {names}", "bad-law", key=law)
+
+
+def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
+    declared = actuator.parameters
+    if not isinstance(declared, tuple) or not all(isinstance(parameter, Parameter) for parameter in declared):
+        yield _problem(actuator, "must be a tuple of Parameter(...)", "bad-declaration", key="parameters")
+        return
+    motion = () if actuator.motors not in (1, 2) else actuator.all_parameters()[len(declared) :]
+    taken = {parameter.name for parameter in motion}
+    for parameter in declared:
+        key = f"parameters.{parameter.name}"
+        if not isinstance(parameter.name, str) or not parameter.name.isidentifier():
+            yield _problem(actuator, "is no name for a parameter", "bad-parameter", key=key)
+        elif parameter.name in taken:
+            yield _problem(actuator, "this parameter name is taken", "bad-parameter", key=key)
+        taken.add(parameter.name)
+        if isinstance(parameter.default, bool) or not isinstance(parameter.default, (int, float)):
+            yield _problem(actuator, "its default must be a number", "bad-parameter", key=key, value=parameter.default)
+        elif fault := parameter.fault(parameter.default):
+            yield _problem(actuator, f"its default {fault}", "bad-parameter", key=key, value=parameter.default)
+
+
+def _taken(path: Path, found: Iterable[type[Actuator]]) -> Iterable[Problem]:
+    """Names of actuators that come from elsewhere; the same file's own from an earlier load may be replaced."""
+    for actuator in found:
+        name = str(getattr(actuator, "name", ""))
+        if name in ACTUATORS and not _same_file(ACTUATORS.get(name), path):
+            yield _problem(actuator, f"an actuator called '{name}' exists already", "name-taken", key="name")
+
+
+def _same_file(actuator: type[Actuator], path: Path) -> bool:
+    file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
+    return file is not None and Path(file).resolve() == path.resolve()
+
+
+def _run(path: Path) -> ModuleType:
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    name = f"asrsim_plugin_{re.sub(r'[^0-9A-Za-z_]', '_', path.stem)}_{abs(hash(str(path.resolve()))):x}"
+    spec = spec_from_file_location(name, path.resolve())
+    if spec is None or spec.loader is None:
+        raise ActuatorError(Problem(message="is not a Python file", file=path, code="not-python"))
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise ActuatorError(
+            Problem(
+                message=f"the plugin file raised {type(error).__name__}: {error}", file=path, line=_line_of(error, path),
+                code="plugin-raised",
+            )
+        ) from error  # fmt: skip
+    return module
+
+
+def _line_of(error: BaseException, path: Path) -> int | None:
+    """Line of the user's file in which the error came up."""
+    if isinstance(error, SyntaxError):
+        return error.lineno
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path.resolve()]
+    return lines[-1] if lines else None
+
+
+def _problem(actuator: type[Actuator], message: str, code: str, *, key: str, value: object | None = None) -> Problem:
+    file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
+    try:
+        line: int | None = inspect.getsourcelines(actuator)[1]
+    except (OSError, TypeError):
+        line = None
+    return Problem(
+        message=message, file=Path(file) if file else None, line=line, key=f"{actuator.__name__}.{key}", value=value, code=code
+    )

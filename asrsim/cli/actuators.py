@@ -1,0 +1,68 @@
+"""`asrsim actuators`: what actuators there are, with laws, parameters, units, defaults and sources."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from asrsim.actuators import Actuator
+
+
+def actuators(
+    name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False)] = None,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
+) -> None:
+    """List the actuators, or show one: laws, parameters with units, defaults, URDF tags and sources.
+
+    Example: asrsim actuators qbmove
+    """
+    from asrsim.actuators import ACTUATORS
+    from asrsim.actuators.user import load_plugin_file
+
+    for path in plugin or []:
+        load_plugin_file(path)
+    chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
+    if json:
+        import json as writer
+
+        typer.echo(writer.dumps([_as_dict(actuator) for actuator in chosen], indent=2, ensure_ascii=False))
+        return
+    from asrsim.cli.tables import print_actuator, print_actuators
+
+    if name is not None:
+        print_actuator(chosen[0])
+    else:
+        print_actuators(chosen)
+
+
+def _as_dict(actuator: type[Actuator]) -> dict[str, Any]:
+    from asrsim.cli.findings import number
+    from asrsim.robot.tags import parameter_tags
+
+    tags = parameter_tags(actuator)
+    return {
+        "name": actuator.name,
+        "title": actuator.title,
+        "plugin": f"lib{actuator.name}_plugin.so",
+        "source": actuator.source,
+        "law": actuator.law,
+        "motors": actuator.motors,
+        "adjuster": actuator.adjuster,
+        "reference_2_unit": actuator.reference_2_unit,
+        "parameters": [
+            {
+                "name": parameter.name,
+                "tag": tags[parameter.name],
+                "default": number(float(parameter.default)),
+                "unit": parameter.unit,
+                "doc": parameter.doc,
+                "source": parameter.source,
+                "unused": parameter.unused,
+            }
+            for parameter in actuator.all_parameters()
+        ],
+    }

@@ -1,0 +1,106 @@
+"""`asrsim check`: reads robots and scenarios without running them and says what they mean and what is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from asrsim.cli.findings import FileReport
+
+DEFAULT_STEP = 1e-3
+SCENARIO_SUFFIXES = (".yaml", ".yml")
+
+
+def check(
+    files: Annotated[list[Path] | None, typer.Argument(help="URDF, xacro and scenario files.", show_default=False)] = None,
+    step: Annotated[
+        float | None, typer.Option(help="Time step in s for the checks of stability.", show_default="1e-3, or the scenario's")
+    ] = None,
+    actuator: Annotated[str | None, typer.Option(help="Check this actuator's laws instead of files.")] = None,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    argument: Annotated[
+        list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")
+    ] = None,
+    package: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=FOLDER", help="Where a ROS package is; may be repeated.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print problems only, no tables.")] = False,
+) -> None:
+    """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.
+
+    Example: asrsim check robot.urdf scenario.yaml --step 0.001
+
+    Example: asrsim check --actuator my_vsa --plugin my_vsa.py
+    """
+    from asrsim.actuators.user import load_plugin_file
+    from asrsim.cli import findings
+
+    for path in plugin or []:
+        load_plugin_file(path)
+    if step is not None and not step > 0.0:
+        raise typer.BadParameter("must be larger than 0 s", param_hint="--step")
+    if actuator is not None:
+        _check_actuator(actuator, json)
+    if not files:
+        if actuator is not None:
+            return
+        raise typer.BadParameter("name a file, or an actuator with --actuator", param_hint="FILES")
+    arguments, packages = _pairs(argument, "--arg"), {k: Path(v) for k, v in _pairs(package, "--package").items()}
+    reports = []
+    for path in files:
+        if path.suffix.lower() in SCENARIO_SUFFIXES:
+            reports.append(findings.scenario_report(path, step=step))
+        else:
+            reports.append(
+                findings.robot_report(path, step=step or DEFAULT_STEP, xacro_arguments=arguments, package_paths=packages)
+            )
+    _print(reports, json=json, quiet=quiet)
+    if any(report.errors for report in reports):
+        raise typer.Exit(1)
+
+
+def _pairs(texts: list[str] | None, option: str) -> dict[str, str]:
+    pairs = {}
+    for text in texts or []:
+        # `:=` is how ROS writes it.
+        name, separator, value = text.replace(":=", "=", 1).partition("=")
+        if not separator or not name:
+            raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
+        pairs[name] = value
+    return pairs
+
+
+def _check_actuator(name: str, as_json: bool) -> None:
+    from asrsim.actuators import ACTUATORS
+    from asrsim.actuators.checker import check_actuator
+
+    report = check_actuator(ACTUATORS.get(name))
+    if as_json:
+        from dataclasses import asdict
+
+        _print_json({**asdict(report), "passed": report.passed})
+    else:
+        from asrsim.cli.tables import print_check_report
+
+        print_check_report(report)
+    if not report.passed:
+        raise typer.Exit(1)
+
+
+def _print(reports: list[FileReport], *, json: bool, quiet: bool) -> None:
+    if json:
+        _print_json({"ok": not any(report.errors for report in reports), "files": [report.as_dict() for report in reports]})
+        return
+    from asrsim.cli.tables import print_reports
+
+    print_reports(reports, quiet=quiet)
+
+
+def _print_json(data: dict[str, Any]) -> None:
+    import json
+
+    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))

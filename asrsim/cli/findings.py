@@ -1,0 +1,142 @@
+"""What `asrsim check` finds in a file, as data; printing is another module's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, load_robot, step_figures, step_findings, with_overrides
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileReport:
+    """One file's findings."""
+
+    path: Path
+    kind: str
+    """robot or scenario."""
+    title: str = ""
+    """The variant, for scenarios."""
+    robot: Robot | None = None
+    step: float | None = None
+    """s."""
+    figures: tuple[StepFigures, ...] = ()
+    errors: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; infinite numbers as the texts inf and -inf."""
+        data: dict[str, Any] = {"file": str(self.path), "kind": self.kind}
+        if self.title:
+            data["variants"] = self.title
+        if self.robot is not None:
+            data["robot"] = self.robot.name
+            data["links"] = len(self.robot.links)
+            data["joints"] = [joint.name for joint in self.robot.moving_joints]
+            data["actuators"] = [_block(block) for block in self.robot.actuators]
+        if self.step is not None:
+            data["step"] = self.step
+            data["figures"] = [{key: number(value) for key, value in vars(entry).items()} for entry in self.figures]
+        data["errors"] = [problem.as_dict() for problem in self.errors]
+        data["warnings"] = [problem.as_dict() for problem in self.warnings]
+        return data
+
+
+def robot_report(
+    path: Path,
+    *,
+    step: float,
+    xacro_arguments: Mapping[str, str] | None = None,
+    package_paths: Mapping[str, Path] | None = None,
+) -> FileReport:
+    """Findings in a URDF or xacro file, at a step in s."""
+    try:
+        robot = load_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
+    except InputError as error:
+        return FileReport(path=path, kind="robot", errors=error.problems)
+    warnings = robot.warnings + engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
+    return FileReport(
+        path=path, kind="robot", robot=robot, step=step, figures=step_figures(robot, step=step),
+        warnings=warnings + step_findings(robot, step=step),
+    )  # fmt: skip
+
+
+def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
+    """Findings in a scenario file, all its variants, and in the robots that they name."""
+    from asrsim.scenario import load_scenario
+
+    errors: list[Problem] = []
+    warnings: list[Problem] = []
+    robot: Robot | None = None
+    figures: tuple[StepFigures, ...] = ()
+    used_step = step
+    names = []
+    try:
+        for scenario in load_scenario(path):
+            names.append(scenario.variant)
+            used_step = step or scenario.step
+            try:
+                read = load_robot(
+                    scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths
+                )
+                warnings.extend(read.warnings)
+                # A scenario may name the base of the keys that it means; without a line the file's name must do.
+                robot = _overridden(read, scenario.modes, scenario.parameters, path)
+                figures = step_figures(robot, step=used_step)
+                warnings.extend(step_findings(robot, step=used_step))
+            except InputError as error:
+                errors.extend(error.problems)
+    except InputError as error:
+        errors.extend(error.problems)
+    except AsrsimError as error:
+        errors.append(Problem(message=str(error), file=path))
+    return FileReport(
+        path=path, kind="scenario", title=", ".join(names), robot=robot, step=used_step if robot else None, figures=figures,
+        errors=unique(errors), warnings=unique(warnings),
+    )  # fmt: skip
+
+
+def unique(problems: list[Problem]) -> tuple[Problem, ...]:
+    """Without repetitions (variants share most of their findings)."""
+    seen: dict[str, Problem] = {}
+    for problem in problems:
+        seen.setdefault(str(problem), problem)
+    return tuple(seen.values())
+
+
+def number(value: object) -> object:
+    """A value that JSON can hold: infinite numbers become text."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def _overridden(robot: Robot, modes: Mapping[str, int], parameters: Mapping[str, Mapping[str, float]], path: Path) -> Robot:
+    from dataclasses import replace
+
+    try:
+        return with_overrides(robot, modes=modes, parameters=parameters)
+    except InputError as error:
+        raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from error
+
+
+def _block(block: ActuatorBlock) -> dict[str, Any]:
+    return {
+        "actuator": block.actuator,
+        "title": ACTUATORS.get(block.actuator).title,
+        "joint": block.joint,
+        "mode": block.mode,
+        "mode_name": MODES[block.mode].name,
+        "namespace": block.namespace,
+        "sample_time": block.sample_time,
+        "line": block.line,
+        "parameters": [
+            {key: number(entry) for key, entry in vars(value).items() if entry not in ("", None)}
+            for value in block.parameters.values()
+        ],
+    }

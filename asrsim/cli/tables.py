@@ -1,0 +1,240 @@
+"""Tables and lines that `asrsim check` and `asrsim actuators` print for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
+from asrsim.actuators.checker import CheckReport
+from asrsim.cli.findings import FileReport
+from asrsim.errors import Problem
+from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
+from asrsim.robot.tags import parameter_tags
+
+SHOWN = 6
+"""Names listed of a problem that many parts share."""
+
+
+def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None:
+    """Tables (unless quiet) and problems of every file, and one closing line."""
+    console = Console(highlight=False)
+    for report in reports:
+        if not quiet:
+            _print_head(console, report)
+            if report.robot is not None:
+                for blocks in _alike(report.robot.actuators):
+                    _print_blocks(console, blocks)
+                if report.step is not None:
+                    _print_figures(console, report.figures, report.step)
+        print_problems(console, report.errors, "error", "bold red")
+        print_problems(console, report.warnings, "warning", "yellow")
+    errors, warnings = sum(len(report.errors) for report in reports), sum(len(report.warnings) for report in reports)
+    files = _count(len(reports), "file")
+    colour = "bold red" if errors else "yellow" if warnings else "green"
+    console.print(f"[{colour}]{files}: {_count(errors, 'error')}, {_count(warnings, 'warning')}[/]")
+
+
+def print_problems(console: Console, problems: Sequence[Problem], word: str, style: str) -> None:
+    """One line a problem; problems that differ in their place only share a line."""
+    groups: dict[tuple[object, ...], list[Problem]] = {}
+    for problem in problems:
+        groups.setdefault((problem.code, problem.message, problem.hint, problem.choices, problem.file), []).append(problem)
+    for group in groups.values():
+        console.print(f"[{style}]{word}[/] {escape(_line(group))}", soft_wrap=True)
+
+
+def _line(group: list[Problem]) -> str:
+    first = group[0]
+    if len(group) == 1:
+        return str(first)
+    places = [f"{problem.key}" + (f" (line {problem.line})" if problem.line else "") for problem in group[:SHOWN]]
+    more = f" and {len(group) - SHOWN} more" if len(group) > SHOWN else ""
+    text = f"{first.file}: {len(group)} times: {first.message}: {', '.join(places)}{more}"
+    return text + (f". {first.hint}" if first.hint else "")
+
+
+def _print_head(console: Console, report: FileReport) -> None:
+    parts = [f"[bold]{escape(str(report.path))}[/]"]
+    if report.title:
+        parts.append(f"variants {escape(report.title)}")
+    if report.robot is not None:
+        robot = report.robot
+        parts.append(f"robot '{escape(robot.name)}'")
+        parts.append(_count(len(robot.links), "link"))
+        parts.append(_count(len(robot.moving_joints), "moving joint"))
+        parts.append(_count(len(robot.actuators), "actuator"))
+        rigid = _undriven(robot)
+        if rigid:
+            parts.append(f"not driven: {escape(', '.join(rigid[:SHOWN]))}{' ...' if len(rigid) > SHOWN else ''}")
+    console.print(" · ".join(parts), soft_wrap=True)
+
+
+def _undriven(robot: Robot) -> list[str]:
+    driven = {block.joint for block in robot.actuators}
+    return [joint.name for joint in robot.moving_joints if joint.name not in driven]
+
+
+def _alike(blocks: Iterable[ActuatorBlock]) -> list[list[ActuatorBlock]]:
+    """Blocks with equal actuator, mode and parameters together, so that a robot of many arms fits a screen."""
+    groups: dict[tuple[object, ...], list[ActuatorBlock]] = {}
+    for block in blocks:
+        values = tuple((name, value.value, value.origin) for name, value in block.parameters.items())
+        groups.setdefault((block.actuator, block.mode, values), []).append(block)
+    return list(groups.values())
+
+
+def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
+    first = blocks[0]
+    mode, actuator = MODES[first.mode], ACTUATORS.get(first.actuator)
+    console.print()
+    console.print(
+        f"[bold cyan]{escape(actuator.title)}[/], mode {mode.number} {mode.name} [dim]({mode.doc})[/]", soft_wrap=True
+    )
+    joints = [block.joint + (f" (line {block.line})" if block.line else "") for block in blocks]
+    console.print(f"{'joint' if len(blocks) == 1 else f'{len(blocks)} joints'}: {escape(', '.join(joints))}")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    table.add_column("from")
+    section = ""
+    for value in first.parameters.values():
+        part = _part(value.name)
+        if section and part != section:
+            table.add_section()
+        section = part
+        used = _is_used(part, value.name, mode)
+        name = value.name if used else f"{value.name} *"
+        style = "" if value.origin != "default" else "dim"
+        table.add_row(escape(name), f"{value.value:.6g}", value.unit, _origin(value, blocks), style=style if used else "dim")
+    console.print(table)
+    if not all(_is_used(_part(name), name, mode) for name in first.parameters):
+        console.print(f"[dim]* not used in mode {mode.number}[/]")
+
+
+def _part(name: str) -> str:
+    return name.split("_")[0] if name.startswith(("motor_", "controller_")) else "spring"
+
+
+def _is_used(part: str, name: str, mode: Mode) -> bool:
+    if part == "motor":
+        return mode.motor
+    if part == "controller":
+        return mode.controller and (mode.motor or name.startswith("controller_1"))
+    return mode.spring
+
+
+def _origin(value: ParameterValue, blocks: list[ActuatorBlock]) -> str:
+    if value.origin == "tag":
+        where = f", line {value.line}" if value.line else ""
+        more = f" and {len(blocks) - 1} more" if len(blocks) > 1 and where else ""
+        written = f" [dim]{escape(value.text)}[/]" if not _plain(value.text) else ""
+        return f"[green]<{value.tag}>[/]{where}{more}{written}"
+    if value.origin == "scenario":
+        return "[magenta]scenario[/]"
+    if value.origin == "mode default":
+        return f"default of mode 1 <{value.tag}>"
+    return f"default <{value.tag}>"
+
+
+def _plain(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _print_figures(console: Console, figures: Sequence[StepFigures], step: float) -> None:
+    if not figures:
+        return
+    console.print()
+    console.print(f"At a step of {step * 1e3:g} ms [dim](estimates at the zero pose, base fixed)[/]")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("joint")
+    for heading in ("inertia\nkg m²", "stiffness\nN m/rad", "ω h\n< 2", "sub-\nsteps", "c h/I\n< 2", "gains\n< 2"):
+        table.add_column(heading, justify="right")
+    for entry in figures:
+        gain = max(entry.link_gain, entry.motor_gain)
+        table.add_row(
+            escape(entry.joint), f"{entry.inertia:.3g}", f"{entry.stiffness:.3g}" if entry.stiffness else "-",
+            _limited(entry.spring), str(entry.substeps), _limited(entry.damping), _limited(gain),
+        )  # fmt: skip
+    console.print(table)
+    console.print()
+
+
+def _limited(value: float) -> str:
+    if value == 0.0:
+        return "-"
+    return f"[red]{value:.3g}[/]" if value >= 2.0 else f"{value:.3g}"
+
+
+def print_check_report(report: CheckReport) -> None:
+    """Verdict of every check of an actuator's laws."""
+    console = Console(highlight=False)
+    console.print(f"[bold]{escape(report.title)}[/] ({escape(report.actuator)})")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for heading in ("check", "verdict"):
+        table.add_column(heading)
+    table.add_column("worst", justify="right")
+    table.add_column("limit", justify="right")
+    table.add_column("what is asked")
+    for check in report.checks:
+        verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
+        figure = f"{check.figure:.2g}" if check.figure is not None and check.limit is not None else ""
+        limit = f"{check.limit:g}" if check.limit is not None else ""
+        table.add_row(check.name, verdict, figure, limit, check.doc)
+    console.print(table)
+    for check in report.checks:
+        if not check.passed:
+            console.print(f"[bold red]{check.name}[/]: {escape(check.detail)}", soft_wrap=True)
+    failed = sum(not check.passed for check in report.checks)
+    verdict = "[green]all checks passed[/]" if not failed else f"[bold red]{_count(failed, 'check')} failed[/]"
+    console.print(f"{escape(report.actuator)}: {verdict}")
+
+
+def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
+    """One line an actuator."""
+    console = Console(highlight=False)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for heading in ("name", "what", "plugin file", "motors", "source"):
+        table.add_column(heading)
+    for actuator in actuators:
+        motors = f"{actuator.motors}{' + adjuster' if actuator.adjuster else ''}"
+        table.add_row(actuator.name, actuator.title, f"lib{actuator.name}_plugin.so", motors, actuator.source)
+    console.print(table)
+    console.print("[dim]asrsim actuators NAME shows laws and parameters.[/]")
+
+
+def print_actuator(actuator: type[Actuator]) -> None:
+    """Laws and parameters of one actuator."""
+    console = Console(highlight=False)
+    console.print(f"[bold cyan]{escape(actuator.title)}[/] ({actuator.name}, lib{actuator.name}_plugin.so)")
+    console.print(f"source  {escape(actuator.source)}")
+    if actuator.law:
+        for part in actuator.law.split("; "):
+            console.print(f"law     {escape(part)}")
+    second = " + adjuster" if actuator.adjuster else ""
+    console.print(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("parameter")
+    table.add_column("default", justify="right")
+    for heading in ("unit", "tag", "what"):
+        table.add_column(heading)
+    tags = parameter_tags(actuator)
+    for parameter in actuator.all_parameters():
+        note = f"{parameter.doc} [dim]({escape(parameter.unused)})[/]" if parameter.unused else parameter.doc
+        table.add_row(parameter.name, f"{parameter.default:.6g}", parameter.unit, f"<{tags[parameter.name]}>", note)
+    console.print(table)
+    sources = dict.fromkeys(parameter.source for parameter in actuator.all_parameters())
+    console.print(f"defaults: {escape('; '.join(sources))}; in mode 1 <ctrl> gains are 0.8, 0, 0.2 and act on the link")
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
