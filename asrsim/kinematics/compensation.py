@@ -33,6 +33,12 @@ class Drive:
     integral: tuple[float, ...] = ()
     max_torque: tuple[float, ...] = ()
     """N m, of each motor; empty where motors are ideal."""
+    derivative: tuple[float, ...] = ()
+    """N m s/rad, controller gain of each motor."""
+    motor_inertia: tuple[float, ...] = ()
+    """kg m^2, of each motor; empty where motors are ideal."""
+    motor_damping: tuple[float, ...] = ()
+    """N m s/rad."""
 
 
 class LoadError(InputError):
@@ -56,7 +62,10 @@ def drive_of(block: ActuatorBlock) -> Drive:
         spring=tuple(values[parameter.name] for parameter in actuator.parameters),
         proportional=tuple(values[f"controller_{i}_proportional"] for i in motors) if mode.controller else (),
         integral=tuple(values[f"controller_{i}_integral"] for i in motors) if mode.controller else (),
+        derivative=tuple(values[f"controller_{i}_derivative"] for i in motors) if mode.controller else (),
         max_torque=tuple(values[f"motor_{i}_max_torque"] for i in motors) if mode.motor else (),
+        motor_inertia=tuple(values[f"motor_{i}_inertia"] for i in motors) if mode.motor else (),
+        motor_damping=tuple(values[f"motor_{i}_damping"] for i in motors) if mode.motor else (),
     )
 
 

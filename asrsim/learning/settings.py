@@ -1,0 +1,92 @@
+"""How to learn: the `ilc:` block of a scenario as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from asrsim.errors import Problem, ScenarioError
+
+FirstGuess = Literal["zero", "reference", "gravity"]
+MODEL = "model"
+"""Word for a gain that is chosen from the linearised joint dynamics."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearningSettings:
+    """The law of the paper's equation 13 and what the project adds to it."""
+
+    gains: tuple[float, ...]
+    """K of each joint, the weight of the last error at the first update."""
+    gain_decay: float | None = 10.0
+    """Updates after which the gain has fallen to 1/e; None: it stays."""
+    derivative: float = 0.0
+    """s: the error's rate counts with gain times this."""
+    filter_cutoff: float | None = None
+    """Hz, of a zero-phase Butterworth low-pass on the learned input; None: no filter."""
+    filter_order: int = 2
+    forgetting: float = 0.0
+    """Share of the way back to the first guess at each update."""
+    first_guess: FirstGuess = "zero"
+    tolerance: float = 0.08
+    """rad: learning ends when the largest error of every joint is within it."""
+    max_iterations: int = 50
+    """Updates at most."""
+    patience: int = 3
+    """Learning gives up when the error has grown for so many trials in a row."""
+
+    def gain_at(self, update: int) -> tuple[float, ...]:
+        """Gains of update number 0, 1, ...: K exp(-update / gain_decay)."""
+        from math import exp
+
+        factor = 1.0 if self.gain_decay is None else exp(-update / self.gain_decay)
+        return tuple(gain * factor for gain in self.gains)
+
+
+def wants_model_gains(block: Mapping[str, Any], joints: Sequence[str]) -> bool:
+    """Whether any joint's gain is to be chosen from the model."""
+    return any(_gain(block, joint) == MODEL for joint in joints)
+
+
+def parse_settings(
+    block: Mapping[str, Any], joints: Sequence[str], model_gains: Sequence[float] | None = None
+) -> LearningSettings:
+    """Settings from a scenario's `ilc:` block (validated by asrsim.scenario; absent keys take their defaults).
+
+    model_gains: one a joint, put where the block says `model`. Raises ScenarioError for gains of unknown joints.
+    """
+    unknown = [joint for joint in block.get("joint_gains", {}) if joint not in joints]
+    if unknown:
+        raise ScenarioError(
+            [
+                Problem(message="this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=tuple(joints))
+                for joint in unknown
+            ]
+        )
+    gains = []
+    for index, joint in enumerate(joints):
+        gain = _gain(block, joint)
+        if gain == MODEL:
+            if model_gains is None:
+                raise ScenarioError(
+                    Problem(message="a gain from the model needs a model", key="ilc.gain", code="no-model-gain")
+                )
+            gain = model_gains[index]
+        gains.append(float(gain))
+    filtering = block.get("filter") or {}
+    return LearningSettings(
+        gains=tuple(gains),
+        filter_cutoff=filtering.get("cutoff"),
+        filter_order=int(filtering.get("order", LearningSettings.filter_order)),
+        **{
+            name: block[name]
+            for name in ("gain_decay", "derivative", "forgetting", "first_guess", "tolerance", "max_iterations", "patience")
+            if name in block
+        },
+    )
+
+
+def _gain(block: Mapping[str, Any], joint: str) -> float | str:
+    gain: float | str = block.get("joint_gains", {}).get(joint, block.get("gain", 0.5))
+    return gain

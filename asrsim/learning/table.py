@@ -1,0 +1,30 @@
+"""The learned input as a CSV file that a scenario's `playback` takes."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import OutputError
+from asrsim.learning.law import Array
+
+
+def write_inputs(path: Path, time: Array, joints: Sequence[str], inputs: Array, *, comment: str = "") -> None:
+    """Write `time` (n,) in s and `inputs` (n, joints) in rad, one column a joint, units in the header.
+
+    Numbers are written so that reading gives the same bits. Raises OutputError where the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", newline="", encoding="utf-8") as file:
+            for line in comment.splitlines():
+                file.write(f"# {line}\n")
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(["time [s]", *(f"{joint} [rad]" for joint in joints)])
+            # repr of a float is the shortest text that reads back as the same float.
+            writer.writerows([repr(float(cell)) for cell in row] for row in np.column_stack([time, inputs]))
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error

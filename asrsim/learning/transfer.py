@@ -1,0 +1,171 @@
+"""Will the learned input work on the hardware? The stand-in: many plants that differ from the learned one.
+
+Each draw perturbs named factors (spring parameters, masses, damping, friction, delay) by stated amounts; the learned
+input is played to it, feed-forward. Out come how often the tolerance holds, how the error is distributed, and which
+factor matters most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from asrsim.learning.law import Array
+
+Distribution = Literal["uniform", "normal"]
+Draw = Mapping[str, float]
+"""Factor -> relative change (0.1: a tenth more) or, for `delay`, seconds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """How far the factors vary: half-widths of uniform, or standard deviations of normal distributions."""
+
+    factors: Mapping[str, float]
+    """Factor -> relative spread; `delay`: largest delay in s, drawn from 0 on."""
+    distribution: Distribution = "uniform"
+
+    @classmethod
+    def of(cls, block: Mapping[str, Any], joints: Sequence[str]) -> Spread:
+        """From the `spread` and `distribution` of a scenario's `transfer:` or `plants:` block.
+
+        Actuator parameters vary independently in each joint, as `parameters.<joint>.<name>`; mass, damping and friction
+        in each joint too, as `<what>.<joint>`; the delay is common to all.
+        """
+        spread = block["spread"]
+        factors: dict[str, float] = {}
+        for joint in joints:
+            for name, amount in spread.get("parameters", {}).items():
+                factors[f"parameters.{joint}.{name}"] = float(amount)
+            for what in ("mass", "damping", "friction"):
+                factors[f"{what}.{joint}"] = float(spread.get(what, 0.0))
+        factors["delay"] = float(spread.get("delay", 0.0))
+        return cls(
+            factors={name: amount for name, amount in factors.items() if amount > 0.0},
+            distribution=block.get("distribution", "uniform"),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Influence:
+    """How much one factor decides the error."""
+
+    factor: str
+    rank_correlation: float
+    """Spearman's, of the factor with the largest error: sign and strength of a monotone influence."""
+    regression: float
+    """Standardised regression coefficient, all factors together, of the largest error on the size of the change."""
+    signed_regression: float
+    """The same on the signed change."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferReport:
+    """What became of the learned input on the drawn plants."""
+
+    tolerance: float
+    """rad."""
+    draws: tuple[Draw, ...]
+    largest: Array = field(repr=False)
+    """(draws, joints) rad, largest absolute error of each joint."""
+    joints: tuple[str, ...]
+    influences: tuple[Influence, ...]
+    """Strongest first."""
+
+    @property
+    def worst(self) -> Array:
+        """(draws,) rad, largest error over the joints."""
+        return np.asarray(self.largest.max(axis=1))
+
+    @property
+    def within(self) -> float:
+        """Share of draws in which every joint stays within the tolerance."""
+        return float(np.mean(self.worst <= self.tolerance))
+
+    def quantiles(self, shares: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95)) -> dict[float, float]:
+        """Quantiles of the largest error in rad; diverged draws count as infinite."""
+        return {share: float(np.quantile(self.worst, share, method="inverted_cdf")) for share in shares}
+
+
+def draw_plants(spread: Spread, count: int, seed: int) -> tuple[Draw, ...]:
+    """`count` plants; the same seed gives the same plants, and more draws only add to them."""
+    names = sorted(spread.factors)
+    draws = []
+    for index in range(count):
+        generator = np.random.default_rng([seed, index])
+        draw = {}
+        for name in names:
+            amount = spread.factors[name]
+            if name == "delay":
+                draw[name] = float(generator.uniform(0.0, amount))
+            elif spread.distribution == "uniform":
+                draw[name] = float(generator.uniform(-amount, amount))
+            else:
+                # Three standard deviations at most, and never a negative mass.
+                draw[name] = float(max(np.clip(generator.normal(0.0, amount), -3.0 * amount, 3.0 * amount), -0.95))
+        draws.append(draw)
+    return tuple(draws)
+
+
+def transfer(
+    reference: Array,
+    draws: Sequence[Draw],
+    outputs_of: Callable[[Sequence[Draw]], Sequence[Array]],
+    *,
+    joints: tuple[str, ...],
+    tolerance: float,
+) -> TransferReport:
+    """Play the learned input to every drawn plant and report.
+
+    outputs_of: draws -> link positions (n, joints) of each (so that the caller may share the work among processes);
+    reference: (n, joints) rad.
+    """
+    largest = np.array([np.abs(reference - output).max(axis=0) for output in outputs_of(draws)])
+    largest = np.where(np.isfinite(largest), largest, np.inf)
+    return TransferReport(
+        tolerance=tolerance,
+        draws=tuple(draws),
+        largest=largest,
+        joints=joints,
+        influences=influences(draws, largest.max(axis=1)),
+    )
+
+
+def influences(draws: Sequence[Draw], worst: Array) -> tuple[Influence, ...]:
+    """Which factor decides the error, strongest first; empty with fewer finite draws than twice the factors."""
+    finite = np.isfinite(worst)
+    names = sorted(draws[0]) if draws else []
+    if not names or finite.sum() < 2 * len(names) + 2:
+        return ()
+    from scipy.stats import spearmanr
+
+    values = np.array([[draw[name] for name in names] for draw in draws])[finite]
+    errors = worst[finite]
+    found = []
+    signed, unsigned = _standardised(values, errors), _standardised(np.abs(values), errors)
+    for column, name in enumerate(names):
+        varied = np.ptp(values[:, column]) > 0.0 and np.ptp(errors) > 0.0
+        correlation = float(spearmanr(values[:, column], errors).statistic) if varied else 0.0
+        found.append(
+            Influence(
+                factor=name,
+                rank_correlation=correlation,
+                regression=float(unsigned[column]),
+                signed_regression=float(signed[column]),
+            )
+        )
+    return tuple(
+        sorted(found, key=lambda item: -max(abs(item.rank_correlation), abs(item.regression), abs(item.signed_regression)))
+    )
+
+
+def _standardised(values: Array, errors: Array) -> Array:
+    """Coefficients of a linear regression in units of standard deviations."""
+    spread = values.std(axis=0)
+    scaled = (values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    deviation = float(errors.std())
+    target = (errors - errors.mean()) / (deviation if deviation > 0.0 else 1.0)
+    return np.asarray(np.linalg.lstsq(scaled, target, rcond=None)[0])

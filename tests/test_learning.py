@@ -1,0 +1,227 @@
+"""Iterative learning control on plants whose answer is known: the law, its convergence, its stops, its state."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from asrsim.errors import InputError, ScenarioError
+from asrsim.learning import LearningProblem, LearningSettings, learn, parse_settings, updated, write_inputs, zero_phase
+from asrsim.signals import parse_signal
+
+STEP = 1e-3
+TIME = np.arange(2001) * STEP
+SHARE = np.array([0.4, 0.7])
+"""Of the input that arrives at the two joints of the static plant."""
+
+
+def reference():
+    s = TIME / TIME[-1]
+    return 0.8 * np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, [1.0, 0.5])
+
+
+def problem(first_guess=0.0, **changes):
+    wanted = reference()
+    return LearningProblem(
+        joints=("one", "two"), time=TIME, reference=wanted, first_guess=np.full_like(wanted, first_guess), **changes
+    )
+
+
+def settings(**changes):
+    return LearningSettings(**{"gains": (0.5, 0.5), "gain_decay": None, "tolerance": 1e-3, **changes})
+
+
+def static_plant(inputs):
+    return inputs * SHARE
+
+
+def test_the_paper_s_gain_falls_to_a_third_in_ten_updates():
+    paper = LearningSettings(gains=(0.5, 0.5))
+    assert paper.gain_at(0) == (0.5, 0.5)
+    assert paper.gain_at(10)[0] == pytest.approx(0.5 / math.e)
+
+
+def test_without_extras_the_update_is_equation_13_to_the_last_bit():
+    generator = np.random.default_rng(1)
+    inputs, error = generator.normal(size=(2, 50, 2))
+    gain = 0.5 * math.exp(-3 / 10)
+    following = updated(inputs, error, np.zeros((50, 2)), 3, LearningSettings(gains=(0.5, 0.5)), STEP)
+    assert np.array_equal(following, inputs + gain * error)
+
+
+def test_errors_of_a_static_plant_shrink_by_one_minus_share_times_gain():
+    result = learn(problem(), static_plant, settings())
+    assert result.converged
+    for trial in result.trials:
+        expected = np.abs(reference()).max(axis=0) * (1 - SHARE * 0.5) ** trial.number
+        assert trial.largest == pytest.approx(expected, rel=1e-12)
+    assert max(result.trials[-1].largest) <= 1e-3 < max(result.trials[-2].largest)
+    assert result.inputs == pytest.approx(reference() / SHARE, abs=2e-3 / SHARE.min())
+
+
+def test_the_norm_is_the_largest_two_norm_over_time():
+    first = learn(problem(), static_plant, settings(max_iterations=1)).trials[0]
+    assert first.norm == pytest.approx(math.hypot(0.8, 0.4))
+    assert first.rms == pytest.approx(np.sqrt(np.mean(reference() ** 2, axis=0)))
+
+
+def test_gains_differ_per_joint():
+    trial = learn(problem(), static_plant, settings(gains=(1 / 0.4, 1 / 0.7))).trials[1]
+    assert trial.largest == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+def test_learning_that_makes_things_worse_stops_and_says_where():
+    result = learn(problem(), static_plant, settings(gains=(0.5, 3.5), patience=3))
+    assert result.outcome == "growing"
+    assert "grown in 3 iterations in a row" in result.reason
+    assert "two" in result.reason
+    assert result.iterations == 4  # the other joint's error hides the first growth
+    assert result.best < result.iterations
+
+
+def test_a_diverged_simulation_ends_the_learning():
+    result = learn(problem(), lambda inputs: np.full_like(inputs, np.nan), settings())
+    assert (result.outcome, result.iterations) == ("growing", 0)
+
+
+def test_learning_ends_after_the_largest_number_of_iterations():
+    result = learn(problem(), static_plant, settings(max_iterations=3))
+    assert (result.outcome, result.iterations, len(result.trials)) == ("exhausted", 3, 4)
+    assert result.best == 3
+
+
+def test_a_forgetful_learner_keeps_a_known_error():
+    """u = (1 - f) u + K e has its fixed point at e = f r / (f + K S)."""
+    result = learn(problem(), static_plant, settings(forgetting=0.1, max_iterations=200, patience=500))
+    expected = 0.1 * 0.8 / (0.1 + 0.5 * SHARE[0])
+    assert result.trials[-1].largest[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_forgetting_pulls_towards_the_first_guess():
+    guess = np.ones((5, 1))
+    following = updated(np.zeros((5, 1)), np.zeros((5, 1)), guess, 0, settings(gains=(0.5,), forgetting=0.2), STEP)
+    assert following == pytest.approx(0.2 * guess)
+
+
+def test_the_derivative_term_looks_ahead():
+    """e(t) + T de/dt is e(t + T) to first order."""
+    error = np.sin(2 * TIME)[:, None]
+    following = updated(0 * error, error, 0 * error, 0, settings(gains=(1.0,), derivative=0.02), STEP)
+    assert following[100:-100, 0] == pytest.approx(np.sin(2 * (TIME[100:-100] + 0.02)), abs=1e-3)
+
+
+def test_the_learning_filter_has_no_delay_and_half_the_amplitude_at_its_cutoff():
+    time = np.arange(20001) * STEP
+    for frequency, amplitude in ((0.5, 1.0), (5.0, 0.5), (50.0, 0.0)):
+        wave = np.sin(2 * np.pi * frequency * time)[:, None]
+        filtered = zero_phase(wave, 5.0, 2, STEP)
+        assert filtered[5000:15000] == pytest.approx(amplitude * wave[5000:15000], abs=1e-3)
+
+
+def test_a_filter_keeps_noise_out_of_what_is_learned():
+    generator = np.random.default_rng(0)
+
+    def noisy(inputs):
+        return inputs * SHARE + generator.normal(scale=1e-3, size=inputs.shape)
+
+    rough = learn(problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50)).inputs
+    smooth = learn(problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50, filter_cutoff=10.0)).inputs
+    assert np.abs(np.diff(smooth, 2, axis=0)).max() < 0.1 * np.abs(np.diff(rough, 2, axis=0)).max()
+
+
+def test_one_input_is_learned_for_several_plants_at_once():
+    """The mean error is learned; the tolerance counts for every plant."""
+
+    def plants(inputs):
+        return np.array([inputs * SHARE * factor for factor in (0.9, 1.1)])
+
+    result = learn(problem(), plants, settings(tolerance=0.05, max_iterations=60, patience=60))
+    assert result.outcome == "exhausted"
+    assert result.inputs == pytest.approx(reference() / SHARE, abs=1e-4)
+    assert result.trials[-1].largest[0] == pytest.approx(0.08, abs=1e-4)
+
+
+class PowerCutError(Exception):
+    """The machine stops in the middle of a trial."""
+
+
+@pytest.mark.parametrize("after", [1, 4])
+def test_an_interrupted_run_goes_on_exactly_where_it_was(tmp_path, after):
+    state = tmp_path / "state.npz"
+    rich = settings(gains=(0.45, 0.3), gain_decay=7.0, derivative=0.01, filter_cutoff=20.0, forgetting=0.01, max_iterations=9)
+    whole = learn(problem(), static_plant, rich)
+    calls = []
+
+    def failing(inputs):
+        if len(calls) == after:
+            raise PowerCutError
+        calls.append(inputs)
+        return static_plant(inputs)
+
+    with pytest.raises(PowerCutError):
+        learn(problem(), failing, rich, state=state)
+    told = []
+    resumed = learn(problem(), static_plant, rich, told.append, state=state, resume=True)
+    assert [trial.number for trial in told] == list(range(after, whole.iterations + 1))
+    assert np.array_equal(resumed.inputs, whole.inputs)
+    assert [trial.largest for trial in resumed.trials] == [trial.largest for trial in whole.trials]
+    assert all(np.array_equal(a.outputs, b.outputs) for a, b in zip(resumed.trials, whole.trials, strict=True))
+
+
+def test_a_finished_run_resumes_to_its_result_without_a_trial(tmp_path):
+    state = tmp_path / "state.npz"
+    whole = learn(problem(), static_plant, settings(), state=state)
+    again = learn(problem(), lambda inputs: pytest.fail("simulated again"), settings(), state=state, resume=True)
+    assert again.reason == whole.reason
+
+
+def test_a_finished_run_goes_on_with_a_tighter_tolerance(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(tolerance=0.1), state=state)
+    tighter = learn(problem(), static_plant, settings(tolerance=1e-3), state=state, resume=True)
+    assert np.array_equal(tighter.inputs, learn(problem(), static_plant, settings(tolerance=1e-3)).inputs)
+
+
+@pytest.mark.parametrize("changed", [{"identity": "another robot"}, {"first_guess": 0.1}])
+def test_a_state_of_another_problem_is_refused(tmp_path, changed):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    with pytest.raises(InputError, match="another learning run"):
+        learn(problem(**changed), static_plant, settings(max_iterations=1), state=state, resume=True)
+
+
+def test_a_damaged_state_is_refused_by_name(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    state.write_bytes(state.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"state\.npz"):
+        learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+
+
+def test_the_learned_input_plays_back_with_the_same_bits(tmp_path):
+    path = tmp_path / "learned.csv"
+    inputs = np.random.default_rng(2).normal(size=(len(TIME), 2))
+    write_inputs(path, TIME, ("one", "two"), inputs, comment="learned by a test\nin two lines")
+    assert "time [s],one [rad],two [rad]" in path.read_text()
+    signal = parse_signal({"playback": {"file": str(path), "column": "two"}})
+    assert np.array_equal(signal.values(TIME), inputs[:, 1])
+
+
+def test_settings_come_from_the_scenario_s_block():
+    block = {
+        "gain": 0.4,
+        "joint_gains": {"two": "model"},
+        "gain_decay": None,
+        "filter": {"cutoff": 5.0, "order": 3},
+        "tolerance": 0.05,
+        "first_guess": "gravity",
+        "keep_logs": "none",
+    }
+    parsed = parse_settings(block, ("one", "two"), (9.0, 0.7))
+    assert parsed == LearningSettings(
+        gains=(0.4, 0.7), gain_decay=None, filter_cutoff=5.0, filter_order=3, tolerance=0.05, first_guess="gravity"
+    )
+    with pytest.raises(ScenarioError, match="does not learn"):
+        parse_settings({"joint_gains": {"three": 1.0}}, ("one", "two"))
