@@ -1,0 +1,194 @@
+"""What of a scenario does not fit its robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.robot import ActuatorBlock, Robot
+from asrsim.samples import Array
+from asrsim.scenario.apply import apply_to_robot
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.places import placed
+from asrsim.signals.base import Signal
+
+GRID = 2000
+"""Points at which a reference is looked at over the duration, besides its jumps."""
+
+
+def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem], list[Problem]]:
+    """(errors, warnings): names that the robot does not have, values that it cannot take, references that are missing.
+
+    `robot` is the file's; the scenario's modes and parameters are applied here.
+    """
+    errors: list[Problem] = []
+    warnings: list[Problem] = []
+    try:
+        changed = apply_to_robot(scenario, robot)
+    except InputError as error:
+        errors.extend(error.problems)
+        changed = robot
+    errors.extend(placed(scenario, problem) for problem in _unknown_names(scenario, changed))
+    errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
+    for problem, fatal in _references(scenario, changed):
+        (errors if fatal else warnings).append(placed(scenario, problem))
+    return errors, warnings
+
+
+def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    moving = tuple(joint.name for joint in robot.moving_joints)
+    actuated = tuple(block.joint for block in robot.actuators)
+    links = tuple(link.name for link in robot.links)
+    by_joint: tuple[tuple[str, Iterable[str], tuple[str, ...]], ...] = (
+        ("initial", scenario.initial_positions, moving),
+        ("references", scenario.references, actuated),
+        ("external_torques", scenario.external_torques, moving),
+        ("effects.commands", scenario.command_effects, actuated),
+        ("effects.sensors", scenario.sensor_effects, actuated),
+        ("link_damping", scenario.link_damping, moving),
+        ("motion", scenario.motion, moving),
+        ("ilc.trajectory", scenario.learning.get("trajectory", {}), actuated),
+        ("ilc.joint_gains", scenario.learning.get("joint_gains", {}), actuated),
+        ("task.preset", scenario.task.preset if scenario.task else (), actuated),
+    )
+    for section, names, known in by_joint:
+        for name in names:
+            if name != "*" and name not in known:
+                yield _unknown(f"{section}.{name}", name, known, "joint", "actuated " if known is actuated else "moving ")
+    for name in scenario.joint_order:
+        if name not in moving:
+            yield _unknown("manager", name, moving, "joint", "moving ")
+    for name in scenario.task.joints if scenario.task else ():
+        if name not in actuated:
+            yield _unknown("task.joints", name, actuated, "joint", "actuated ")
+    for index, claim in enumerate(scenario.expect):
+        if claim.joint is not None and claim.joint != "*" and claim.joint not in moving:
+            problem = _unknown(f"expect.{index}.joint", claim.joint, moving, "joint", "moving ")
+            yield replace(problem, file=scenario.path, line=claim.line)
+    for index, wrench in enumerate(scenario.wrenches):
+        if wrench.link not in links:
+            yield _unknown(f"wrenches.{index}.link", wrench.link, links, "link")
+    if scenario.task and scenario.task.link not in links:
+        yield _unknown("task.link", scenario.task.link, links, "link")
+
+
+def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str = "") -> Problem:
+    return Problem(
+        message=f"the robot has no {kind}{noun} '{name}'",
+        key=key,
+        choices=known,
+        hint=did_you_mean(name, known),
+        code=f"unknown-{noun}",
+    )
+
+
+def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    for joint in robot.moving_joints:
+        key = joint.name if joint.name in scenario.initial_positions else "*"
+        position = scenario.initial_positions.get(key)
+        if position is None or joint.kind == "continuous":
+            continue
+        low = -np.inf if joint.lower is None else joint.lower
+        high = np.inf if joint.upper is None else joint.upper
+        if not low <= position <= high:
+            message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
+            yield Problem(message=message, key=f"initial.{key}", value=position, code="initial-limits")
+
+
+def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
+    """References of each actuator: (problem, whether it is an error)."""
+    common = scenario.references.get("*", {})
+    allowed_somewhere = {name for block in robot.actuators for name in MODES[block.mode].references}
+    known = tuple(sorted(allowed_somewhere))
+    for name in common:
+        if name not in allowed_somewhere:
+            message = "no actuator of the robot has this reference in its mode"
+            hint = did_you_mean(name, known)
+            key = f"references.*.{name}"
+            yield Problem(message=message, key=key, choices=known, hint=hint, code="unknown-reference"), True
+    for block in robot.actuators:
+        names = _names(block)
+        mode = MODES[block.mode]
+        own = scenario.references.get(block.joint, {})
+        for name in own:
+            if name not in names and name in mode.references:
+                message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
+                yield Problem(message=message, key=f"references.{block.joint}.{name}", code="unused-reference"), False
+            elif name not in names:
+                message = f"mode {mode.number} ({mode.name}) has no such reference"
+                key = f"references.{block.joint}.{name}"
+                hint = did_you_mean(name, names)
+                yield Problem(message=message, key=key, choices=names, hint=hint, code="unknown-reference"), True
+        for slot, name in enumerate(names):
+            key = f"references.{block.joint if name in own else '*'}.{name}"
+            signal = own.get(name, common.get(name))
+            if signal is not None:
+                yield from _values(scenario, robot, block, slot, key, signal)
+            elif not _made_elsewhere(scenario, block.joint):
+                message = f"joint '{block.joint}' has no {name}: it rests at its start"
+                yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
+
+
+def _names(block: ActuatorBlock) -> tuple[str, ...]:
+    """References that count for this actuator: one with one motor and no adjuster has no second."""
+    actuator = ACTUATORS.get(block.actuator)
+    names = MODES[block.mode].references
+    return names if actuator.motors > 1 or actuator.adjuster else names[:1]
+
+
+def _made_elsewhere(scenario: Scenario, joint: str) -> bool:
+    """A Cartesian task, or learning, makes the reference."""
+    if joint in scenario.learning.get("trajectory", {}) or "*" in scenario.learning.get("trajectory", {}):
+        return True
+    return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
+
+
+def _grid(scenario: Scenario, signal: Signal) -> Array:
+    end = scenario.duration
+    return np.union1d(np.linspace(0.0, end, GRID + 1), signal.jumps(0.0, end))
+
+
+def _values(
+    scenario: Scenario, robot: Robot, block: ActuatorBlock, slot: int, key: str, signal: Signal
+) -> Iterator[tuple[Problem, bool]]:
+    try:
+        time = _grid(scenario, signal)
+        values = signal.values(time)
+    except Exception as error:  # a user's own signal may raise anything
+        yield Problem(message=f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal"), True
+        return
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        yield Problem(message=f"is not finite at {time[bad[0]]:g} s", key=key, code="signal"), True
+        return
+    actuator = ACTUATORS.get(block.actuator)
+    length: Any = block.values().get("lever_length")
+    if slot == 1 and actuator.adjuster and length is not None and len(MODES[block.mode].references) == 2:
+        worst = int(np.argmax(values))
+        if values[worst] >= length:
+            message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[worst]:g} s"
+            hint = "There the stiffness is infinite: stay below L"
+            yield Problem(message=message, key=key, value=float(values[worst]), hint=hint, code="sigma-limit"), True
+        elif values.min() < 0.0:
+            message = f"sigma of '{block.joint}' is negative at {time[int(np.argmin(values))]:g} s"
+            yield Problem(message=message, key=key, value=float(values.min()), code="sigma-negative"), False
+    if slot == 0 and block.mode in (1, 3, 6):
+        joint = robot.joint(block.joint)
+        if joint.kind != "continuous" and _outside(values, joint.lower, joint.upper):
+            message = f"leaves the limits of '{block.joint}', {joint.lower:g} to {joint.upper:g}"
+            value = f"{values.min():g} to {values.max():g}"
+            yield Problem(message=message, key=key, value=value, code="reference-limits"), False
+
+
+def _outside(values: Array, low: float | None, high: float | None) -> bool:
+    return low is not None and high is not None and bool(values.min() < low or values.max() > high)
+
+
+def for_joint(table: Mapping[str, Any], joint: str, default: Any = None) -> Any:
+    """The entry of a joint in a per-joint table: its own, else that of `"*"`, else `default`."""
+    return table.get(joint, table.get("*", default))

@@ -1,0 +1,63 @@
+"""Write a starter scenario beside its JSON Schema, never over another file unless told to."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from asrsim.errors import OutputError
+from asrsim.robot import load_robot, with_overrides
+from asrsim.scenario.load import load_scenario
+from asrsim.scenario.schema import schema_text
+from asrsim.scenario.starter import starter_text
+
+SCHEMA_FILE = "asrsim.schema.json"
+
+
+def write_starter(
+    robot: Path, out: Path, *, mode: int | None = None, force: bool = False, schema: bool = True
+) -> tuple[Path, ...]:
+    """Write a starter scenario for the robot to `out`, and the schema beside it; gives the files written.
+
+    Raises RobotError for a robot that cannot be read, OutputError where a file is in the way or cannot be written.
+    """
+    loaded = load_robot(robot)
+    if mode is not None:
+        loaded = with_overrides(loaded, modes={"*": mode})
+    text = starter_text(loaded, robot_file=relative_path(robot, out.parent), schema=SCHEMA_FILE if schema else None, mode=mode)
+    write_new(out, text, force=force)
+    load_scenario(out)
+    if not schema:
+        return (out,)
+    beside = out.parent / SCHEMA_FILE
+    if _is_foreign(beside):
+        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    write_new(beside, schema_text(), force=True)
+    return out, beside
+
+
+def write_new(path: Path, text: str, *, force: bool) -> None:
+    """Write a text file with the folders above it; OutputError if it is there (unless `force`) or cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w" if force else "x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise OutputError(f"{path} is there already; use --force to replace it, or --out for another file") from None
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def relative_path(target: Path, folder: Path) -> str:
+    """`target` as seen from `folder`, with forward slashes; absolute if no way leads there."""
+    try:
+        return Path(os.path.relpath(target, folder)).as_posix()
+    except ValueError:
+        return target.absolute().as_posix()
+
+
+def _is_foreign(path: Path) -> bool:
+    try:
+        return path.exists() and '"asrsim scenario"' not in path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return True

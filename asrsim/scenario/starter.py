@@ -1,0 +1,178 @@
+"""A commented starter scenario for a robot: every actuated joint with its references and harmless signals."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.document.yaml_reader import plain_scalar
+from asrsim.robot import ActuatorBlock, Joint, Robot
+
+STEP = 0.3
+"""rad, the step of the starter's references."""
+PRISMATIC_STEP = 0.05
+"""m."""
+TORQUE = 0.1
+"""N m, for references that are torques."""
+STEP_TIME = 0.1
+"""s."""
+
+_SIMPLE = re.compile(r"[A-Za-z_./][\w./-]*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """One joint of the starter."""
+
+    block: ActuatorBlock
+    joint: Joint
+    start: float
+    """Initial link position, rad or m: 0, or the nearest that the limits allow."""
+    target: float
+    """Link position after the step."""
+
+    @property
+    def actuator(self) -> type[Actuator]:
+        """Class of the actuator."""
+        return ACTUATORS.get(self.block.actuator)
+
+    def presets(self) -> tuple[float, float] | None:
+        """A soft and a stiff second reference, or None where there is no choice."""
+        soft = self.actuator.typical_preset
+        if not soft or not MODES[self.block.mode].spring or self.block.mode == 4:
+            return None
+        values = self.block.values()
+        highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
+        return min(soft, 0.5 * highest), min(3.0 * soft, highest)
+
+    def references(self, preset: float) -> Iterator[tuple[str, str, str]]:
+        """(reference, unit, signal as YAML) for a second reference in the sense of preset or adjuster."""
+        mode = MODES[self.block.mode]
+        second = self.actuator.motors > 1 or self.actuator.adjuster
+        if not mode.spring:
+            before, after = (0.0, TORQUE) if mode.number == 0 else (self.start, self.target)
+            yield mode.references[0], mode.units[0], _step(before, after)
+        elif mode.number == 4:
+            yield mode.references[0], "N m", _step(0.0, TORQUE)
+            if self.actuator.adjuster:
+                yield mode.references[1], self.actuator.reference_2_unit, _number(preset)
+            elif second:
+                yield mode.references[1], "N m", _step(0.0, TORQUE)
+        elif mode.mapped or self.actuator.adjuster or not second:
+            yield mode.references[0], "rad", _step(self.start, self.target)
+            if second:
+                yield mode.references[1], self.actuator.reference_2_unit, _number(preset)
+        else:
+            at_start = self.actuator.motor_references(self.start, preset)
+            at_target = self.actuator.motor_references(self.target, preset)
+            for name, low, high in zip(mode.references, at_start, at_target, strict=True):
+                yield name, "rad", _step(low, high)
+
+
+def starter_text(robot: Robot, *, robot_file: str, schema: str | None = None, mode: int | None = None) -> str:
+    """The starter's YAML. `robot` has its modes already; `mode` says that one was asked for, and is written down.
+
+    robot_file: path of the robot as the scenario shall name it. schema: path of the JSON Schema for editors, if any.
+    """
+    drives = tuple(_drive(robot, block) for block in robot.actuators)
+    lines = [f"# yaml-language-server: $schema={schema}"] if schema else []
+    lines += [
+        f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
+        "# Every key is explained in docs/scenario.md, every signal in docs/signals.md.",
+        "",
+        f"robot: {_word(robot_file)}",
+        "duration: 3          # s",
+        "step: 0.001          # s; springs that are too stiff for it get substeps by themselves",
+        "# log_rate: 500      # Hz; without it every step is logged",
+        "# gravity: [0, 0, 0] # m/s^2; default [0, 0, -9.81]",
+    ]
+    if mode is not None:
+        lines.append(f'modes: {{"*": {mode}}}       # {MODES[mode].name}, in the place of the modes in the robot\'s file')
+    moved = [drive for drive in drives if drive.start]
+    if moved:
+        lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
+        lines += [f"  {_word(drive.joint.name)}: {_number(drive.start)}" for drive in moved]
+    lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
+    return "\n".join(lines) + "\n"
+
+
+def _drive(robot: Robot, block: ActuatorBlock) -> Drive:
+    joint = robot.joint(block.joint)
+    size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
+    bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
+    low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
+    start = min(max(0.0, low), high)
+    if start + size <= high:
+        target = start + size
+    elif start - size >= low:
+        target = start - size
+    else:
+        target = 0.5 * (low + high)
+    return Drive(block=block, joint=joint, start=start, target=target)
+
+
+def _references(drives: tuple[Drive, ...]) -> Iterator[str]:
+    if not drives:
+        yield "# The robot has no actuators: it moves freely under gravity."
+        return
+    yield "references:"
+    for drive in drives:
+        mode = MODES[drive.block.mode]
+        yield f"  {_word(drive.joint.name)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
+        presets = drive.presets()
+        for name, unit, signal in drive.references(presets[0] if presets else drive.actuator.typical_preset):
+            yield f"    {name}: {signal}  # {unit}"
+
+
+def _variants(drives: tuple[Drive, ...]) -> Iterator[str]:
+    soft_and_stiff = [(drive, presets) for drive in drives if (presets := drive.presets()) is not None]
+    if not soft_and_stiff:
+        yield "# Variants share everything above and change what they name; `asrsim run` runs them all:"
+        yield "# variants:"
+        yield "#   slow: {step: 0.002}"
+        yield "#   fine: {step: 0.0005}"
+        return
+    yield "# Variants share everything above and change what they name; `asrsim run` runs them all."
+    yield "variants:"
+    for index, name in enumerate(("soft", "stiff")):
+        yield f"  {name}:"
+        yield "    references:"
+        for drive, presets in soft_and_stiff:
+            changed = drive.references(presets[index])
+            items = ", ".join(f"{key}: {signal}" for key, _, signal in changed if _differs(drive, key))
+            yield f"      {_word(drive.joint.name)}: {{{items}}}"
+
+
+def _differs(drive: Drive, reference: str) -> bool:
+    """Whether a reference changes with the preset."""
+    first = MODES[drive.block.mode].references[0]
+    return reference != first or not (MODES[drive.block.mode].mapped or drive.actuator.adjuster)
+
+
+def _further(drives: tuple[Drive, ...]) -> Iterator[str]:
+    joint = _word(drives[0].joint.name) if drives else "joint"
+    parameter = ACTUATORS.get(drives[0].block.actuator).parameters[0] if drives else None
+    yield "# More that a scenario can say:"
+    if parameter is not None:
+        yield f'# parameters: {{"*": {{{parameter.name}: {_number(parameter.default)}}}}}  # replaces the robot file\'s value'
+    yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # N m"
+    yield '# effects: {commands: {"*": {delay: 0.005, rate: 200}}}  # s, Hz'
+    yield "# expect:"
+    yield f"#   - {{joint: {joint}, quantity: link_position, measure: steady_state, value: 0.3, tolerance: 0.05}}"
+
+
+def _step(before: float, after: float) -> str:
+    return f"{{step: {{at: {STEP_TIME:g}, from: {_number(before)}, to: {_number(after)}}}}}"
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.6g}"
+
+
+def _word(text: str) -> str:
+    """Text as YAML, quoted where it must be."""
+    plain = _SIMPLE.fullmatch(text) and isinstance(plain_scalar(text), str)
+    return text if plain else json.dumps(text, ensure_ascii=False)
