@@ -34,7 +34,6 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
         "metadata": dict(info.metadata),
     }
     files = {
-        _RUN: ("application/json", json.dumps(run, indent=1).encode()),
         _RESOLVED: ("application/json", json.dumps(dict(info.resolved), indent=1).encode()),
     }
     if info.urdf:
@@ -42,6 +41,8 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
     if info.scenario:
         files[_SCENARIO] = ("application/yaml", info.scenario.encode())
     files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
+    # Last: a cut file that has it has all of them.
+    files[_RUN] = ("application/json", json.dumps(run, indent=1).encode())
     return files
 
 

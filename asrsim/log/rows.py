@@ -82,7 +82,7 @@ class RowBuffer:
 
     def messages(self) -> memoryview:
         """The bytes of all messages."""
-        return self._bytes[: self.count].data.cast("B")
+        return self._bytes[: self.count].data.cast("B") if self.count else memoryview(b"")
 
     def span(self) -> tuple[int, int]:
         """Earliest and latest log time in ns; (0, 0) without rows."""

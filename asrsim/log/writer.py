@@ -49,6 +49,11 @@ class LogWriter:
         self._failed = False
         self._closed = False
 
+    @property
+    def chunk_samples(self) -> int:
+        """Samples in a whole chunk: what a killed process loses at most."""
+        return self._rows.capacity
+
     def write(self, samples: Samples) -> None:
         """Adds samples, which must follow those before in time. Bodies and contacts may come and go between calls."""
         if self._failed or self._closed:

@@ -1,0 +1,94 @@
+"""Derived quantities against the laws they come from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES, deflection, equilibrium_position, position_error
+from asrsim.quantities import DERIVED
+from asrsim.samples import JointInfo, Samples
+
+RNG = np.random.default_rng(0)
+N = 20
+
+
+def make(joint: JointInfo, **values: np.ndarray) -> tuple[Samples, list[JointInfo]]:
+    table = {name: column[:, None] for name, column in values.items()}
+    return Samples(time=np.arange(N) * 0.1, joints=(joint.name,), values=table), [joint]
+
+
+Q, THETA_1, THETA_2, R_1, R_2 = RNG.normal(size=(5, N))
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
+def test_equilibrium_and_deflection_of_the_motors(actuator: str) -> None:
+    joint = JointInfo(name="j", actuator=actuator, mode=6)
+    law = ACTUATORS.get(actuator).equilibrium_position
+    samples, joints = make(joint, link_position=Q, motor_1_position=THETA_1, motor_2_position=THETA_2)
+    expected = np.array([law(a, b) for a, b in zip(THETA_1.tolist(), THETA_2.tolist(), strict=True)])
+    np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
+    np.testing.assert_allclose(deflection(samples, joints)[:, 0], expected - Q, rtol=1e-12)
+
+
+def test_a_single_motor_needs_no_second_column() -> None:
+    samples, joints = make(JointInfo(name="j", actuator="sea", mode=5), link_position=Q, motor_1_position=THETA_1)
+    np.testing.assert_array_equal(deflection(samples, joints)[:, 0], THETA_1 - Q)
+
+
+@pytest.mark.parametrize(
+    ("mode", "expected"),
+    [(0, None), (1, R_1), (2, (R_1 + R_2) / 2), (3, R_1), (4, None), (5, (R_1 + R_2) / 2), (6, R_1), (None, None)],
+)
+def test_position_error_by_mode(mode: int | None, expected: np.ndarray | None) -> None:
+    samples, joints = make(JointInfo(name="j", actuator="qbmove", mode=mode), link_position=Q, reference_1=R_1, reference_2=R_2)
+    error = position_error(samples, joints)[:, 0]
+    if expected is None:
+        assert np.isnan(error).all()
+    else:
+        np.testing.assert_allclose(error, expected - Q, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("mode", "expected"), [(2, (R_1 + R_2) / 2), (3, R_1)])
+def test_ideal_motors_stand_at_the_references(mode: int, expected: np.ndarray) -> None:
+    samples, joints = make(JointInfo(name="j", actuator="bavs", mode=mode), link_position=Q, reference_1=R_1, reference_2=R_2)
+    np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
+
+
+def test_joints_are_matched_by_name_and_rigid_ones_have_none() -> None:
+    joints = [JointInfo(name="a", actuator="sea", mode=5), JointInfo(name="b", actuator="rigid", mode=None)]
+    table = {"link_position": np.stack([Q, Q], axis=1), "motor_1_position": np.stack([np.full(N, np.nan), THETA_1], axis=1)}
+    samples = Samples(time=np.arange(N) * 0.1, joints=("b", "a"), values=table)
+    result = deflection(samples, joints)
+    assert np.isnan(result[:, 0]).all()
+    np.testing.assert_array_equal(result[:, 1], THETA_1 - Q)
+
+
+def test_a_users_law_with_plain_mathematics_works() -> None:
+    import math
+
+    class Curved(Actuator):
+        name = "curved_for_test"
+        title = "test"
+        source = "test"
+
+        @staticmethod
+        def equilibrium_position(theta_1: float, theta_2: float) -> float:
+            return math.sin(theta_1) if theta_1 > 0 else theta_2
+
+    ACTUATORS.add(Curved.name, Curved, replace=True)
+    samples, joints = make(
+        JointInfo(name="j", actuator="curved_for_test", mode=4), motor_1_position=THETA_1, motor_2_position=THETA_2
+    )
+    expected = np.where(THETA_1 > 0, np.sin(THETA_1), THETA_2)
+    np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
+
+
+def test_an_actuator_that_is_not_here_gives_nan() -> None:
+    samples, joints = make(JointInfo(name="j", actuator="elsewhere", mode=6), link_position=Q, motor_1_position=THETA_1)
+    assert np.isnan(equilibrium_position(samples, joints)).all()
+
+
+def test_every_derived_quantity_has_its_function_and_sources() -> None:
+    assert set(DERIVED_FUNCTIONS) == set(DERIVED_SOURCES) == set(DERIVED)
