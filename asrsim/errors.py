@@ -112,6 +112,8 @@ class DivergenceError(SimulationError):
         super().__init__(message)
         self.joint = joint
         self.time = time
+        self.run: object | None = None
+        """The run up to there, where one was kept."""
 
 
 def nearest(name: str, choices: Sequence[str]) -> str | None:

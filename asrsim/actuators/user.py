@@ -68,7 +68,7 @@ def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
     name = getattr(actuator, "name", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         yield _problem(
-            actuator, "must be a name of small letters, digits and underscores; lib<name>_plugin.so finds it", "bad-declaration",
+            actuator, "must be small letters, digits and underscores; lib<name>_plugin.so finds it", "bad-declaration",
             key="name", value=name,
         )  # fmt: skip
     for key in ("title", "source"):

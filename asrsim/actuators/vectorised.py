@@ -22,8 +22,8 @@ _ARRAY_MATH: dict[str, Any] = {
             name: name
             for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "sqrt", "hypot")
         },
-        **{"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "copysign": "copysign"},
-        **{"pow": "power", "floor": "floor", "ceil": "ceil", "asinh": "arcsinh", "acosh": "arccosh", "atanh": "arctanh"},
+        "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "copysign": "copysign",
+        "pow": "power", "floor": "floor", "ceil": "ceil", "asinh": "arcsinh", "acosh": "arccosh", "atanh": "arctanh",
     }.items()
 }
 _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
@@ -45,7 +45,7 @@ def _exchanged(function: Callable[..., Any], seen: dict[int, Any]) -> Callable[.
             names[name] = _MATH_NAMESPACE
         elif value is saturate:
             names[name] = _saturate_array
-        elif isinstance(value, types.BuiltinFunctionType) and getattr(math, value.__name__, None) is value:
+        elif isinstance(value, types.BuiltinFunctionType) and getattr(math, value.__name__ or "", None) is value:
             names[name] = _ARRAY_MATH.get(value.__name__, value)
         elif isinstance(value, types.FunctionType) and name in function.__code__.co_names:
             names[name] = _exchanged(value, seen)

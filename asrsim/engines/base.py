@@ -28,6 +28,9 @@ class Engine(Protocol):
     advance: Callable[[], Any]
     """One step."""
 
+    def set_step(self, step: float) -> None:
+        """Change the step, in s; before the first one."""
+
     def half_advance(self) -> None:
         """One step whose forces (gravity and friction; torques are the caller's) act with half their impulse."""
 
@@ -58,4 +61,4 @@ class Engine(Protocol):
         """Release everything."""
 
 
-ENGINES: Registry[Callable[..., Engine]] = Registry("engine", entry_point_group="asrsim.engines")
+ENGINES: Registry[Callable[..., Any]] = Registry("engine", entry_point_group="asrsim.engines")

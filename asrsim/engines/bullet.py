@@ -193,6 +193,12 @@ class BulletEngine:
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
+    def set_step(self, step: float) -> None:
+        """Change the step; friction is issued anew, since Bullet stores it as an impulse."""
+        self.step = step
+        self._p.setTimeStep(step, physicsClientId=self._client)
+        self._set_friction(1.0)
+
     def half_advance(self) -> None:
         """One step in which gravity and friction act with half their impulse."""
         p = self._p

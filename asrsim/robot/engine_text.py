@@ -24,8 +24,10 @@ def engine_urdf(
 
     Gazebo, transmission and sensor blocks are taken out, mesh names become absolute paths of existing files inside the
     robot's folder, its package or a known package; a collision or visual whose mesh is not there is taken out (a warning
-    names the link of each collision; all visuals share one). `visuals=False` takes all visuals out. The rest is
-    untouched.
+    names the link of each collision; all visuals share one). `visuals=False` takes all visuals out. Links without
+    `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where none is given
+    (PyBullet: 1 kg). Joints lose `<dynamics>`: damping and friction are applied from the robot's data, and an engine that
+    applied the damping too would do so twice. The rest is untouched.
     """
     root = parse_xml(robot.text.encode(), robot.path)
     packages = packages_of(robot.path, package_paths)
@@ -35,6 +37,9 @@ def engine_urdf(
     for child in elements(root):
         if child.tag in STRIPPED:
             _remove(child)
+    for joint in elements(root, "joint"):
+        for dynamics in elements(joint, "dynamics"):
+            _remove(dynamics)
     for link in elements(root, "link"):
         name = link.get("name") or ""
         for collision in elements(link, "collision"):
@@ -59,6 +64,7 @@ def engine_urdf(
                     missing_visuals.append(reason)
                 _remove(visual)
     _drop_other_files(root)
+    _fill_inertials(root, {joint.child for joint in robot.joints})
     if missing_visuals:
         first_name, first_reason = missing_visuals[0]
         warnings.append(
@@ -89,6 +95,15 @@ def _resolve(shape: Any, packages: Packages) -> tuple[str, str] | None:
             return filename, found
         element.set("filename", str(found))
     return None
+
+
+def _fill_inertials(root: Any, children: set[str]) -> None:
+    """Give links without `<inertial>` a massless one; measured: mass matrices then are exact."""
+    for link in elements(root, "link"):
+        if (link.get("name") or "").strip() in children and not elements(link, "inertial"):
+            inertial = etree.SubElement(link, "inertial")
+            etree.SubElement(inertial, "mass", value="0")
+            etree.SubElement(inertial, "inertia", ixx="0", ixy="0", ixz="0", iyy="0", iyz="0", izz="0")
 
 
 def _drop_other_files(root: Any) -> None:

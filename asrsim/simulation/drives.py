@@ -1,0 +1,125 @@
+"""A joint made ready to run: its kind of step, constants for any step length, initial state, limits. Names meet classes here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
+from asrsim.actuators.motor import motor_coefficients
+from asrsim.robot.model import ActuatorBlock, Joint, Robot
+from asrsim.scenario.data import LinkDamping
+from asrsim.simulation import kernels, toolbox
+from asrsim.simulation.kernels import Advance
+from asrsim.simulation.steppings import Stepping
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """One moving joint with what drives it; `actuator` and `mode` are None for a joint without plugin."""
+
+    joint: Joint
+    actuator: type[Actuator] | None
+    mode: Mode | None
+    values: Mapping[str, float]
+    """Parameter values by name."""
+    stepping: Stepping
+    initial_position: float
+    link_damping: LinkDamping | None = None
+    block: ActuatorBlock | None = None
+    advance: Advance = field(init=False)
+    initial_state: tuple[float, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        advance, state = self._kind()
+        object.__setattr__(self, "advance", advance)
+        object.__setattr__(self, "initial_state", state)
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+        return self.joint.name
+
+    @property
+    def elastic(self) -> tuple[float, ...]:
+        """Parameters of the spring in the order of its laws."""
+        if self.actuator is None:
+            return ()
+        return tuple(self.values[parameter.name] for parameter in self.actuator.parameters)
+
+    @property
+    def dynamic_motors(self) -> int:
+        """Motors with dynamics in this mode."""
+        return self.actuator.motors if self.actuator and self.mode and self.mode.motor else 0
+
+    def _kind(self) -> tuple[Advance, tuple[float, ...]]:
+        if self.stepping.released:
+            return toolbox.make_toolbox_advance(self.actuator, self.mode)
+        if self.actuator is None or self.mode is None:
+            return kernels.advance_passive, ()
+        if self.mode.number == 0:
+            return kernels.advance_torque, ()
+        if self.mode.number == 1:
+            return kernels.advance_link_controller, (0.0,)
+        references: Any = self.actuator.motor_references if self.mode.mapped else kernels.identity_references
+        if not self.mode.motor:
+            return kernels.make_advance_ideal(self.actuator.elastic_torques, references), ()
+        # Motors start where the unloaded link rests, so that a run does not begin with a jerk.
+        rest = (self.initial_position, 0.0, self.initial_position, 0.0)
+        if self.actuator.motors == 1:
+            return kernels.make_advance_one_motor(self.actuator.elastic_torques, references), rest
+        return kernels.make_advance_two_motors(self.actuator.elastic_torques, references), rest + rest
+
+    def constants(self, step: float) -> Any:
+        """Constants of `advance` for a step of `step` s."""
+        if self.actuator is None or self.mode is None or self.mode.number == 0:
+            return ()
+        values = self.values
+        if self.stepping.released:
+            return toolbox.toolbox_constants(self.actuator, values, self.mode, step)
+        if self.mode.number == 1:
+            return (
+                values["controller_1_proportional"],
+                values["controller_1_integral"] * step,
+                values["controller_1_derivative"],
+            )
+        if not self.mode.motor:
+            return self.elastic
+        before = self.stepping.first_drift * step
+        constants: list[Any] = [before, step - before, self.elastic]
+        for index in range(1, self.actuator.motors + 1):
+            constants.append(
+                motor_coefficients(
+                    values, index, step=step, implicitness=self.stepping.implicitness, controlled=self.mode.controller
+                )
+            )
+            constants += [values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]]
+        return tuple(constants)
+
+
+def make_drives(
+    robot: Robot,
+    stepping: Stepping,
+    *,
+    initial_positions: Mapping[str, float],
+    link_damping: Mapping[str, LinkDamping],
+) -> tuple[Drive, ...]:
+    """A drive for each moving joint of `robot`, in its order."""
+    blocks = {block.joint: block for block in robot.actuators}
+    drives = []
+    for joint in robot.moving_joints:
+        block = blocks.get(joint.name)
+        drives.append(
+            Drive(
+                joint=joint,
+                actuator=ACTUATORS.get(block.actuator) if block else None,
+                mode=MODES[block.mode] if block else None,
+                values=block.values() if block else {},
+                stepping=stepping,
+                initial_position=float(initial_positions.get(joint.name, 0.0)),
+                link_damping=link_damping.get(joint.name, link_damping.get("*")) if block else None,
+                block=block,
+            )
+        )
+    return tuple(drives)

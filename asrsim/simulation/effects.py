@@ -1,0 +1,78 @@
+"""Imperfections on signals: delay, hold at a control rate, seeded noise, quantisation, in this order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from asrsim.scenario.data import Effects
+from asrsim.signals.base import Array, Signal
+
+_BLOCK = 4096
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Gaussian draws by index, equal whatever the order in which they are asked for."""
+
+    seed: tuple[int, ...]
+    deviation: float
+    _blocks: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    def draw(self, index: Array) -> Array:
+        """Draws number `index` (n,), integers as floats."""
+        indices = index.astype(np.int64)
+        result = np.empty(np.shape(indices))
+        for block in np.unique(indices // _BLOCK):
+            if block not in self._blocks:
+                if len(self._blocks) > 8:
+                    self._blocks.clear()
+                generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([*self.seed, int(block) & 0xFFFFFFFF])))
+                self._blocks[int(block)] = generator.standard_normal(_BLOCK)
+            mask = indices // _BLOCK == block
+            result[mask] = self._blocks[int(block)][indices[mask] % _BLOCK]
+        return self.deviation * result
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imperfect(Signal):
+    """A signal seen through :class:`Effects`."""
+
+    kind: ClassVar[str] = "imperfect"
+
+    of: Signal
+    effects: Effects
+    step: float
+    """s: noise without a rate has one draw a step."""
+    seed: tuple[int, ...]
+
+    def values(self, time: Array) -> Array:
+        effects = self.effects
+        period = 1.0 / effects.rate if effects.rate else self.step
+        # A tick that falls on a sample belongs to it, whatever the rounding of its time.
+        ticks = np.floor(time / period + 1e-6)
+        seen = ticks * period if effects.rate else time
+        values = self.of.values(np.maximum(seen - effects.delay, 0.0))
+        if effects.noise:
+            values = values + Noise(self.seed, effects.noise).draw(ticks)
+        if effects.quantum:
+            values = effects.quantum * np.round(values / effects.quantum)
+        return values
+
+    def jumps(self, start: float, end: float) -> Array:
+        effects = self.effects
+        if effects.rate:
+            period = 1.0 / effects.rate
+            return np.arange(np.ceil(start / period - 1e-9), np.floor(end / period + 1e-9) + 1) * period
+        if effects.noise or effects.quantum:
+            return np.empty(0)
+        return self.of.jumps(max(start - effects.delay, 0.0), end - effects.delay) + effects.delay
+
+
+def through(signal: Signal, effects: Effects | None, *, step: float, seed: tuple[int, ...]) -> Signal:
+    """`signal` as it is if nothing is active."""
+    if effects is None or not effects.active:
+        return signal
+    return Imperfect(of=signal, effects=effects, step=step, seed=seed)

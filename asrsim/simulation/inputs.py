@@ -1,0 +1,125 @@
+"""Inputs of the loop: references and external torques sampled a block at a time, and the kicks in which one jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.signals import Constant
+from asrsim.signals.base import Signal
+from asrsim.simulation.drives import Drive
+from asrsim.simulation.effects import through
+
+REST = Constant(value=0.0)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of a kick: its fraction of a step, the inputs in it, and whether the whole step's time is at its start."""
+
+    fraction: float
+    rows: tuple[list[float], list[float], list[float]]
+    """References 1, references 2, external torques, one a joint."""
+    on_time: bool
+
+
+@dataclass(frozen=True)
+class Block:
+    """Inputs of substeps first..first+n-1."""
+
+    first: int
+    reference_1: list[list[float]]
+    reference_2: list[list[float]]
+    external: list[list[float]]
+    events: dict[int, tuple[Piece, ...]]
+    arrays: tuple[Array, Array, Array]
+    """The same as (n, joints): references 1 and 2 as logged, external torques."""
+
+
+class Inputs:
+    """All input signals of a run, by joint."""
+
+    def __init__(self, scenario: Scenario, drives: Sequence[Drive], *, substep: float, staggered: bool) -> None:
+        self.substep = substep
+        self.staggered = staggered
+        self._signals: tuple[list[Signal], list[Signal], list[Signal]] = ([], [], [])
+        for index, drive in enumerate(drives):
+            references = {**scenario.references.get("*", {}), **scenario.references.get(drive.name, {})}
+            effects = scenario.command_effects.get(drive.name, scenario.command_effects.get("*"))
+            names = drive.mode.references if drive.mode else ()
+            for slot in (0, 1):
+                signal: Signal = REST
+                if slot < len(names):
+                    signal = references.get(names[slot], self._rest(drive, slot))
+                    signal = through(signal, effects, step=scenario.step, seed=(scenario.seed, index, slot))
+                self._signals[slot].append(signal)
+            self._signals[2].append(scenario.external_torques.get(drive.name, REST))
+
+    @staticmethod
+    def _rest(drive: Drive, slot: int) -> Signal:
+        """A reference that nobody gives: motors and controllers stay where the joint starts, torques are 0."""
+        mode = drive.mode
+        if mode is None or mode.number in (0, 4):
+            return REST
+        if slot == 0 or (slot == 1 and not mode.mapped and drive.actuator is not None and not drive.actuator.adjuster):
+            return Constant(value=drive.initial_position)
+        return REST
+
+    def sample(self, time: Array) -> tuple[Array, Array, Array]:
+        """References 1 and 2 and external torques at `time` (n,): each (n, joints)."""
+        first, second, third = (
+            np.column_stack([np.full(len(time), s.value) if type(s) is Constant else s.values(time) for s in column])
+            for column in self._signals
+        )
+        return first, second, third
+
+    def block(self, first: int, count: int) -> Block:
+        """Inputs of substeps `first` .. `first + count - 1`."""
+        time = grid(first, count, self.substep)
+        arrays = self.sample(time)
+        rows = [array.tolist() for array in arrays]
+        return Block(first, rows[0], rows[1], rows[2], self._events(first, count), arrays)
+
+    def _events(self, first: int, count: int) -> dict[int, tuple[Piece, ...]]:
+        if not self.staggered:
+            return {}
+        h = self.substep
+        start, end = (first - 0.5) * h, (first + count - 0.5) * h
+        jumps = [
+            signal.jumps(max(start, 0.0), end) for column in self._signals for signal in column if type(signal) is not Constant
+        ]
+        times = np.unique(np.concatenate([*jumps, np.empty(0)]))
+        times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
+        owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
+        events: dict[int, tuple[Piece, ...]] = {}
+        if first == 0:
+            events[0] = self._pieces(0, times[owners == 0])
+        for owner in np.unique(owners):
+            if first <= owner < first + count:
+                events[int(owner)] = self._pieces(int(owner), times[owners == owner])
+        return events
+
+    def _pieces(self, step: int, jumps: Array) -> tuple[Piece, ...]:
+        """The kick around substep `step`, cut at `jumps` and at the step's own time; before t = 0 there is none."""
+        h = self.substep
+        now = step * h
+        inner = [jump for jump in jumps.tolist() if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
+        edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if step else set()))
+        edges = [edge for edge in edges if step or edge >= now]
+        middles = np.array([0.5 * (a + b) for a, b in zip(edges, edges[1:], strict=False)])
+        if not step and len(middles) == 1:
+            middles = np.array([now])
+        samples = [array.tolist() for array in self.sample(middles)]
+        return tuple(
+            Piece((edges[i + 1] - edges[i]) / h, (samples[0][i], samples[1][i], samples[2][i]), edges[i] == now)
+            for i in range(len(middles))
+        )
+
+
+def grid(first: int, count: int, step: float) -> Array:
+    """Times of steps in s; rounded, so that 3 * 0.1 is the 0.3 that a user writes."""
+    return np.round(np.arange(first, first + count) * step, 12)

@@ -1,0 +1,242 @@
+"""The plain loop: read the joints, advance every actuator, apply the torques, step the world; every substep is recorded."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from asrsim.engines.base import Engine
+from asrsim.samples import Array
+from asrsim.simulation.drives import Drive
+from asrsim.simulation.inputs import Block, Piece
+from asrsim.simulation.kernels import RECORD, make_substepped
+from asrsim.simulation.steppings import Stepping
+
+COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
+"""Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the effort limit, then the kernels' record."""
+FLUSH = 10_000
+"""Floats after which the record moves to a compact array: a short list stays in the processor's cache."""
+CORIOLIS_EVERY = 4
+"""Substeps between evaluations of the Coriolis correction: of order h itself, it may lag by some h at second order."""
+
+Hook = Callable[[int, Sequence[Any], Sequence[Any]], None]
+"""Called before each substep with its number, the engine's joint states and the actuators' states."""
+
+
+class Loop:
+    """State of a run: engine, joints, and what the scheme remembers between substeps."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        drives: Sequence[Drive],
+        stepping: Stepping,
+        *,
+        substep: float,
+        motor_substeps: int,
+        before_step: Sequence[Hook] = (),
+    ) -> None:
+        self.engine = engine
+        self.drives = tuple(drives)
+        self.stepping = stepping
+        self.substep = substep
+        self.motor_substeps = motor_substeps
+        self.before_step = tuple(before_step)
+        self.states: list[Any] = [drive.initial_state for drive in drives]
+        self._kinds = [drive.advance for drive in drives]
+        self._advances = [
+            make_substepped(drive.advance, motor_substeps) if motor_substeps > 1 and drive.dynamic_motors else drive.advance
+            for drive in drives
+        ]
+        self._constants: dict[float, list[Any]] = {}
+        self._efforts = [float("inf") if drive.joint.effort is None else drive.joint.effort for drive in drives]
+        self._dampings = [drive.joint.damping for drive in drives]
+        self._laws = [make_damping_law(drive) for drive in drives]
+        self.correction = [0.0] * len(self.drives)
+        self._correct = stepping.staggered and engine.bias_difference([1.0] * len(drives), [0.0] * len(drives)) is not None
+        # v = now * v_engine + before * v_engine of the substep before: extrapolation to the whole step.
+        self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
+        self.previous = [0.0] * len(self.drives)
+        self.last_torque = [0.0] * len(self.drives)
+        self.response = [0.0] * len(self.drives)
+        self.last_mean = [0.0] * len(self.drives)
+
+    def refresh_response(self) -> None:
+        """Half a kick's velocity per torque of each joint: h / 2 (M^-1)_jj, for the mean velocity that damping acts on.
+
+        Over a kick that mean is v + Dv / 2, and Dv differs from the last kick's v - u by h M^-1 times what the torques of
+        actuator and damping have changed by. Solved for the mean, damping is implicit, and midpoint for what is stiff;
+        only second-order terms depend on the response, so the diagonal, now and then, will do.
+        """
+        if self.stepping.staggered and any(self._dampings):
+            inverse = np.diagonal(np.linalg.inv(self.engine.mass_matrix()))
+            self.response[:] = (0.5 * self.substep * inverse).tolist()
+
+    def constants(self, step: float) -> list[Any]:
+        """Constants of every joint for a motor step of `step` s, kept."""
+        key = round(step, 15)
+        if key not in self._constants:
+            self._constants[key] = [drive.constants(step) for drive in self.drives]
+        return self._constants[key]
+
+    def run(self, block: Block) -> Array:
+        """All substeps of `block`; returns (n, joints, columns) raw records, columns as :data:`COLUMNS`."""
+        n = len(block.reference_1)
+        self.refresh_response()
+        records: list[Array] = []
+        position = 0
+        for event in [*sorted(k - block.first for k in block.events), n]:
+            if event > position:
+                records.append(self._smooth(block, position, event))
+            if event < n:
+                records.append(self._split(block, event))
+            position = event + 1
+        return np.concatenate(records).reshape(n, len(self.drives), len(COLUMNS))
+
+    def _smooth(self, block: Block, start: int, end: int) -> Array:
+        """Substeps `start` to `end` of the block, none of which an input jumps in. The hot loop."""
+        engine = self.engine
+        read, apply, advance_engine = engine.read, engine.apply, engine.advance
+        advances, states = self._advances, self.states
+        constants = self.constants(self.substep / self.motor_substeps)
+        efforts, dampings, correction = self._efforts, self._dampings, self.correction
+        now, before, previous = self._now, self._before, self.previous
+        response, last_torque, last_mean = self.response, self.last_torque, self.last_mean
+        slow = bool(self.before_step or any(self._laws))
+        correct = self._correct
+        forces = [0.0] * len(states)
+        chunks: list[array[float]] = []
+        out: list[float] = []
+        append = out.append
+        for k in range(start, end):
+            joints = read()
+            first, second, external = block.reference_1[k], block.reference_2[k], block.external[k]
+            if slow:
+                for hook in self.before_step:
+                    hook(block.first + k, joints, self.states)
+                dampings = self._changed_dampings(joints)
+            if correct and not (block.first + k) % CORIOLIS_EVERY:
+                self._correct_coriolis(joints)
+            j = 0
+            for q, lagging, _, _ in joints:
+                v = now * lagging + before * previous[j]
+                previous[j] = lagging
+                torque, states[j], record = advances[j](states[j], constants[j], q, v, first[j], second[j])
+                append(q)
+                append(lagging)
+                append(torque)
+                out += record
+                limit = efforts[j]
+                if torque > limit:
+                    torque = limit
+                elif torque < -limit:
+                    torque = -limit
+                damping = dampings[j]
+                if damping:
+                    half = response[j]
+                    drag = half * damping
+                    v = (v + half * (torque - last_torque[j]) + drag * last_mean[j]) / (1.0 + drag)
+                    last_torque[j] = torque
+                    last_mean[j] = v
+                    forces[j] = torque + external[j] - damping * v - correction[j]
+                else:
+                    forces[j] = torque + external[j] - correction[j]
+                j += 1
+            apply(forces)
+            advance_engine()
+            if len(out) > FLUSH:
+                chunks.append(array("d", out))
+                out.clear()
+        chunks.append(array("d", out))
+        return np.concatenate([np.frombuffer(chunk) for chunk in chunks if len(chunk)])
+
+    def _split(self, block: Block, index: int) -> Array:
+        """One substep whose kick is cut in pieces, with the inputs of each; the first of a run has no piece before t = 0."""
+        k = block.first + index
+        pieces = block.events[k]
+        joints = self.engine.read()
+        for hook in self.before_step:
+            hook(k, joints, self.states)
+        velocities = [self._now * state[1] + self._before * u for state, u in zip(joints, self.previous, strict=True)]
+        if k == 0:
+            velocities = [state[1] for state in joints]
+        self.previous[:] = [state[1] for state in joints]
+        dampings = self._changed_dampings(joints) if any(self._laws) else self._dampings
+        length = sum(piece.fraction for piece in pieces)
+        means = [0.0] * len(joints)
+        totals = [0.0] * len(joints)
+        rows: list[tuple[float, ...]] = []
+        for piece in pieces:
+            if piece.on_time:
+                rows = self._advance_all(piece, joints, velocities, 0.0)[1]
+            torques, _ = self._advance_all(piece, joints, velocities, piece.fraction)
+            for j, torque in enumerate(torques):
+                means[j] += piece.fraction / length * torque
+                totals[j] += piece.fraction * (torque + piece.rows[2][j] - self.correction[j])
+        for j, mean in enumerate(means):
+            half = length * self.response[j]
+            drag = half * dampings[j]
+            v = (velocities[j] + half * (mean - self.last_torque[j]) + drag * self.last_mean[j]) / (1.0 + drag)
+            totals[j] -= length * dampings[j] * v
+            self.last_torque[j] = mean
+            self.last_mean[j] = v if k else velocities[j]
+        self.engine.apply(totals)
+        if k:
+            self.engine.advance()
+        else:
+            self.engine.half_advance()
+            # The velocity half a step before the start, as if the first kick had been a whole one.
+            self.previous[:] = [2.0 * u - state[1] for u, state in zip(velocities, self.engine.read(), strict=True)]
+        return np.array([value for row in rows for value in row])
+
+    def _advance_all(
+        self, piece: Piece, joints: Sequence[Any], velocities: Sequence[float], fraction: float
+    ) -> tuple[list[float], list[tuple[float, ...]]]:
+        """Advance all joints by a fraction of a substep; fraction 0 only looks. Returns torques after the limit and rows."""
+        constants = self.constants(self.substep * fraction)
+        torques, rows = [], []
+        for j, state in enumerate(joints):
+            torque, after, record = self._kinds[j](
+                self.states[j], constants[j], state[0], velocities[j], piece.rows[0][j], piece.rows[1][j]
+            )
+            if fraction:
+                self.states[j] = after
+            rows.append((state[0], state[1], torque, *record))
+            torques.append(min(max(torque, -self._efforts[j]), self._efforts[j]))
+        return torques, rows
+
+    def _correct_coriolis(self, joints: Sequence[Any]) -> None:
+        """The engine evaluates velocity torques at the lagging velocity; make up for it."""
+        lagging = [state[1] for state in joints]
+        centred = [self._now * v + self._before * u for v, u in zip(lagging, self.previous, strict=True)]
+        difference = self.engine.bias_difference(centred, lagging)
+        if difference is not None:
+            self.correction[:] = difference
+
+    def _changed_dampings(self, joints: Sequence[Any]) -> list[float]:
+        return [
+            damping if law is None else damping + law(state[0], actuator_state)
+            for damping, law, state, actuator_state in zip(self._dampings, self._laws, joints, self.states, strict=True)
+        ]
+
+
+def make_damping_law(drive: Drive) -> Callable[[float, Any], float] | None:
+    """Additional link damping in N m s/rad as a function of link position and motor state, or None (the default).
+
+    c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness
+    preset (paper section 4.2.2); the toolbox keeps it fixed.
+    """
+    law, actuator = drive.link_damping, drive.actuator
+    if law is None or actuator is None or not drive.dynamic_motors:
+        return None if law is None or not law.constant else lambda q, state: law.constant
+    elastic = drive.elastic
+
+    def damping(q: float, state: Any) -> float:
+        theta_2 = state[4] if len(state) > 4 else 0.0
+        stiffness = actuator.stiffness(q, state[0], theta_2, elastic)
+        return float(law.constant + 2.0 * law.ratio * max(law.inertia * stiffness, 0.0) ** 0.5)
+
+    return damping

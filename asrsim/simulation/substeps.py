@@ -1,0 +1,195 @@
+"""How many substeps a run needs: from the mass matrix, and the largest stiffness and damping that can be reached.
+
+The coupled step is stable for omega h < 2 with omega = sqrt(lambda_max(M^-1 diag(stiffness))); the default keeps
+omega h <= 0.2, where the frequency is right to (omega h)^2 / 24 = 0.17 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.errors import UnresolvedSpringError
+from asrsim.samples import Array
+from asrsim.simulation.drives import Drive
+
+TARGET = 0.2
+"""omega h that the automatic number of substeps keeps (accuracy; stability ends at 2)."""
+MOTOR_TARGET = 0.3
+"""The same for motor and spring at a frozen link."""
+DAMPING_TARGET = 0.5
+"""c h / I that it keeps: the extrapolated damping is stable below 1."""
+OVERSHOOT = 2.0
+"""A spring behind a motor is loaded to at most this multiple of the motor's torque: a step load on an undamped spring."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resolution:
+    """Substeps and what they follow from."""
+
+    substeps: int
+    motor_substeps: int
+    frequency: float
+    """Largest link-side omega in rad/s."""
+    motor_frequency: float
+    omega_h: float
+    """omega times the substep, link side."""
+    stiffest_joint: str
+    stiffness: tuple[float, ...]
+    """Largest reachable stiffness of each joint in N m/rad."""
+
+
+def reachable_stiffness(drive: Drive, reference_1: Array, reference_2: Array, load: float) -> float:
+    """Largest stiffness in N m/rad that the joint's spring can reach in this run.
+
+    Its deflections are bounded by max_deflection; by the references (ideal motors: the largest jump or first offset, the
+    preset, and what the load deflects); and by the motors' torque (motors with dynamics). load: N m, bound of the
+    torque at the link from gravity and inputs.
+    """
+    actuator, mode = drive.actuator, drive.mode
+    if actuator is None or mode is None or not mode.spring:
+        return 0.0
+    elastic = drive.elastic
+    limit = drive.values.get("max_deflection", math.pi)
+    second = reference_2 if actuator.adjuster else np.zeros(1)
+    sigmas = (float(second[np.argmax(np.abs(second))]),)
+
+    def torque_at(deflection: float) -> float:
+        theta_2 = sigmas[0] if actuator.adjuster else deflection
+        return max(abs(part) for sign in (1.0, -1.0) for part in _torques(drive, sign * deflection, sign * theta_2, elastic))
+
+    if mode.motor:
+        bound = OVERSHOOT * max(drive.values[f"motor_{i}_max_torque"] for i in range(1, actuator.motors + 1)) + load
+        reach = _largest_below(torque_at, bound, limit)
+    else:
+        thetas = [
+            np.array([actuator.motor_references(a, b) if mode.mapped else (a, b)]) for a, b in _pairs(reference_1, reference_2)
+        ]
+        path = np.concatenate(thetas) if thetas else np.zeros((1, 2))
+        motors = path[:, :1] if actuator.adjuster or actuator.motors == 1 else path
+        offset = float(np.max(np.abs(motors[0] - drive.initial_position)))
+        jump = float(np.max(np.abs(np.diff(motors, axis=0)))) if len(motors) > 1 else 0.0
+        spread = float(np.max(np.abs(motors - motors.mean(axis=1, keepdims=True))))
+        reach = min(limit, spread + max(offset, jump) + _largest_below(torque_at, OVERSHOOT * load, limit))
+    grid = np.linspace(-reach, reach, 9)
+    best = 0.0
+    for d_1 in grid:
+        for d_2 in sigmas if actuator.adjuster else (grid if actuator.motors == 2 else (0.0,)):
+            value = actuator.stiffness(0.0, float(d_1), float(d_2), elastic)
+            best = max(best, abs(value)) if math.isfinite(value) else math.inf
+    return best
+
+
+def _pairs(reference_1: Array, reference_2: Array) -> list[tuple[float, float]]:
+    return list(zip(reference_1.tolist(), reference_2.tolist(), strict=True))
+
+
+def _torques(drive: Drive, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
+    try:
+        return drive.actuator.elastic_torques(0.0, d_1, d_2, elastic) if drive.actuator else (0.0, 0.0)
+    except (OverflowError, ZeroDivisionError):
+        return math.inf, math.inf
+
+
+def _largest_below(law: Callable[[float], float], bound: float, limit: float) -> float:
+    """Largest deflection up to `limit` whose torque stays below `bound`, by bisection on a monotone law."""
+    if law(limit) <= bound:
+        return limit
+    low, high = 0.0, limit
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if law(middle) <= bound else (low, middle)
+    return high
+
+
+def resolve(
+    drives: Sequence[Drive],
+    masses: Sequence[Array],
+    stiffness: Sequence[float],
+    *,
+    step: float,
+    substeps: int | None,
+    motor_substeps: int | None,
+    cap: int,
+) -> Resolution:
+    """Numbers of substeps; raises UnresolvedSpringError where `cap` does not suffice.
+
+    masses: mass matrices (n, n) in the configurations that count; stiffness: per joint, N m/rad.
+    """
+    gains = [
+        drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
+        for drive, k in zip(drives, stiffness, strict=True)
+    ]
+    dampings = [
+        drive.joint.damping + (drive.values["controller_1_derivative"] if drive.mode and drive.mode.number == 1 else 0.0)
+        for drive in drives
+    ]
+    omega, shape = _fastest(masses, gains)
+    decay, drag = _fastest(masses, dampings)
+    frequency, rate = math.sqrt(omega), decay
+    stiffest = drives[int(np.argmax(np.abs(shape)))].name if len(drives) else ""
+    dragged = drives[int(np.argmax(np.abs(drag)))].name if len(drives) else ""
+    needed = max(1, math.ceil(frequency * step / TARGET - 1e-9), math.ceil(rate * step / DAMPING_TARGET - 1e-9))
+    if substeps is None:
+        if needed > cap:
+            spring = frequency * step / TARGET >= rate * step / DAMPING_TARGET
+            cause = (
+                f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz"
+                if spring
+                else f"the damping of joint '{dragged}' decays at {rate:.4g} 1/s, which"
+            )
+            raise UnresolvedSpringError(
+                f"{cause} cannot be resolved: a step of {step:g} s would need {needed} substeps, the cap is {cap}. "
+                f"Lower the step, raise substep_cap, soften the spring or limit its deflection (max_deflection)"
+            )
+        substeps = needed
+    h = step / substeps
+    limit = frequency * h
+    if limit >= 2.0:
+        raise UnresolvedSpringError(
+            f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = {limit:.3g}, "
+            f"the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
+        )
+    motor_frequency = max((_motor_frequency(drive, k) for drive, k in zip(drives, stiffness, strict=True)), default=0.0)
+    if motor_substeps is None:
+        motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9))
+    motor_substeps += 1 - motor_substeps % 2
+    return Resolution(
+        substeps=substeps,
+        motor_substeps=motor_substeps,
+        frequency=frequency,
+        motor_frequency=motor_frequency,
+        omega_h=limit,
+        stiffest_joint=stiffest,
+        stiffness=tuple(float(k) for k in stiffness),
+    )
+
+
+def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Array]:
+    """Largest eigenvalue of M^-1 diag(gains) over the configurations, and its joint shape."""
+    root = np.sqrt(np.asarray(gains, dtype=float))
+    best, shape = 0.0, root
+    for mass in masses:
+        if not np.all(np.isfinite(root)):
+            return math.inf, np.where(np.isfinite(root), 0.0, 1.0)
+        values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(mass) * root[None, :])
+        if values.size and values[-1] > best:
+            best, shape = float(values[-1]), vectors[:, -1]
+    return best, shape
+
+
+def _motor_frequency(drive: Drive, stiffness: float) -> float:
+    """Largest omega of a motor in rad/s: spring, controller and bristles at a frozen link."""
+    frequency = 0.0
+    for index in range(1, drive.dynamic_motors + 1):
+        springs = stiffness
+        if drive.mode and drive.mode.controller:
+            springs += drive.values[f"controller_{index}_proportional"]
+        if drive.values[f"motor_{index}_friction_torque"]:
+            springs += FRICTION_STIFFNESS
+        frequency = max(frequency, math.sqrt(max(springs, 0.0) / drive.values[f"motor_{index}_inertia"]))
+    return frequency
