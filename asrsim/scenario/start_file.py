@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from asrsim.errors import OutputError
@@ -15,13 +16,21 @@ SCHEMA_FILE = "asrsim.schema.json"
 
 
 def write_starter(
-    robot: Path, out: Path, *, mode: int | None = None, force: bool = False, schema: bool = True
+    robot: Path,
+    out: Path,
+    *,
+    mode: int | None = None,
+    force: bool = False,
+    schema: bool = True,
+    arguments: Mapping[str, str] | None = None,
+    packages: Mapping[str, Path] | None = None,
 ) -> tuple[Path, ...]:
     """Write a starter scenario for the robot to `out`, and the schema beside it; gives the files written.
 
+    mode: replaces the robot file's modes. arguments, packages: xacro arguments and folders of ROS packages.
     Raises RobotError for a robot that cannot be read, OutputError where a file is in the way or cannot be written.
     """
-    loaded = load_robot(robot)
+    loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
     if mode is not None:
         loaded = with_overrides(loaded, modes={"*": mode})
     text = starter_text(loaded, robot_file=relative_path(robot, out.parent), schema=SCHEMA_FILE if schema else None, mode=mode)

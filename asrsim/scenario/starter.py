@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
@@ -72,10 +72,19 @@ class Drive:
                 yield name, "rad", _step(low, high)
 
 
-def starter_text(robot: Robot, *, robot_file: str, schema: str | None = None, mode: int | None = None) -> str:
+def starter_text(
+    robot: Robot,
+    *,
+    robot_file: str,
+    schema: str | None = None,
+    mode: int | None = None,
+    arguments: Mapping[str, str] | None = None,
+    packages: Mapping[str, str] | None = None,
+) -> str:
     """The starter's YAML. `robot` has its modes already; `mode` says that one was asked for, and is written down.
 
     robot_file: path of the robot as the scenario shall name it. schema: path of the JSON Schema for editors, if any.
+    arguments, packages: xacro arguments and folders of ROS packages that the robot was read with.
     """
     drives = tuple(_drive(robot, block) for block in robot.actuators)
     lines = [f"# yaml-language-server: $schema={schema}"] if schema else []
@@ -83,7 +92,7 @@ def starter_text(robot: Robot, *, robot_file: str, schema: str | None = None, mo
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
         "# Every key is explained in docs/scenario.md, every signal in docs/signals.md.",
         "",
-        f"robot: {_word(robot_file)}",
+        *_robot(robot_file, arguments or {}, packages or {}),
         "duration: 3          # s",
         "step: 0.001          # s; springs that are too stiff for it get substeps by themselves",
         "# log_rate: 500      # Hz; without it every step is logged",
@@ -97,6 +106,17 @@ def starter_text(robot: Robot, *, robot_file: str, schema: str | None = None, mo
         lines += [f"  {_word(drive.joint.name)}: {_number(drive.start)}" for drive in moved]
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
     return "\n".join(lines) + "\n"
+
+
+def _robot(file: str, arguments: Mapping[str, str], packages: Mapping[str, str]) -> Iterator[str]:
+    if not arguments and not packages:
+        yield f"robot: {_word(file)}"
+        return
+    yield "robot:"
+    yield f"  file: {_word(file)}"
+    for key, items in (("arguments", arguments), ("packages", packages)):
+        if items:
+            yield f"  {key}: {{{', '.join(f'{_word(name)}: {_word(text)}' for name, text in items.items())}}}"
 
 
 def _drive(robot: Robot, block: ActuatorBlock) -> Drive:

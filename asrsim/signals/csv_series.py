@@ -40,29 +40,20 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     header, header_line, rows = _rows(path)
     time_index = _time_index(path, header, header_line, time_column)
     index = _find(path, header, header_line, column, key="column")
-    times, values, problems = [], [], []
+    times: list[float] = []
+    values: list[float] = []
+    problems: list[Problem] = []
     previous = -math.inf
     for line, row in rows:
-        numbers = []
-        for place in (time_index, index):
-            name, _ = split_header(header[place])
-            text = row[place].strip() if place < len(row) else ""
-            try:
-                numbers.append(float(text))
-            except ValueError:
-                what = "the cell is empty" if not text else "is not a number"
-                problems.append(Problem(message=what, file=path, line=line, key=name, value=text or None, code="csv-cell"))
-        if len(numbers) == 2 and not all(map(math.isfinite, numbers)):
-            problems.append(
-                Problem(message="is not finite", file=path, line=line, key=column, value=str(numbers), code="csv-cell")
-            )
-        elif len(numbers) == 2:
-            if numbers[0] <= previous:
-                message = f"time {numbers[0]:g} does not ascend: {previous:g} stands before it"
-                problems.append(Problem(message=message, file=path, line=line, key=header[time_index].strip(), code="csv-time"))
-            previous = numbers[0]
-            times.append(numbers[0])
-            values.append(numbers[1])
+        stamp, number = (_cell(path, header, row, line, place, problems) for place in (time_index, index))
+        if stamp is not None and stamp <= previous:
+            message = f"time {stamp:g} does not ascend: {previous:g} stands before it"
+            problems.append(Problem(message=message, file=path, line=line, key=header[time_index].strip(), code="csv-time"))
+        if stamp is not None:
+            previous = stamp
+        if stamp is not None and number is not None:
+            times.append(stamp)
+            values.append(number)
         if len(problems) > MAX_PROBLEMS:
             problems.append(Problem(message="and possibly more like these", file=path, code="csv-cell"))
             break
@@ -74,6 +65,22 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
         np.array(times) * _factor(path, header[time_index], header_line),
         np.array(values) * _factor(path, header[index], header_line),
     )
+
+
+def _cell(path: Path, header: list[str], row: list[str], line: int, place: int, problems: list[Problem]) -> float | None:
+    """A finite number, or None with the problem noted."""
+    text = row[place].strip() if place < len(row) else ""
+    try:
+        number = float(text)
+        what = "is not finite"
+    except ValueError:
+        number = math.nan
+        what = "is not a number" if text else "the cell is empty"
+    if math.isfinite(number):
+        return number
+    name, _ = split_header(header[place])
+    problems.append(Problem(message=what, file=path, line=line, key=name, value=text or None, code="csv-cell"))
+    return None
 
 
 def _rows(path: Path) -> tuple[list[str], int, list[tuple[int, list[str]]]]:

@@ -1,0 +1,167 @@
+"""Playback of recordings: CSV, MCAP, ROS bags."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from asrsim.errors import ScenarioError
+from asrsim.signals import parse_signal
+
+CSV = "# a comment\ntime,q1 [rad],q2 [deg]\n0,0,0\n0.5,1,90\n1.0,0,180\n"
+
+
+def play(tmp_path, text, **keys):
+    (tmp_path / "ref.csv").write_text(text)
+    return parse_signal({"playback": {"file": "ref.csv", **keys}}, base=tmp_path)
+
+
+def test_csv_is_interpolated_and_holds_its_ends(tmp_path):
+    signal = play(tmp_path, CSV, column="q1")
+    assert signal.values(np.array([-1, 0, 0.25, 0.5, 0.75, 1, 9])).tolist() == [0, 0, 0.5, 1, 0.5, 0, 0]
+    assert signal.jumps(0.0, 2.0).size == 0
+
+
+def test_csv_held_jumps_at_its_samples(tmp_path):
+    signal = play(tmp_path, CSV, column="q1", interpolation="hold")
+    assert signal.values(np.array([0.49, 0.5, 0.99, 1.0])).tolist() == [0, 1, 1, 0]
+    assert signal.jumps(0.0, 2.0).tolist() == [0.5, 1.0]
+
+
+def test_unit_of_the_header_is_converted(tmp_path):
+    assert play(tmp_path, CSV, column="q2 [deg]").values(np.array([1.0])) == pytest.approx([math.pi])
+    scaled = play(tmp_path, CSV, column="q2", scale=-2, offset=1)
+    assert scaled.values(np.array([1.0])) == pytest.approx([1 - 2 * math.pi])
+
+
+def test_other_time_column_in_ms_and_shifted_start(tmp_path):
+    text = "stamp_ms [ms];q\n1000;1\n2000;2\n"
+    signal = play(tmp_path, text, column="q", time="stamp_ms", start=5)
+    assert signal.values(np.array([5.0, 5.5, 6.0])).tolist() == [1, 1.5, 2]
+
+
+def test_stamps_of_a_clock_begin_at_zero(tmp_path):
+    signal = play(tmp_path, "t,q\n1700000000,1\n1700000001,2\n", column="q")
+    assert signal.values(np.array([0.0, 1.0])).tolist() == [1, 2]
+
+
+def test_a_changed_file_is_read_again(tmp_path):
+    import os
+
+    assert play(tmp_path, "t,q\n0,1\n", column="q").values(np.array([0.0]))[0] == 1
+    (tmp_path / "ref.csv").write_text("t,q\n0,2\n")
+    os.utime(tmp_path / "ref.csv", (1, 1))
+    assert parse_signal({"playback": {"file": str(tmp_path / "ref.csv"), "column": "q"}}).values(np.array([0.0]))[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "keys", "messages"),
+    [
+        (CSV, {"column": "q3"}, ["there is no column 'q3'", "time, q1, q2", "ref.csv:2"]),
+        (CSV, {"column": "q1", "time": "tyme"}, ["there is no column 'tyme'", "Did you mean 'time'?"]),
+        ("x,q\n0,1\n", {"column": "q"}, ["no column is called time or t", "x, q"]),
+        (
+            "time,q\n0,1\n1,\n2,x\n1.5,3\n",
+            {"column": "q"},
+            ["ref.csv:3: q: the cell is empty", "ref.csv:4: q: is not a number", "1.5 does not ascend: 2"],
+        ),
+        ("time,q\n0,1\n1\n", {"column": "q"}, ["ref.csv:3: q: the cell is empty"]),
+        ("time,q\n0,inf\n", {"column": "q"}, ["not finite"]),
+        ("0,1\n1,2\n", {"column": "q"}, ["has no header"]),
+        ("", {"column": "q"}, ["is empty"]),
+        ("time,q\n", {"column": "q"}, ["no rows"]),
+        ("time,q [furlong]\n0,1\n", {"column": "q"}, ["unit 'furlong'", "scale"]),
+        ("time,q,q\n0,1,2\n", {"column": "q"}, ["several columns"]),
+        (CSV, {}, ["needs the key column (CSV) or topic (bags)"]),
+        (CSV, {"column": "q1", "topic": "/q"}, ["needs the key column (CSV) or topic (bags)"]),
+    ],
+)
+def test_faults_of_a_csv_name_file_line_and_column(tmp_path, text, keys, messages):
+    with pytest.raises(ScenarioError) as caught:
+        play(tmp_path, text, **keys)
+    for message in messages:
+        assert message in str(caught.value)
+
+
+def test_many_bad_rows_are_cut_short(tmp_path):
+    with pytest.raises(ScenarioError) as caught:
+        play(tmp_path, "time,q\n" + "0,x\n" * 1000, column="q")
+    assert len(caught.value.problems) < 20
+
+
+def test_missing_file_is_told_with_its_path(tmp_path):
+    with pytest.raises(ScenarioError, match="there is no recording"):
+        parse_signal({"playback": {"file": "nothing.csv", "column": "q"}}, base=tmp_path)
+
+
+def _write_bag(path, ros1):
+    """Two topics, 10 Hz, 1 s, stamps of a clock: Float64 sin(t) and a JointState of two joints."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    number, state = types.types["std_msgs/msg/Float64"], types.types["sensor_msgs/msg/JointState"]
+    header, stamp = types.types["std_msgs/msg/Header"], types.types["builtin_interfaces/msg/Time"]
+    writer = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    with writer as bag:
+        topics = [
+            bag.add_connection(name, kind.__msgtype__, typestore=types) for name, kind in (("/q", number), ("/states", state))
+        ]
+        serialise = types.serialize_ros1 if ros1 else types.serialize_cdr
+        for index in range(11):
+            time = 1_700_000_000_000_000_000 + index * 100_000_000
+            sequence = {"seq": index} if ros1 else {}
+            head = header(stamp=stamp(sec=100, nanosec=index * 50_000_000), frame_id="", **sequence)
+            values = np.array([0.1 * index, -0.1 * index])
+            message = state(header=head, name=["a", "b"], position=values, velocity=values, effort=values)
+            bag.write(topics[0], time, serialise(number(data=0.1 * index), number.__msgtype__))
+            bag.write(topics[1], time, serialise(message, state.__msgtype__))
+    return path
+
+
+@pytest.fixture(params=["ros1 bag", "ros2 bag", "mcap"])
+def bag(request, tmp_path):
+    path = _write_bag(tmp_path / ("run.bag" if request.param == "ros1 bag" else "run"), request.param == "ros1 bag")
+    return next(path.glob("*.mcap")) if request.param == "mcap" else path
+
+
+def test_bags_are_played_by_topic_and_field(bag):
+    number = parse_signal({"playback": {"file": str(bag), "topic": "/q"}})
+    assert number.values(np.array([0.0, 0.25, 1.0, 5.0])) == pytest.approx([0.0, 0.25, 1.0, 1.0])
+    by_name = parse_signal({"playback": {"file": str(bag), "topic": "/states", "field": "position[b]"}})
+    by_index = parse_signal({"playback": {"file": str(bag), "topic": "/states", "field": "position[1]"}})
+    assert by_name.values(np.array([0.5])) == by_index.values(np.array([0.5])) == pytest.approx([-0.5])
+    own_stamps = parse_signal(
+        {"playback": {"file": str(bag), "topic": "/states", "field": "position[a]", "time": "header", "start": 0}}
+    )
+    assert own_stamps.values(np.array([0.25])) == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(
+    ("keys", "messages"),
+    [
+        ({"topic": "/p"}, ["there is no topic '/p'", "/q, /states"]),
+        ({"topic": "/q", "field": "date"}, ["no field 'date'", "Did you mean 'data'?"]),
+        ({"topic": "/states", "field": "position[c]"}, ["no entry 'c'", "a, b"]),
+        ({"topic": "/states", "field": "position"}, ["is no number"]),
+        ({"topic": "/q", "time": "header"}, ["have no header"]),
+        ({"topic": "/q", "field": "a b"}, ["no field path"]),
+    ],
+)
+def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
+    path = _write_bag(tmp_path / "run", ros1=False)
+    with pytest.raises(ScenarioError) as caught:
+        parse_signal({"playback": {"file": str(path), **keys}})
+    for message in messages:
+        assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["broken.mcap", "broken.bag", "broken.db3"])
+def test_a_broken_bag_is_a_plain_error(tmp_path, name):
+    (tmp_path / name).write_bytes(b"this is no bag" * 20)
+    with pytest.raises(ScenarioError, match="cannot be read as a bag"):
+        parse_signal({"playback": {"file": name, "topic": "/q"}}, base=tmp_path)
