@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -82,9 +82,9 @@ class BulletEngine:
             self.close()
             raise
         p, client, body = self._p, self._client, self._body
-        self.read = partial(p.getJointStates, body, self._indices, client)
+        self.read: Callable[[], Sequence[Any]] = partial(p.getJointStates, body, self._indices, client)
         self._control = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
-        self.advance = partial(p.stepSimulation, client)
+        self.advance: Callable[[], None] = partial(p.stepSimulation, client)
 
     def apply(self, torques: list[float]) -> None:
         """Torques for the next step."""
@@ -298,15 +298,26 @@ class BulletEngine:
         for index, value in zip(self._indices, positions, strict=True):
             p.resetJointState(body, index, value, 0.0, physicsClientId=client)
         index = self._link_index[link]
-        zero = [0.0] * len(self.joints)
-        _, _, local = self._inertial_frame(index)
+        at = np.asarray(point, dtype=float)
+        if index == -1:
+            centre, orientation, local = self._inertial_frame(index)
+            rotation = self._matrix(orientation)
+            return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation, np.zeros((6, len(self.joints)))
         state = p.getLinkState(body, index, 0, 1, client)
-        rotation = np.array(p.getMatrixFromQuaternion(state[5]), dtype=float).reshape(3, 3)
-        position = np.array(state[4], dtype=float) + rotation @ np.asarray(point, dtype=float)
-        offset = [a - b for a, b in zip(point, local, strict=True)]
-        linear, angular = p.calculateJacobian(body, index, offset, list(positions), zero, zero, physicsClientId=client)
-        jacobian = np.vstack([np.array(linear, dtype=float), np.array(angular, dtype=float)])
-        return position, rotation, jacobian[:, -len(self.joints) :]
+        rotation = self._matrix(state[5])
+        # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
+        # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
+        turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
+        zero = [0.0] * len(self.joints)
+        linear, angular = p.calculateJacobian(
+            body, index, turned.tolist(), list(positions), zero, zero, physicsClientId=client
+        )
+        base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
+        jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
+        return np.array(state[4]) + rotation @ at, rotation, jacobian[:, -len(self.joints) :]
+
+    def _matrix(self, quaternion: Sequence[float]) -> Array:
+        return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
 
     # -- the world --------------------------------------------------------------------------------------------------
 

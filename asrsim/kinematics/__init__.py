@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from asrsim.kinematics.clik import ClikSettings, JointPath, follow
 from asrsim.kinematics.compensation import Drive, drive_of, equilibrium_for_load, resting_motors
+from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.plan import PlannedReferences, plan
 from asrsim.kinematics.reach import Reach, closest
+from asrsim.kinematics.references import plan_references, plan_task
 from asrsim.kinematics.trajectory import INTERPOLATIONS, PoseTrajectory
 
 __all__ = [
     "INTERPOLATIONS",
     "ClikSettings",
     "Drive",
+    "EngineModel",
     "JointPath",
     "KinematicModel",
     "PlannedReferences",
@@ -22,6 +25,9 @@ __all__ = [
     "drive_of",
     "equilibrium_for_load",
     "follow",
+    "model_of",
     "plan",
+    "plan_references",
+    "plan_task",
     "resting_motors",
 ]

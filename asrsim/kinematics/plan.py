@@ -59,12 +59,14 @@ def plan(
     initial: Mapping[str, float],
     duration: float,
     *,
+    presets: Mapping[str, Signal] | None = None,
     step: float = PLAN_STEP,
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
     drives: the actuated joints; those that the task does not move hold their initial position (and their weight, with
-    gravity compensation). initial: link positions at the start by joint, absent ones 0. duration: s.
+    gravity compensation). initial: link positions at the start by joint, absent ones 0. duration: s. presets: second
+    references by joint; others are the task's, or the actuator's typical one.
     Raises ScenarioError for poses or paths that the robot cannot reach (with the closest point that it can), and for
     loads that a spring or motor cannot hold.
     """
@@ -88,7 +90,7 @@ def plan(
     columns, references = [], {}
     for drive in drives:
         index = model.joints.index(drive.joint)
-        preset = task.preset.get(drive.joint, task.preset.get("*", drive.actuator.typical_preset))
+        preset = _preset(task, drive, presets or {}, time)
         equilibria = path.positions[:, index].copy()
         if task.gravity_compensation and MODES[drive.mode].spring:
             equilibria = _compensated(task, model, drive, path, index, preset)
@@ -196,13 +198,15 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
     return Problem(message=message, key="task.poses", code="unreachable")
 
 
-def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: float) -> Array:
+def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: Array) -> Array:
     equilibria = np.empty(len(path.time))
     guess: float | None = None
     for row, (time, positions) in enumerate(zip(path.time, path.positions, strict=True)):
         load = float(model.gravity_torques(positions)[index])
         try:
-            found = equilibrium_for_load(drive, float(positions[index]), load, preset, droop=task.motor_droop, guess=guess)
+            found = equilibrium_for_load(
+                drive, float(positions[index]), load, float(preset[row]), droop=task.motor_droop, guess=guess
+            )
         except LoadError as error:
             problem = error.problems[0]
             raise ScenarioError(
@@ -218,14 +222,23 @@ def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path:
     return equilibria
 
 
-def _references(drive: Drive, equilibria: Array, preset: float) -> dict[str, Array]:
+def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
+    """(n,) second references over time."""
+    if drive.joint in presets:
+        return presets[drive.joint].values(time)
+    return np.full(len(time), task.preset.get(drive.joint, task.preset.get("*", drive.actuator.typical_preset)))
+
+
+def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
     """The mode's references at the given equilibria."""
     mode = MODES[drive.mode]
     if len(mode.references) == 1:
         return {mode.references[0]: equilibria}
     if mode.mapped:
-        return {mode.references[0]: equilibria, mode.references[1]: np.full(len(equilibria), preset)}
-    pairs = np.array([drive.actuator.motor_references(float(value), preset) for value in equilibria])
+        return {mode.references[0]: equilibria, mode.references[1]: preset}
+    pairs = np.array(
+        [drive.actuator.motor_references(*pair) for pair in zip(equilibria.tolist(), preset.tolist(), strict=True)]
+    )
     return {mode.references[0]: pairs[:, 0], mode.references[1]: pairs[:, 1]}
 
 
