@@ -1,0 +1,49 @@
+"""Measures of a difference: a series against a reference on the same time base.
+
+`values` is what is judged (the simulation), `reference` what it is judged by (the recording, the reference signal).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asrsim.metrics.lag import estimate_lag
+from asrsim.samples import Array
+
+
+def rmse(_time: Array, values: Array, reference: Array) -> float:
+    """Root of the mean squared difference over the samples."""
+    return float(np.sqrt(np.mean((values - reference) ** 2)))
+
+
+def nrmse(time: Array, values: Array, reference: Array) -> float:
+    """RMSE divided by the range (maximum minus minimum) of the reference; undefined for a constant one."""
+    extent = float(np.ptp(reference))
+    return rmse(time, values, reference) / extent if extent > 0 else math.nan
+
+
+def maximum_error(_time: Array, values: Array, reference: Array) -> float:
+    """Largest magnitude of the difference."""
+    return float(np.max(np.abs(values - reference)))
+
+
+def bias(_time: Array, values: Array, reference: Array) -> float:
+    """Mean of value minus reference."""
+    return float(np.mean(values - reference))
+
+
+def r2(_time: Array, values: Array, reference: Array) -> float:
+    """Coefficient of determination 1 - sum (r - v)^2 / sum (r - mean r)^2: 1 perfect, 0 as good as the mean, negative worse."""
+    total = float(np.sum((reference - np.mean(reference)) ** 2))
+    return 1.0 - float(np.sum((reference - values) ** 2)) / total if total > 0 else math.nan
+
+
+def delay(time: Array, values: Array, reference: Array, *, limit: float | None = None) -> float:
+    """Time by which the values come after the reference, at the peak of their normalised cross-correlation.
+
+    limit: s, largest delay looked for either way; a quarter of the record by default.
+    """
+    lag = estimate_lag(time, reference, time, values, limit=limit)
+    return lag.seconds if lag is not None else math.nan

@@ -1,0 +1,140 @@
+"""Claims about a run, evaluated: measured number, comparison, verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
+from asrsim.metrics.measures import MEASURES, measure, option_problems
+from asrsim.metrics.motion import AXES
+from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.samples import Array, Samples
+from asrsim.scenario.data import Expectation
+
+COMPARISONS = ("==", "<", "<=", ">", ">=")
+BODY_QUANTITIES = ("position", "x", "y", "z", "contact_force")
+"""What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpectationResult:
+    """A claim and what came of it."""
+
+    expectation: Expectation
+    holds: bool
+    measured: float
+    """NaN where the measure is undefined; such a claim does not hold."""
+    unit: str
+    text: str
+    """One line: what was claimed, measured, and the verdict."""
+
+
+def evaluate_expectation(
+    expectation: Expectation, time: Array, columns: Mapping[str, Array], *, reference: Array | None = None
+) -> ExpectationResult:
+    """Evaluates a claim on the quantities of its joint or body.
+
+    Args:
+        expectation: The claim.
+        time: (n,) s.
+        columns: Quantity -> (n,) (or (n, 7) for `position` of a body) of the joint or body.
+        reference: (n,) to compare with, for measures of a difference; without one the joint's own reference serves:
+            `position_error` + `link_position` where both are there and the claim is about the link position.
+
+    Raises:
+        ScenarioError: For unknown quantities, measures or options, placed at the claim's line.
+    """
+    check_expectation(expectation)
+    series = columns.get(expectation.quantity)
+    if series is None:
+        raise _error(
+            expectation, f"'{expectation.quantity}' is not recorded for {expectation.joint or expectation.body}",
+            choices=tuple(columns),
+        )  # fmt: skip
+    if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
+        reference = columns["position_error"] + series
+    try:
+        measured = measure(expectation.measure, time, series, reference, **expectation.options)
+    except InputError as error:
+        raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
+    found = MEASURES.get(expectation.measure)
+    known = (QUANTITIES | DERIVED).get(expectation.quantity)
+    series_unit = known.unit if known is not None else ("N" if expectation.quantity == "contact_force" else "m")
+    unit = found.unit_of(series_unit)
+    holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
+    return ExpectationResult(
+        expectation=expectation, holds=holds, measured=measured, unit=unit, text=_text(expectation, measured, unit, holds)
+    )
+
+
+def compares(measured: float, comparison: str, value: float, tolerance: float = 0.0) -> bool:
+    """Whether `measured comparison value` holds; the tolerance widens every comparison; NaN never holds."""
+    if math.isnan(measured):
+        return False
+    if comparison == "==":
+        # The last digits of both numbers are no disagreement.
+        return abs(measured - value) <= tolerance + 4e-16 * max(abs(measured), abs(value))
+    if comparison in ("<", "<="):
+        bound = value + tolerance
+        return measured < bound if comparison == "<" else measured <= bound
+    bound = value - tolerance
+    return measured > bound if comparison == ">" else measured >= bound
+
+
+def check_expectation(expectation: Expectation) -> None:
+    """Raises ScenarioError where the claim cannot be evaluated whatever the run gives; for use before the run."""
+    problems: list[Problem] = []
+    if expectation.measure not in MEASURES:
+        names = MEASURES.names()
+        hint = did_you_mean(expectation.measure, names)
+        raise _error(expectation, f"no measure is called '{expectation.measure}'", choices=names, hint=hint)
+    options = {key: value for key, value in expectation.options.items() if key not in ("start", "end")}
+    problems += option_problems(MEASURES.get(expectation.measure), options)
+    if expectation.comparison not in COMPARISONS:
+        raise _error(expectation, f"'{expectation.comparison}' is no comparison", choices=COMPARISONS)
+    if expectation.body is not None and expectation.quantity not in BODY_QUANTITIES:
+        raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
+    if problems:
+        raise ScenarioError(
+            [Problem(message=p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
+             for p in problems]
+        )  # fmt: skip
+
+
+def body_columns(samples: Samples, body: str) -> dict[str, Array]:
+    """Quantities of a body: `position` (n, 7), x, y, z, and `contact_force` (n,), zero without contact."""
+    columns: dict[str, Array] = {}
+    poses = samples.bodies.get(body)
+    if poses is not None:
+        columns["position"] = poses
+        columns |= {axis: poses[:, index] for axis, index in AXES.items()}
+    forces = np.zeros((len(samples.time), 3))
+    touched = poses is not None
+    for pair, force in samples.contacts.items():
+        first, _, second = pair.partition("/")
+        if body in (first, second):
+            touched = True
+            # The force acts on the first body; on the second it is opposite. NaN: no contact then.
+            forces += np.nan_to_num(force) * (1.0 if body == first else -1.0)
+    if touched:
+        columns["contact_force"] = np.linalg.norm(forces, axis=1)
+    return columns
+
+
+def _text(claim: Expectation, measured: float, unit: str, holds: bool) -> str:
+    who = claim.joint or claim.body or ""
+    wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
+    got = "cannot be measured" if math.isnan(measured) else f"is {measured:.5g}"
+    against = f" against {claim.against}" if claim.against else ""
+    tail = f" {unit}" if unit else ""
+    verdict = "holds" if holds else "does not hold"
+    return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
+
+
+def _error(claim: Expectation, message: str, **more: Any) -> ScenarioError:
+    return ScenarioError(Problem(message=message, line=claim.line, key="expect", code="bad-expectation", **more))

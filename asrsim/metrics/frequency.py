@@ -1,0 +1,196 @@
+"""Frequency response from any excitation: gain, phase, coherence with confidence bands, resonance, bandwidth.
+
+Two estimators, chosen by what the excitation is:
+
+- *local*, for an excitation that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and
+  Guerin (Non-parametric frequency response estimation using a local rational model, SYSID 2012) and Pintelon, Schoukens,
+  Vandersteen and Barbe (Mechanical Systems and Signal Processing 24, 2010). Unlike averaging over segments it has neither
+  leakage nor smoothing: a chirp passes each frequency once, and segments would cut it.
+- *welch*, for a sparse periodic excitation (multisine): `scipy.signal.csd` and `welch` with Hann windows, half overlapping,
+  read at the excited lines only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.metrics.spectra import Spectra, local_rational, uniform, welch
+from asrsim.samples import Array
+
+_FLOOR = 1e-3
+"""Share of the strongest input power (-30 dB) above which a frequency counts as excited."""
+_SPARSE = 1e-3
+"""Median over maximum of the input power in its band below which the excitation is a set of lines."""
+_STILL = 1e-4
+"""Share of the input's motion below which the output "does not move"."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrequencyResponse:
+    """Response of an output to an input at m frequencies inside the excited band."""
+
+    frequency: Array
+    """(m,) Hz, ascending."""
+    gain: Array
+    """(m,) output unit / input unit."""
+    phase: Array
+    """(m,) degrees, unwrapped; begins within -180 ... 180."""
+    coherence: Array
+    """(m,) 0 to 1: share of the output that the input explains, corrected for the number of averages."""
+    gain_low: Array
+    """(m,) lower edge of the gain's confidence band, not below 0."""
+    gain_high: Array
+    """(m,) upper edge."""
+    phase_margin: Array
+    """(m,) degrees, half width of the phase's confidence band; 180 where the phase is unknown."""
+    confidence: float
+    """Probability of the bands, such as 0.95."""
+    averages: float
+    """Independent averages (Welch) or degrees of freedom (local) behind each point."""
+    resolution: float
+    """Hz between independent points."""
+    method: str
+    """local or welch."""
+    band: tuple[float, float]
+    """Hz, the excited band."""
+    resonance: tuple[float, float] | None
+    """Frequency (Hz) and gain of the largest peak inside the band; None if the gain has none."""
+    bandwidth: float | None
+    """Hz at which the gain first falls 3 dB below its value at the low end of the band; None if it does not in the band."""
+    moves: bool
+    """False: the output does not follow the input (held by friction, or not connected)."""
+    findings: tuple[Problem, ...] = ()
+
+    def at(self, frequencies: Array) -> NDArray[np.complex128]:
+        """Complex response at other frequencies (k,) Hz by linear interpolation; NaN outside of the band."""
+        value = self.gain * np.exp(1j * np.radians(self.phase))
+        real = np.interp(frequencies, self.frequency, value.real, left=math.nan, right=math.nan)
+        imaginary = np.interp(frequencies, self.frequency, value.imag, left=math.nan, right=math.nan)
+        return np.asarray(real + 1j * imaginary)
+
+
+def frequency_response(
+    time: Array, excitation: Array, output: Array, *, band: tuple[float, float] | None = None, method: str = "auto",
+    confidence: float = 0.95,
+) -> FrequencyResponse:  # fmt: skip
+    """Response of the output to the excitation, which may be a chirp, a multisine, noise or anything else that moves.
+
+    Args:
+        time: (n,) s; uneven sampling is brought to its median step by linear interpolation.
+        excitation: (n,), input; NaN are left out at the ends and bridged inside only up to three samples.
+        output: (n,).
+        band: Hz, lowest and highest frequency; None: where the input has more than -30 dB of its largest power.
+        method: auto, local or welch.
+        confidence: Probability of the bands.
+
+    Raises:
+        RecordingError: Too short, input constant, nothing excited in the band.
+    """
+    if method not in ("auto", "local", "welch"):
+        raise RecordingError(Problem(message=f"no method is called '{method}'", choices=("auto", "local", "welch")))
+    t, u, y, findings = uniform(time, excitation, output)
+    if len(t) < 64:
+        raise RecordingError(
+            Problem(message=f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
+        )
+    if np.ptp(u) <= 1e-12 * max(1.0, float(np.max(np.abs(u)))):
+        raise RecordingError(
+            Problem(message=f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves",
+                    code="constant-excitation", hint="Expected a chirp, multisine or noise")
+        )  # fmt: skip
+    moves = bool(np.std(y) > _STILL * np.std(u))
+    if not moves:
+        findings.append(
+            Problem(message=f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
+                    "(by friction?) or not connected", code="output-still")
+        )  # fmt: skip
+    step = float(t[1] - t[0])
+    low, high, sparse = excited_band(u, step, band)
+    chosen = ("welch" if sparse else "local") if method == "auto" else method
+    spectra = welch(u, y, step, low, high) if chosen == "welch" else local_rational(u, y, step, low, high)
+    return _response(spectra, chosen, (low, high), confidence, moves, findings)
+
+
+def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, bool]:
+    """Lowest and highest excited frequency in Hz, and whether the excitation is a set of lines. Raises RecordingError."""
+    from scipy.ndimage import uniform_filter1d
+
+    n = len(u)
+    # Without a window: one would hide the ends of a chirp, which are the ends of its band.
+    power = np.abs(np.fft.rfft(u - np.mean(u))) ** 2
+    f = np.fft.rfftfreq(n, step)
+    inside = (f > 0) & (f <= 0.45 / step)
+    if band is not None:
+        inside &= (f >= band[0]) & (f <= band[1])
+    if not inside.any() or not power[inside].max() > 0:
+        raise RecordingError(
+            Problem(message=f"nothing is resolved between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
+                    code="nothing-excited",
+                    hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz")
+        )  # fmt: skip
+    # Averaged over five bins: a single empty bin of a noise is no edge of its band.
+    smooth = uniform_filter1d(power, 5)
+    excited = np.flatnonzero(inside & (smooth > _FLOOR * smooth[inside].max()))
+    first, last = int(excited[0]), int(excited[-1])
+    within = np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n)))[first : last + 1] ** 2
+    sparse = len(within) > 20 and float(np.median(within)) < _SPARSE * float(np.max(within)) and _lines(within)
+    return float(f[first]), float(f[last]), sparse
+
+
+def _lines(power: Array) -> bool:
+    """Whether the power stands in lines of a few bins (Hann: three) with nothing between them."""
+    strong = power > 1e-2 * power.max()
+    return float(np.sum(power[strong]) / np.sum(power)) > 0.95 and float(np.mean(strong)) < 0.5
+
+
+def _response(
+    spectra: Spectra, method: str, band: tuple[float, float], confidence: float, moves: bool, findings: list[Problem]
+) -> FrequencyResponse:
+    from scipy.stats import norm
+
+    gain = np.abs(spectra.response)
+    phase = np.degrees(np.unwrap(np.angle(spectra.response)))
+    # Bendat and Piersol, Random Data, 4th edition, table 9.6: normalised standard deviations of gain and phase (rad).
+    coherence = np.clip(spectra.coherence, 1e-12, 1.0)
+    sigma = np.sqrt((1 - coherence) / (2 * coherence * spectra.averages))
+    width = float(norm.ppf(0.5 + confidence / 2)) * sigma
+    margin = np.where(width < 1, np.degrees(np.arcsin(np.minimum(width, 1.0))), 180.0)
+    return FrequencyResponse(
+        frequency=spectra.frequency, gain=gain, phase=phase, coherence=np.clip(spectra.coherence, 0, 1),
+        gain_low=gain * np.maximum(1 - width, 0), gain_high=gain * (1 + width), phase_margin=margin,
+        confidence=confidence, averages=spectra.averages, resolution=spectra.resolution, method=method, band=band,
+        resonance=_resonance(spectra.frequency, gain, spectra.coherence) if moves else None,
+        bandwidth=_bandwidth(spectra.frequency, gain) if moves else None, moves=moves, findings=tuple(findings),
+    )  # fmt: skip
+
+
+def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:
+    """The highest peak that is 5 % above the low end and inside the band, refined by a parabola through three points."""
+    trusted = np.where(coherence > 0.5, gain, 0.0)
+    i = int(np.argmax(trusted))
+    if not 0 < i < len(f) - 1 or trusted[i] < 1.05 * _low_gain(gain):
+        return None
+    x, y = f[i - 1 : i + 2] - f[i], gain[i - 1 : i + 2]
+    a, b, c = np.polyfit(x, y, 2)
+    if a >= 0:
+        return float(f[i]), float(gain[i])
+    shift = float(np.clip(-b / (2 * a), x[0], x[2]))
+    return float(f[i]) + shift, float(a * shift**2 + b * shift + c)
+
+
+def _low_gain(gain: Array) -> float:
+    return float(np.median(gain[: max(3, len(gain) // 50)]))
+
+
+def _bandwidth(f: Array, gain: Array) -> float | None:
+    level = _low_gain(gain) / math.sqrt(2)
+    below = np.flatnonzero(gain < level)
+    if not len(below) or below[0] == 0:
+        return None
+    i = int(below[0])
+    return float(f[i - 1] + (gain[i - 1] - level) / (gain[i - 1] - gain[i]) * (f[i] - f[i - 1]))

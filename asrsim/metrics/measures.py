@@ -1,0 +1,139 @@
+"""The registry of measures: what `expect:` in a scenario, the comparison and the summary may ask of a series."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.metrics import difference, motion, oscillation, step, values
+from asrsim.registry import Registry
+from asrsim.samples import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """A number taken of one series, of a pair of series on one time base, or of a body's poses."""
+
+    name: str
+    function: Callable[..., float]
+    """(time, values, [reference], **options) -> number; NaN where it is undefined."""
+    unit: str
+    """`series` (that of the series), a unit such as `s`, or "1" for a pure number."""
+    needs: str
+    """`series`, `pair` (a reference too), `either` (a reference or an option), `poses`."""
+
+    @property
+    def doc(self) -> str:
+        """Definition: the first paragraph of the function's docstring."""
+        return " ".join((inspect.getdoc(self.function) or "").split("\n\n")[0].split())
+
+    @property
+    def options(self) -> dict[str, object]:
+        """Names and defaults of the options; `inspect.Parameter.empty` where one must be given."""
+        parameters = inspect.signature(self.function).parameters.values()
+        return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
+
+    def unit_of(self, series_unit: str) -> str:
+        """Unit of the result for a series in that unit; "" for a pure number."""
+        return {"series": series_unit, "1": ""}.get(self.unit, self.unit)
+
+
+MEASURES: Registry[Measure] = Registry("measure", "asrsim.measures")
+"""All measures by name. Installed packages add theirs under the entry point group `asrsim.measures`."""
+
+for _function, _unit, _needs in (
+    (difference.rmse, "series", "pair"),
+    (difference.nrmse, "1", "pair"),
+    (difference.maximum_error, "series", "pair"),
+    (difference.bias, "series", "pair"),
+    (difference.delay, "s", "pair"),
+    (difference.r2, "1", "pair"),
+    (step.rise, "s", "series"),
+    (step.overshoot, "1", "series"),
+    (step.settling, "s", "series"),
+    (step.peak_time, "s", "series"),
+    (values.steady_state, "series", "series"),
+    (values.steady_state_error, "series", "either"),
+    (values.peak, "series", "series"),
+    (values.amplitude, "series", "series"),
+    (values.mean, "series", "series"),
+    (values.rms, "series", "series"),
+    (values.maximum, "series", "series"),
+    (values.minimum, "series", "series"),
+    (values.final, "series", "series"),
+    (values.at, "series", "series"),
+    (oscillation.frequency, "Hz", "series"),
+    (motion.displacement, "m", "poses"),
+    (motion.maximum_displacement, "m", "poses"),
+    (motion.distance, "m", "poses"),
+):
+    MEASURES.add(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
+
+PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
+"""What a comparison of two series reports."""
+STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")
+"""What a comparison reports of each series where the reference steps."""
+
+
+def measure(
+    name: str, time: Array, series: Array, reference: Array | None = None, *, start: float | None = None,
+    end: float | None = None, **options: Any,
+) -> float:  # fmt: skip
+    """One measure of a series; NaN where it is undefined.
+
+    Args:
+        name: From :data:`MEASURES`.
+        time: (n,) s.
+        series: (n,), or (n, 3) or (n, 7) for poses. Samples with NaN are left out.
+        reference: (n,) on the same time, for measures of a difference.
+        start: s, samples before are left out.
+        end: s, samples after are left out.
+        options: Of the measure.
+
+    Raises:
+        InputError: For an unknown measure or option, or where a reference is missing.
+    """
+    found = MEASURES.get(name)
+    problems = option_problems(found, options)
+    if found.needs == "pair" and reference is None:
+        problems.append(Problem(message="needs a second series to compare with (`against`)", key=name, code="no-reference"))
+    if (found.needs == "poses") != (np.ndim(series) == 2):
+        what = "the poses of a body" if found.needs == "poses" else "a scalar series"
+        problems.append(Problem(message=f"is a measure of {what}", key=name, code="wrong-series"))
+    if problems:
+        raise InputError(problems)
+    keep = np.isfinite(time) & (np.isfinite(series) if np.ndim(series) == 1 else np.isfinite(series).all(axis=1))
+    arguments = [series]
+    if reference is not None and found.needs in ("pair", "either"):
+        keep &= np.isfinite(reference)
+        arguments.append(reference)
+    if start is not None:
+        keep &= time >= start
+    if end is not None:
+        keep &= time <= end
+    if not keep.any():
+        return math.nan
+    return float(found.function(time[keep], *(argument[keep] for argument in arguments), **options))
+
+
+def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
+    """What is wrong with the options of a measure."""
+    known = found.options
+    choices = (*known, "start", "end")
+    problems = [
+        Problem(message="is not an option of this measure", key=f"{found.name}.{name}", choices=choices,
+                hint=did_you_mean(name, choices), code="unknown-option")
+        for name in options if name not in known
+    ]  # fmt: skip
+    problems += [
+        Problem(message="must be given", key=f"{found.name}.{name}", code="missing-option")
+        for name, default in known.items()
+        if default is inspect.Parameter.empty and name not in options
+    ]
+    return problems

@@ -1,0 +1,74 @@
+"""Measures of one series' size: mean, extremes, last and steady value."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asrsim.samples import Array
+
+
+def final(_time: Array, values: Array) -> float:
+    """Last value."""
+    return float(values[-1])
+
+
+def mean(time: Array, values: Array) -> float:
+    """Mean over time (trapezoids, so that uneven sampling does not matter)."""
+    span = float(time[-1] - time[0])
+    return float(np.trapezoid(values, time)) / span if span > 0 else float(values[0])
+
+
+def minimum(_time: Array, values: Array) -> float:
+    """Smallest value."""
+    return float(np.min(values))
+
+
+def maximum(_time: Array, values: Array) -> float:
+    """Largest value."""
+    return float(np.max(values))
+
+
+def peak(_time: Array, values: Array) -> float:
+    """Largest magnitude; of `deflection` it is the peak deflection."""
+    return float(np.max(np.abs(values)))
+
+
+def rms(time: Array, values: Array) -> float:
+    """Root of the mean square over time."""
+    return math.sqrt(mean(time, values**2))
+
+
+def amplitude(_time: Array, values: Array) -> float:
+    """Half of maximum minus minimum."""
+    return 0.5 * float(np.ptp(values))
+
+
+def at(time: Array, values: Array, *, when: float) -> float:
+    """Value at the time `when` (s), interpolated; undefined outside of the record."""
+    return float(np.interp(when, time, values, left=math.nan, right=math.nan))
+
+
+def steady_state(time: Array, values: Array, *, share: float = 0.1) -> float:
+    """Mean over the last part of the record; `share` of its duration."""
+    return mean(*last_part(time, values, share))
+
+
+def steady_state_error(
+    time: Array, values: Array, reference: Array | None = None, *, target: float | None = None, share: float = 0.1
+) -> float:
+    """Reference minus value, mean over the last part of the record.
+
+    The reference is the second series, or the constant `target`.
+    """
+    if reference is None and target is None:
+        return math.nan
+    wanted = np.full_like(values, target) if target is not None else np.asarray(reference)
+    return mean(*last_part(time, wanted - values, share))
+
+
+def last_part(time: Array, values: Array, share: float) -> tuple[Array, Array]:
+    """The samples of the last `share` of the duration, at least one."""
+    start = min(int(np.searchsorted(time, time[-1] - share * (time[-1] - time[0]))), len(time) - 1)
+    return time[start:], values[start:]
