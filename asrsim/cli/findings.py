@@ -10,7 +10,7 @@ from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
-from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, load_robot, step_figures, step_findings, with_overrides
+from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, load_robot, step_figures, step_findings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class FileReport:
     kind: str
     """robot or scenario."""
     title: str = ""
-    """The variant, for scenarios."""
+    """The variants, for scenarios."""
     robot: Robot | None = None
     step: float | None = None
     """s."""
@@ -67,38 +67,40 @@ def robot_report(
 
 
 def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
-    """Findings in a scenario file, all its variants, and in the robots that they name."""
-    from asrsim.scenario import load_scenario
+    """Findings in a scenario file, all its variants, and in the robots that they name; the table is the first variant's."""
+    from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
 
+    try:
+        scenarios = load_scenario(path)
+    except AsrsimError as error:
+        return FileReport(path=path, kind="scenario", errors=problems_of(error, path))
     errors: list[Problem] = []
     warnings: list[Problem] = []
-    robot: Robot | None = None
-    figures: tuple[StepFigures, ...] = ()
-    used_step = step
-    names = []
-    try:
-        for scenario in load_scenario(path):
-            names.append(scenario.variant)
-            used_step = step or scenario.step
-            try:
-                read = load_robot(
-                    scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths
-                )
-                warnings.extend(read.warnings)
-                # A scenario may name the base of the keys that it means; without a line the file's name must do.
-                robot = _overridden(read, scenario.modes, scenario.parameters, path)
-                figures = step_figures(robot, step=used_step)
-                warnings.extend(step_findings(robot, step=used_step))
-            except InputError as error:
-                errors.extend(error.problems)
-    except InputError as error:
-        errors.extend(error.problems)
-    except AsrsimError as error:
-        errors.append(Problem(message=str(error), file=path))
+    robots: list[Robot] = []
+    for scenario in scenarios:
+        try:
+            robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+        except AsrsimError as error:
+            errors.extend(problems_of(error, path))
+            continue
+        wrong, notes = check_against_robot(scenario, robot)
+        errors.extend(wrong)
+        warnings.extend((*robot.warnings, *engine_urdf(robot, package_paths=scenario.package_paths)[1], *notes))
+        if not wrong:
+            robots.append(apply_to_robot(scenario, robot))
+            warnings.extend(step_findings(robots[-1], step=step or scenario.step))
+    first = robots[0] if robots else None
+    used_step = step or scenarios[0].step
     return FileReport(
-        path=path, kind="scenario", title=", ".join(names), robot=robot, step=used_step if robot else None, figures=figures,
+        path=path, kind="scenario", title=", ".join(scenario.variant for scenario in scenarios), robot=first,
+        step=used_step if first else None, figures=step_figures(first, step=used_step) if first else (),
         errors=unique(errors), warnings=unique(warnings),
     )  # fmt: skip
+
+
+def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
+    """The problems that an error carries, or the error as one."""
+    return error.problems if isinstance(error, InputError) else (Problem(message=str(error), file=path),)
 
 
 def unique(problems: list[Problem]) -> tuple[Problem, ...]:
@@ -114,15 +116,6 @@ def number(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
-
-
-def _overridden(robot: Robot, modes: Mapping[str, int], parameters: Mapping[str, Mapping[str, float]], path: Path) -> Robot:
-    from dataclasses import replace
-
-    try:
-        return with_overrides(robot, modes=modes, parameters=parameters)
-    except InputError as error:
-        raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from error
 
 
 def _block(block: ActuatorBlock) -> dict[str, Any]:

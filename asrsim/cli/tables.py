@@ -61,7 +61,8 @@ def _line(group: list[Problem]) -> str:
 def _print_head(console: Console, report: FileReport) -> None:
     parts = [f"[bold]{escape(str(report.path))}[/]"]
     if report.title:
-        parts.append(f"variants {escape(report.title)}")
+        names = report.title.split(", ")
+        parts.append(f"variants {escape(report.title)} (tables: {escape(names[0])})" if len(names) > 1 else escape(names[0]))
     if report.robot is not None:
         robot = report.robot
         parts.append(f"robot '{escape(robot.name)}'")

@@ -82,11 +82,12 @@ class _BlockReader:
         if not {"joint", "operation_mode"} <= given:
             return
         known = ACTUATORS.names()
-        files = tuple(f"lib{actuator}_plugin.so" for actuator in known)
+        close = nearest(name, known)
+        own = f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py"
         self.findings.error(
             "no actuator belongs to this plugin file", code="unknown-actuator", line=line, key=shown, value=filename,
-            choices=files,
-            hint=did_you_mean(filename, files) or f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py",
+            choices=tuple(f"lib{actuator}_plugin.so" for actuator in known),
+            hint=f"Did you mean 'lib{close}_plugin.so'?" if close else own,
         )  # fmt: skip
 
     def _actuator(self, actuator: type[Actuator], plugin: Any, tags: list[Any], shown: str) -> None:

@@ -1,0 +1,254 @@
+"""Hostile and broken robot files, structure, xacro."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from asrsim.errors import RobotError
+from asrsim.robot import Robot, load_robot
+from asrsim.robot.expansion import expand_xacro
+from asrsim.robot.packages import packages_of
+
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>'
+MASSLESS = INERTIAL.replace('"1"', '"0"').replace("0.1", "0")
+LIMIT = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
+HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
+
+def joint(name: str, parent: str, child: str, extra: str = LIMIT, kind: str = "revolute") -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{extra}</joint>\n'
+
+
+def link(name: str, inertial: str = INERTIAL) -> str:
+    return f'<link name="{name}">{inertial}</link>\n'
+
+
+def robot(body: str) -> str:
+    return f'<robot name="r">\n{body}</robot>'
+
+
+GOOD = link("a", "") + joint("j", "a", "b") + link("b")
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Callable[..., Robot]:
+    def reader(text: str, name: str = "robot.urdf", **options: object) -> Robot:
+        path = tmp_path / name
+        path.write_text(text)
+        return load_robot(path, **options)  # type: ignore[arg-type]
+
+    return reader
+
+
+def fails(read: Callable[..., Robot], text: str, name: str = "robot.urdf", **options: object) -> list[str]:
+    with pytest.raises(RobotError) as caught:
+        read(text, name, **options)
+    assert all(problem.file is not None for problem in caught.value.problems)
+    return [problem.code for problem in caught.value.problems]
+
+
+# -- hostile and malformed ---------------------------------------------------------------------------------------------
+
+
+def test_entity_bomb_is_refused_and_quick(read: Callable[..., Robot]) -> None:
+    entities = '<!ENTITY a "lol">' + "".join(
+        f'<!ENTITY a{i} "{("&a" + (str(i - 1) if i else "") + ";") * 10}">' for i in range(10)
+    )
+    start = time.perf_counter()
+    assert fails(read, f"<!DOCTYPE robot [{entities}]><robot name='&a9;'/>") == ["xml-declarations"]
+    assert time.perf_counter() - start < 1.0
+
+
+def test_external_entity_is_refused(read: Callable[..., Robot], tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("hidden")
+    text = f'<!DOCTYPE robot [<!ENTITY x SYSTEM "{secret.as_uri()}">]><robot name="r"><link name="&x;"/></robot>'
+    assert fails(read, text) == ["xml-declarations"]
+
+
+def test_external_document_type_is_not_loaded(read: Callable[..., Robot]) -> None:
+    assert read('<!DOCTYPE robot SYSTEM "http://127.0.0.1:9/x.dtd">' + robot(GOOD)).name == "r"
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("", "malformed-xml"),
+        ("<robot>", "malformed-xml"),
+        ("no xml at all", "malformed-xml"),
+        ("<robot name='r'><link name='a'></robot>", "malformed-xml"),
+        ("<robot>" + "<x>" * 5000 + "</x>" * 5000 + "</robot>", "malformed-xml"),
+        ("<sdf version='1.6'/>", "not-a-urdf"),
+        ("<robot name='r'/>", "no-links"),
+        (robot("".join(link(f"l{i}", "") for i in range(2500))), "too-many-links"),
+    ],
+)
+def test_malformed_files(read: Callable[..., Robot], text: str, code: str) -> None:
+    assert fails(read, text) == [code]
+
+
+def test_malformed_xml_has_its_line(read: Callable[..., Robot]) -> None:
+    with pytest.raises(RobotError) as caught:
+        read("<robot>\n<link>\n</robot>")
+    assert caught.value.problems[0].line == 3
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    for path, code in ((tmp_path / "none.urdf", "missing-file"), (tmp_path, "not-a-file")):
+        with pytest.raises(RobotError) as caught:
+            load_robot(path)
+        assert caught.value.problems[0].code == code
+
+
+# -- structure ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        (GOOD + link("b"), "duplicate-link"),
+        (GOOD + joint("j", "a", "c") + link("c"), "duplicate-joint"),
+        (GOOD + "<link/>", "missing-name"),
+        (GOOD + link("c"), "several-roots"),
+        (GOOD + joint("k", "b", "nothing"), "unknown-link"),
+        (GOOD + joint("k", "a", "b"), "two-parents"),
+        (link("a") + link("b") + joint("j", "a", "b") + joint("k", "b", "a"), "loop"),
+        (link("a", "") + joint("j", "a", "b", kind="hinge") + link("b"), "joint-type"),
+        (link("a", "") + joint("j", "a", "b", '<axis xyz="0 0 0"/>' + LIMIT) + link("b"), "zero-axis"),
+        (link("a", "") + joint("j", "a", "b", '<axis xyz="0 1"/>' + LIMIT) + link("b"), "not-a-number"),
+        (link("a", "") + joint("j", "a", "b", LIMIT.replace('"-1"', '"2"')) + link("b"), "limits-crossed"),
+        (link("a", "") + joint("j", "a", "b", LIMIT + '<dynamics damping="-1"/>') + link("b"), "negative-damping"),
+        (link("a", "") + joint("j", "a", "b", LIMIT + '<dynamics damping="nan"/>') + link("b"), "not-finite"),
+        (GOOD.replace('mass value="1"', 'mass value="-1"'), "negative-mass"),
+        (GOOD.replace('ixx="0.1"', 'ixx="-0.1"'), "negative-inertia"),
+        (GOOD.replace('ixx="0.1"', 'ixx="0.1" ixy="0.5"'), "negative-inertia"),
+        (GOOD.replace('ixx="0.1"', 'ixx="inf"'), "not-finite"),
+        (GOOD.replace('ixx="0.1"', 'ixx="much"'), "not-a-number"),
+        (GOOD.replace(' izz="0.1"', ""), "missing-attribute"),
+        (link("a", "") + joint("j", "a", "b") + link("b", ""), "massless-joint"),
+        (link("a", "") + joint("j", "a", "b") + link("b", MASSLESS), "massless-joint"),
+    ],
+)  # fmt: skip
+def test_bad_structure(read: Callable[..., Robot], body: str, code: str) -> None:
+    assert fails(read, robot(body)) == [code]
+
+
+def test_errors_are_collected_with_lines(read: Callable[..., Robot]) -> None:
+    text = robot(link("a", "") + joint("j", "a", "b", '<axis xyz="0 0 0"/>') + GOOD.split("\n")[2].replace('"1"', '"-1"'))
+    with pytest.raises(RobotError) as caught:
+        read(text)
+    assert [(problem.code, problem.line) for problem in caught.value.problems] == [("zero-axis", 3), ("negative-mass", 4)]
+
+
+def test_structure_warnings(read: Callable[..., Robot]) -> None:
+    body = (
+        link("a", "") + joint("j", "a", "b", '<axis xyz="0 2 0"/>') + link("b", INERTIAL.replace('izz="0.1"', 'izz="0.5"'))
+        + joint("f", "b", "c", "", "fixed") + link("c", "") + joint("g", "b", "d", "", "fixed")
+        + link("d", INERTIAL.replace("0.1", "0")) + joint("m", "b", "e", LIMIT + '<mimic joint="j"/>') + link("e")
+    )  # fmt: skip
+    found = {(problem.code, problem.key) for problem in read(robot(body)).warnings}
+    assert found == {
+        ("axis-length", "j"), ("missing-limit", "j"), ("triangle-inequality", "b"), ("no-inertial", "c"),
+        ("zero-inertia", "d"), ("mimic-joint", "m"), ("no-actuators", "r"),
+    }  # fmt: skip
+
+
+def test_axis_is_normalised_and_frames_are_kept(read: Callable[..., Robot]) -> None:
+    text = robot(
+        link("a", "") + joint("j", "a", "b", f'<axis xyz="0 3 4"/>{LIMIT}<origin xyz="1 2 3" rpy="0.1 0 0"/>') + link("b")
+    )
+    found = read(text).joint("j")
+    assert found.axis == pytest.approx((0.0, 0.6, 0.8))
+    assert (found.origin, found.rpy) == ((1.0, 2.0, 3.0), (0.1, 0.0, 0.0))
+
+
+# -- xacro -------------------------------------------------------------------------------------------------------------
+
+
+def xacro(body: str) -> str:
+    return f"{HEAD}{body}</robot>"
+
+
+def test_xacro_with_arguments_includes_and_packages(read: Callable[..., Robot], tmp_path: Path) -> None:
+    package = tmp_path / "elsewhere"
+    package.mkdir()
+    (package / "parts.xacro").write_text(
+        f'{HEAD}<xacro:macro name="part" params="name mass:=1"><link name="${{name}}"><inertial><mass value="${{mass}}"/>'
+        '<inertia ixx="1" iyy="1" izz="1"/></inertial></link></xacro:macro></robot>'
+    )
+    (tmp_path / "masses.yaml").write_text("hand: 0.25\n")
+    body = (
+        '<xacro:arg name="mode" default="2"/><xacro:include filename="$(find parts)/parts.xacro"/>'
+        '<xacro:property name="masses" value="${xacro.load_yaml(\'masses.yaml\')}"/>'
+        f'{link("a", "")}<xacro:part name="hand" mass="${{masses.hand * 2}}"/>{joint("j", "a", "hand")}'
+        '<gazebo><plugin name="p" filename="libsea_plugin.so"><joint>j</joint><operation_mode>$(arg mode)</operation_mode>'
+        "<spring_k>${round(10*pi, 2)}</spring_k></plugin></gazebo>"
+    )
+    found = read(xacro(body), "r.xacro", xacro_arguments={"mode": "5"}, package_paths={"parts": package})
+    assert found.links[1].mass == 0.5
+    assert found.actuators[0].mode == 5
+    assert found.actuators[0].values()["spring_stiffness"] == 31.42
+    assert found.actuators[0].line is None
+
+
+def test_file_finds_its_own_package(read: Callable[..., Robot], tmp_path: Path) -> None:
+    (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
+    (tmp_path / "links").mkdir()
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "links/a.xacro").write_text(xacro(GOOD))
+    assert read(xacro('<xacro:include filename="$(find mine)/links/a.xacro"/>'), "urdf/r.xacro").links[1].name == "b"
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "${().__class__}", "${(x for x in [1]).gi_frame}", "${python.type(1)}", "${python.vars(1)}", "${lambda: 1}",
+        "${[(y:=1)]}", "${asrsim_attribute(1, 'real')}", "${str.format}", "$(eval ''.__class__)", "$(eval open)",
+        "$(env HOME)", "${load_yaml('../outside.yaml')}", "$(find nowhere)", "${nothing}", "${'a'*10**12}",
+    ],
+)  # fmt: skip
+def test_xacro_expressions_reach_nothing(read: Callable[..., Robot], tmp_path: Path, expression: str) -> None:
+    (tmp_path / "outside.yaml").write_text("secret: 1")
+    (tmp_path / "inner").mkdir()
+    text = xacro(GOOD + f'<gazebo note="{expression}"/>')
+    found = fails(read, text, "inner/r.xacro")
+    assert found[0] in ("xacro-refused", "xacro-failed", "path-outside", "unknown-package")
+
+
+def test_xacro_includes_stay_inside(read: Callable[..., Robot], tmp_path: Path) -> None:
+    (tmp_path / "outside.xacro").write_text(xacro(GOOD))
+    (tmp_path / "inner").mkdir()
+    for target in ("../outside.xacro", str(tmp_path / "outside.xacro")):
+        assert fails(read, xacro(f'<xacro:include filename="{target}"/>'), "inner/r.xacro") == ["path-outside"]
+    (tmp_path / "inner/link.xacro").symlink_to(tmp_path / "outside.xacro")
+    assert fails(read, xacro('<xacro:include filename="link.xacro"/>'), "inner/r.xacro") == ["path-outside"]
+
+
+def test_xacro_includes_are_not_trusted_with_entities(read: Callable[..., Robot], tmp_path: Path) -> None:
+    (tmp_path / "bomb.xacro").write_text('<!DOCTYPE r [<!ENTITY a "x">]><robot name="&a;"/>')
+    assert fails(read, xacro('<xacro:include filename="bomb.xacro"/>'), "r.xacro") == ["xml-declarations"]
+
+
+def test_xacro_recursion_and_unknown_macros(read: Callable[..., Robot]) -> None:
+    loop = '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'
+    assert fails(read, xacro(loop), "r.xacro") == ["xacro-failed"]
+    assert fails(read, xacro("<xacro:nothing/>"), "r.xacro") == ["xacro-failed"]
+
+
+def test_xacro_is_stopped_in_time(tmp_path: Path) -> None:
+    path = tmp_path / "r.xacro"
+    path.write_text(xacro('<gazebo note="${9**9**9}"/>'))
+    with pytest.raises(RobotError) as caught:
+        expand_xacro(path, {}, packages_of(path), time_limit=0.5)
+    assert caught.value.problems[0].code == "xacro-timeout"
+
+
+def test_xacro_sees_no_environment(read: Callable[..., Robot], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ASRSIM_SECRET", "hidden")
+    text = read(xacro(GOOD + '<gazebo note="$(optenv ASRSIM_SECRET nothing)"/>'), "r.xacro").text
+    assert "hidden" not in text
+    assert 'note="nothing"' in text

@@ -1,0 +1,213 @@
+"""Engine text, overrides, inertia and the checks of a step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import ScenarioError
+from asrsim.robot import Robot, engine_urdf, load_robot, step_figures, step_findings, with_overrides
+from asrsim.robot.inertia import zero_pose_inertia
+
+SHARED = Path(__file__).parents[2] / "shared"
+ALTEREGO = sorted((SHARED / "robots/alterego").glob("*.urdf"))
+
+
+def pendulum(extra: str = "", *, block: str = "", inertia: float = 1e-6, dynamics: str = "", body: str = "") -> str:
+    """A mass of 0.2 kg at 0.04 m below the joint: I = inertia + 3.2e-4 kg m^2."""
+    return f"""<robot name="p"><link name="world"/>
+<joint name="j" type="revolute"><parent link="world"/><child link="l"/><axis xyz="0 1 0"/>
+<limit effort="300" velocity="100" lower="-3" upper="3"/>{dynamics}</joint>
+<link name="l"><inertial><origin xyz="0 0 -0.04"/><mass value="0.2"/>
+<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}"/></inertial>{body}</link>{extra}{block}</robot>"""
+
+
+def plugin(actuator: str, mode: int, tags: str = "") -> str:
+    return (
+        f'<gazebo><plugin name="a" filename="lib{actuator}_plugin.so"><joint>j</joint><operation_mode>{mode}</operation_mode>'
+        f"{tags}</plugin></gazebo>"
+    )
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Callable[[str], Robot]:
+    def reader(text: str) -> Robot:
+        (tmp_path / "p.urdf").write_text(text)
+        return load_robot(tmp_path / "p.urdf")
+
+    return reader
+
+
+# -- engine text -------------------------------------------------------------------------------------------------------
+
+
+def mesh(name: str) -> str:
+    return f'<geometry><mesh filename="{name}" scale="1 1 1"/></geometry>'
+
+
+def test_simulator_blocks_are_stripped_and_the_rest_kept(read: Callable[[str], Robot]) -> None:
+    robot = read(pendulum('<transmission name="t"/><gazebo reference="l"/>', block=plugin("sea", 3)))
+    text, warnings = engine_urdf(robot)
+    assert "gazebo" not in text
+    assert "transmission" not in text
+    assert 'effort="300"' in text
+    assert warnings == ()
+
+
+def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(
+    read: Callable[[str], Robot], tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    outside, package = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("package")
+    for folder in (outside, package, tmp_path):
+        (folder / "m.stl").write_text("solid")
+    (tmp_path / "link.stl").symlink_to(outside / "m.stl")
+    names = [
+        "m.stl", str(tmp_path / "m.stl"), "file://" + str(tmp_path / "m.stl"), "package://pkg/m.stl",
+        str(outside / "m.stl"), f"../{outside.name}/m.stl", "link.stl", "package://pkg/../m.stl", "package://other/m.stl",
+        "http://host/m.stl", "none.stl", "m.txt",
+    ]  # fmt: skip
+    robot = read(pendulum(body="".join(f"<collision>{mesh(name)}</collision>" for name in names)))
+    text, warnings = engine_urdf(robot, package_paths={"pkg": package})
+    assert text.count("<collision>") == 4
+    assert text.count(f'filename="{(tmp_path / "m.stl").resolve()}"') == 3
+    assert f'filename="{(package / "m.stl").resolve()}"' in text
+    assert [problem.value for problem in warnings] == names[4:]
+    assert {problem.key for problem in warnings} == {"l"}
+    assert str(outside) not in text
+
+
+def test_missing_visuals_are_one_warning_and_none_without_visuals(read: Callable[[str], Robot]) -> None:
+    robot = read(pendulum(body=f"<visual>{mesh('a.dae')}</visual><visual>{mesh('b.dae')}</visual>"))
+    text, warnings = engine_urdf(robot, visuals=True)
+    assert "<visual>" not in text
+    assert [problem.code for problem in warnings] == ["missing-visual-mesh"]
+    assert "2 visual meshes" in warnings[0].message
+    assert engine_urdf(robot)[1] == ()
+
+
+def test_packages_of_the_environment_are_found(
+    read: Callable[[str], Robot], tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prefix = tmp_path_factory.mktemp("prefix")
+    (prefix / "share/pkg").mkdir(parents=True)
+    (prefix / "share/pkg/m.stl").write_text("solid")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
+    robot = read(pendulum(body=f"<collision>{mesh('package://pkg/m.stl')}</collision>"))
+    assert engine_urdf(robot)[1] == ()
+
+
+# -- inertia -----------------------------------------------------------------------------------------------------------
+
+
+def test_inertia_of_a_pendulum(read: Callable[[str], Robot]) -> None:
+    assert zero_pose_inertia(read(pendulum())).diagonal == {"j": pytest.approx(1e-6 + 0.2 * 0.04**2)}
+
+
+def test_effective_inertia_is_below_the_locked_one(read: Callable[[str], Robot]) -> None:
+    second = (
+        '<joint name="k" type="revolute"><parent link="l"/><child link="m"/><origin xyz="0 0 -0.1"/><axis xyz="0 1 0"/>'
+        '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
+        '<link name="m"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'
+    )
+    inertia = zero_pose_inertia(read(pendulum(second)))
+    # M11, M12, M22 of a double pendulum, by hand.
+    m22 = 0.01 + 0.1**2
+    m11, m12 = 1e-6 + 0.2 * 0.04**2 + 0.01 + 0.2**2, 0.01 + 0.1 * 0.2
+    assert inertia.matrix == pytest.approx(np.array(((m11, m12), (m12, m22))))
+    assert inertia.effective["j"] == pytest.approx(m11 - m12**2 / m22)
+
+
+@pytest.mark.skipif(not ALTEREGO, reason="the shared robots are not here")
+@pytest.mark.parametrize("path", ALTEREGO, ids=lambda path: path.stem[:11])
+def test_inertia_agrees_with_bullet_on_the_engine_text(path: Path, tmp_path: Path) -> None:
+    """The one fact that needs an engine: text and numpy mean the same bodies (links without inertia are massless)."""
+    import pybullet as p
+
+    robot = load_robot(path)
+    (tmp_path / "e.urdf").write_text(engine_urdf(robot)[0])
+    client = p.connect(p.DIRECT)
+    try:
+        body = p.loadURDF(
+            str(tmp_path / "e.urdf"), useFixedBase=True, flags=p.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
+        )
+        infos = [p.getJointInfo(body, i, client) for i in range(p.getNumJoints(body, client))]
+        names = [info[1].decode() for info in infos if info[2] != p.JOINT_FIXED]
+        bullet = np.array(p.calculateMassMatrix(body, [0.0] * len(names), physicsClientId=client))
+    finally:
+        p.disconnect(client)
+    ours = zero_pose_inertia(robot)
+    order = [ours.names.index(name) for name in names]
+    assert bullet == pytest.approx(ours.matrix[np.ix_(order, order)], abs=1e-9)
+
+
+# -- the step ----------------------------------------------------------------------------------------------------------
+
+
+def test_stiff_spring_is_found_at_the_step_that_cannot_resolve_it(read: Callable[[str], Robot]) -> None:
+    robot = read(pendulum(block=plugin("sea", 3, "<spring_k>400</spring_k>")))
+    (figures,) = step_figures(robot, step=1e-3)
+    assert figures.spring == pytest.approx(1e-3 * (400 / 3.21e-4) ** 0.5)
+    assert figures.substeps == 6  # as measured in prototypes of this case
+    assert step_findings(robot, step=1e-3) == ()
+    (finding,) = step_findings(robot, step=2e-3)
+    assert (finding.code, finding.key, finding.line) == ("stiff-spring", "j", 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "step", "code"),
+    [
+        (pendulum(dynamics='<dynamics damping="1"/>'), 1e-3, "explicit-damping"),
+        (pendulum(block=plugin("sea", 1, "<ctrl_D>1</ctrl_D>")), 1e-3, "link-gains"),
+        (pendulum(block=plugin("sea", 5), inertia=1.0), 10e-3, "motor-gains"),
+    ],
+)
+def test_limits_of_explicit_steps(read: Callable[[str], Robot], text: str, step: float, code: str) -> None:
+    robot = read(text)
+    assert [problem.code for problem in step_findings(robot, step=step)] == [code]
+    assert step_findings(robot, step=step / 10) == ()
+
+
+def test_motors_bound_the_reachable_stiffness(read: Callable[[str], Robot]) -> None:
+    """A steep spring would be very stiff at its limit, where no motor of 6 N m can bring it."""
+    tags = "<spring_a1>23</spring_a1><spring_a2>23</spring_a2><spring_k1>0.04</spring_k1><spring_k2>0.04</spring_k2>"
+    robot = read(pendulum(block=plugin("qbmove", 5, tags)))
+    (with_motors,) = step_figures(robot, step=1e-3)
+    (ideal,) = step_figures(with_overrides(robot, modes={"j": 3}), step=1e-3)
+    assert with_motors.stiffness == pytest.approx(2 * 23 * (12**2 + 0.04**2) ** 0.5, rel=1e-6)
+    assert ideal.stiffness > 1e6
+
+
+# -- overrides ---------------------------------------------------------------------------------------------------------
+
+
+def test_overrides_by_name_tag_and_star(read: Callable[[str], Robot]) -> None:
+    robot = read(pendulum(block=plugin("sea", 5)))
+    changed = with_overrides(robot, parameters={"*": {"spring_k": 77.0, "mot_J": 0.1}, "j": {"motor_1_inertia": 0.2}})
+    values = changed.actuators[0].parameters
+    assert (values["spring_stiffness"].value, values["motor_1_inertia"].value) == (77.0, 0.2)
+    assert values["motor_1_inertia"].origin == "scenario"
+    assert robot.actuators[0].values()["motor_1_inertia"] == 0.0233
+
+
+def test_controller_defaults_follow_the_mode(read: Callable[[str], Robot]) -> None:
+    robot = read(pendulum(block=plugin("sea", 5, "<ctrl_P>99</ctrl_P>")))
+    values = with_overrides(robot, modes={"*": 1}).actuators[0].values()
+    assert (values["controller_1_proportional"], values["controller_1_derivative"]) == (99.0, 0.2)
+    back = with_overrides(with_overrides(robot, modes={"*": 1}), modes={"*": 5})
+    assert replace(back, warnings=()) == replace(robot, warnings=())
+
+
+def test_bad_overrides_come_at_once(read: Callable[[str], Robot]) -> None:
+    robot = read(pendulum(block=plugin("sea", 5)))
+    with pytest.raises(ScenarioError) as caught:
+        with_overrides(
+            robot, modes={"x": 3, "j": 8}, parameters={"*": {"sprung_k": 1.0}, "j": {"spring_k": -1.0, "mot_1_J": 1.0}}
+        )
+    assert sorted(problem.code for problem in caught.value.problems) == [
+        "operation-mode", "out-of-range", "unknown-joint", "unknown-parameter", "unknown-parameter",
+    ]  # fmt: skip
