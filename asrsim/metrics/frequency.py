@@ -22,10 +22,8 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.metrics.spectra import Spectra, local_rational, uniform, welch
 from asrsim.samples import Array
 
-_FLOOR = 1e-3
-"""Share of the strongest input power (-30 dB) above which a frequency counts as excited."""
-_SPARSE = 1e-3
-"""Median over maximum of the input power in its band below which the excitation is a set of lines."""
+_FLOOR = 1e-2
+"""Share of the strongest input power (-20 dB) above which a frequency counts as excited."""
 _STILL = 1e-4
 """Share of the input's motion below which the output "does not move"."""
 
@@ -84,7 +82,7 @@ def frequency_response(
         time: (n,) s; uneven sampling is brought to its median step by linear interpolation.
         excitation: (n,), input; NaN are left out at the ends and bridged inside only up to three samples.
         output: (n,).
-        band: Hz, lowest and highest frequency; None: where the input has more than -30 dB of its largest power.
+        band: Hz, lowest and highest frequency; None: where the input has more than -20 dB of its largest power.
         method: auto, local or welch.
         confidence: Probability of the bands.
 
@@ -119,10 +117,11 @@ def frequency_response(
 def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, bool]:
     """Lowest and highest excited frequency in Hz, and whether the excitation is a set of lines. Raises RecordingError."""
     from scipy.ndimage import uniform_filter1d
+    from scipy.signal.windows import tukey
 
     n = len(u)
-    # Without a window: one would hide the ends of a chirp, which are the ends of its band.
-    power = np.abs(np.fft.rfft(u - np.mean(u))) ** 2
+    # A window that is flat but for its ends: a round one would hide the ends of a chirp, which are the ends of its band.
+    power = np.abs(np.fft.rfft((u - np.mean(u)) * tukey(n, 0.1))) ** 2
     f = np.fft.rfftfreq(n, step)
     inside = (f > 0) & (f <= 0.45 / step)
     if band is not None:
@@ -133,19 +132,28 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
                     code="nothing-excited",
                     hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz")
         )  # fmt: skip
+    lines = _lines(np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n))) ** 2, inside)
+    if lines is not None:
+        return float(f[lines[0]]), float(f[lines[1]]), True
     # Averaged over five bins: a single empty bin of a noise is no edge of its band.
     smooth = uniform_filter1d(power, 5)
     excited = np.flatnonzero(inside & (smooth > _FLOOR * smooth[inside].max()))
+    # The average reaches two bins beyond an edge.
     first, last = int(excited[0]), int(excited[-1])
-    within = np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n)))[first : last + 1] ** 2
-    sparse = len(within) > 20 and float(np.median(within)) < _SPARSE * float(np.max(within)) and _lines(within)
-    return float(f[first]), float(f[last]), sparse
+    first = first if first <= 2 else first + 2
+    last = max(last - 2, first)
+    return float(f[first]), float(f[last]), False
 
 
-def _lines(power: Array) -> bool:
-    """Whether the power stands in lines of a few bins (Hann: three) with nothing between them."""
-    strong = power > 1e-2 * power.max()
-    return float(np.sum(power[strong]) / np.sum(power)) > 0.95 and float(np.mean(strong)) < 0.5
+def _lines(power: Array, inside: NDArray[np.bool_]) -> tuple[int, int] | None:
+    """First and last bin of an excitation whose power stands in lines (Hann: three or four bins), else None."""
+    strong = inside & (power > 1e-2 * power[inside].max())
+    runs = int(np.sum(np.diff(strong.astype(int)) == 1))
+    bins = np.flatnonzero(strong)
+    narrow = runs > 0 and len(bins) <= 4.5 * runs and bins[0] > 2
+    if not narrow or float(np.sum(power[strong])) < 0.95 * float(np.sum(power[inside])):
+        return None
+    return int(bins[0]), int(bins[-1])
 
 
 def _response(

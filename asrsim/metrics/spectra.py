@@ -140,10 +140,14 @@ def welch(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
     lines = lines if len(lines) else np.flatnonzero(inside)
     if not len(lines):
         raise RecordingError(Problem(message="no line of the excitation is resolved", code="too-short"))
-    raw = np.abs(cross[lines]) ** 2 / np.maximum(power_u[lines] * power_y[lines], 1e-300)
+    # A line is spread over three bins around it; taken together they stand for its true frequency.
+    around = np.clip(lines[:, None] + np.arange(-1, 2), 0, len(f) - 1)
+    line_u, line_y, line_cross = power_u[around].sum(axis=1), power_y[around].sum(axis=1), cross[around].sum(axis=1)
+    frequency = np.sum(f[around] * power_u[around], axis=1) / line_u
+    raw = np.abs(line_cross) ** 2 / np.maximum(line_u * line_y, 1e-300)
     # Pure noise shows 1/averages; removed, so that 0 means no relation.
     coherence = np.clip((raw - 1 / averages) / (1 - 1 / averages), 0, 1) if averages > 1 else raw
     return Spectra(
-        frequency=np.asarray(f[lines], dtype=np.float64), response=cross[lines] / power_u[lines], coherence=coherence, averages=averages,
-        resolution=1.0 / (segment * step),
+        frequency=np.asarray(frequency, dtype=np.float64), response=line_cross / line_u, coherence=coherence,
+        averages=averages, resolution=1.0 / (segment * step),
     )  # fmt: skip
