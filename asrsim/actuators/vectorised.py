@@ -45,8 +45,8 @@ def _exchanged(function: Callable[..., Any], seen: dict[int, Any]) -> Callable[.
             names[name] = _MATH_NAMESPACE
         elif value is saturate:
             names[name] = _saturate_array
-        elif isinstance(value, types.BuiltinFunctionType) and getattr(math, value.__name__ or "", None) is value:
-            names[name] = _ARRAY_MATH.get(value.__name__, value)
+        elif isinstance(value, types.BuiltinFunctionType) and value in vars(math).values():
+            names[name] = _ARRAY_MATH.get(str(value.__name__), value)
         elif isinstance(value, types.FunctionType) and name in function.__code__.co_names:
             names[name] = _exchanged(value, seen)
         else:

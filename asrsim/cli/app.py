@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from asrsim.cli import actuators, check, init
+from asrsim.cli import actuators, bench, check, init
 
 app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False)
 
@@ -18,6 +18,7 @@ def root() -> None:
 
 app.command()(check.check)
 app.command()(actuators.actuators)
+app.command()(bench.bench)
 app.command()(init.init)
 
 

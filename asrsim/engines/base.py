@@ -1,6 +1,6 @@
 """What an engine is: joints with positions and velocities that take torques and step. It never hears of springs.
 
-`read`, `apply` and `advance` are attributes, not methods, so that an engine can bind the fastest callables it has.
+The hot loop calls `read`, `apply` and `advance` once a substep: an engine may bind the fastest callables it has to them.
 """
 
 from __future__ import annotations
@@ -21,12 +21,15 @@ class Engine(Protocol):
 
     joints: tuple[str, ...]
     """Moving joints; arrays and sequences below are in this order."""
-    read: Callable[[], Sequence[Any]]
-    """One entry a joint, whose first two are position (rad) and velocity (rad/s)."""
-    apply: Callable[[list[float]], Any]
-    """Torques (N m) for the next step, one a joint."""
-    advance: Callable[[], Any]
-    """One step."""
+
+    def read(self) -> Sequence[Any]:
+        """One entry a joint, whose first two are position (rad) and velocity (rad/s)."""
+
+    def apply(self, torques: list[float]) -> None:
+        """Torques (N m) for the next step, one a joint."""
+
+    def advance(self) -> None:
+        """One step."""
 
     def set_step(self, step: float) -> None:
         """Change the step, in s; before the first one."""

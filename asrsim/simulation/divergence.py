@@ -1,5 +1,6 @@
-"""Divergence by physics: numbers that are not finite, and energy from nowhere. A check for NaN alone misses a spring that is not
-resolved: it saturates and settles far off, finite and wrong.
+"""Divergence by physics: numbers that are not finite, and energy from nowhere.
+
+A check for NaN alone misses a spring that is not resolved: it saturates and settles far off, finite and wrong.
 """
 
 from __future__ import annotations

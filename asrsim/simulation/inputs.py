@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -110,7 +111,7 @@ class Inputs:
         inner = [jump for jump in jumps.tolist() if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if step else set()))
         edges = [edge for edge in edges if step or edge >= now]
-        middles = np.array([0.5 * (a + b) for a, b in zip(edges, edges[1:], strict=False)])
+        middles = np.array([0.5 * (a + b) for a, b in pairwise(edges)])
         if not step and len(middles) == 1:
             middles = np.array([now])
         samples = [array.tolist() for array in self.sample(middles)]

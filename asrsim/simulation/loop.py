@@ -120,8 +120,7 @@ class Loop:
                 dampings = self._changed_dampings(joints)
             if correct and not (block.first + k) % CORIOLIS_EVERY:
                 self._correct_coriolis(joints)
-            j = 0
-            for q, lagging, _, _ in joints:
+            for j, (q, lagging, _, _) in enumerate(joints):
                 v = now * lagging + before * previous[j]
                 previous[j] = lagging
                 torque, states[j], record = advances[j](states[j], constants[j], q, v, first[j], second[j])
@@ -144,7 +143,6 @@ class Loop:
                     forces[j] = torque + external[j] - damping * v - correction[j]
                 else:
                     forces[j] = torque + external[j] - correction[j]
-                j += 1
             apply(forces)
             advance_engine()
             if len(out) > FLUSH:

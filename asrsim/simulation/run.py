@@ -140,7 +140,8 @@ def make_engine(scenario: Scenario, robot: Robot, *, visuals: bool = False) -> t
     """The scenario's engine, at its step."""
     from asrsim.engines import ENGINES
 
-    return ENGINES.get(scenario.engine)(scenario, robot, visuals=visuals)
+    built: tuple[Engine, tuple[Problem, ...]] = ENGINES.get(scenario.engine)(scenario, robot, visuals=visuals)
+    return built
 
 
 def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Resolution:

@@ -1,0 +1,99 @@
+"""Actuators on a test bench, row by row: prescribed link motion and references in, torques and motor states out.
+
+A row is a step, at the row's time; the first row's step is as long as the second's, unless given. So a recorded
+experiment's motion can be played into the model, and the released code's outputs be reproduced to the last digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+from asrsim.simulation.drives import Drive, make_drives
+from asrsim.simulation.steppings import STEPPINGS
+
+OUTPUTS = (
+    "position", "velocity", "reference_1", "reference_2", "link_torque", "elastic_torque_1", "elastic_torque_2", "stiffness",
+    "motor_1_position", "motor_1_velocity", "motor_1_effort", "motor_2_position", "motor_2_velocity", "motor_2_effort",
+)  # fmt: skip
+"""Columns that a joint gets, in this order; SI. Entries that a mode does not have: NaN torques and stiffness (modes 0, 1),
+zero motors (released order), no motor 2 (NaN)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """What is prescribed to one joint, each (n,): rad, rad/s, references in the mode's units."""
+
+    position: Array
+    velocity: Array
+    reference_1: Array
+    reference_2: Array
+
+
+def run_bench(
+    robot: Robot,
+    time: Array,
+    motions: Mapping[str, Motion],
+    *,
+    stepping: str = "leapfrog",
+    first_step: float | None = None,
+) -> dict[str, dict[str, Array]]:
+    """Outputs by joint and column of :data:`OUTPUTS`, each (n,). time: (n,) s, ascending.
+
+    first_step: length of the first row's step in s; None: as long as the second.
+    """
+    steps = np.diff(time, prepend=np.nan).tolist()
+    steps[0] = first_step if first_step is not None else (steps[1] if len(steps) > 1 else float(time[0]) or 1e-3)
+    rounding = 4.0 * np.finfo(float).eps * float(np.max(np.abs(time)))
+    steps = [_simplest(step, rounding) for step in steps]
+    initial = {name: float(motion.position[0]) for name, motion in motions.items()} if stepping != "toolbox" else {}
+    drives = make_drives(robot, STEPPINGS.get(stepping), initial_positions=initial, link_damping={})
+    return {drive.name: _run_joint(drive, steps, motions[drive.name]) for drive in drives if drive.name in motions}
+
+
+def _simplest(step: float, rounding: float) -> float:
+    """The shortest decimal within `rounding` of a difference of two times: 0.001 and not 0.0010000000000000009."""
+    for digits in range(1, 17):
+        candidate = float(f"{step:.{digits}g}")
+        if abs(candidate - step) <= rounding:
+            return candidate
+    return step
+
+
+def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str, Array]:
+    constants: dict[float, Any] = {}
+    state: Any = drive.initial_state
+    advance = drive.advance
+    rows = []
+    columns = (motion.position, motion.velocity, motion.reference_1, motion.reference_2)
+    for step, q, v, r_1, r_2 in zip(steps, *(column.tolist() for column in columns), strict=True):
+        if step not in constants:
+            constants[step] = drive.constants(step)
+        before = state
+        torque, state, record = advance(state, constants[step], q, v, r_1, r_2)
+        rows.append((q, v, r_1, r_2, torque, *_outputs(drive, q, before, record)))
+    table = np.array(rows, dtype=float).reshape(len(rows), len(OUTPUTS))
+    return {name: table[:, index] for index, name in enumerate(OUTPUTS)}
+
+
+def _outputs(drive: Drive, q: float, before: Sequence[float], record: Sequence[float]) -> tuple[float, ...]:
+    """Torques, stiffness and motors of one row, as the released code publishes them where it does."""
+    actuator, mode = drive.actuator, drive.mode
+    if actuator is None or mode is None or not mode.spring:
+        return (math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    torque_1, torque_2, x, v_x, drive_x, _, y, v_y, drive_y, _ = record
+    released = drive.stepping.released
+    # In mode 4 the released code has stiffness and torques at the motors' old positions.
+    place = (before[0], before[4]) if released and mode.number == 4 else (x, y)
+    stiffness = actuator.stiffness(q, *place, drive.elastic)
+    if released and not mode.motor:
+        x = y = 0.0
+    if not released and actuator.motors == 1 and not actuator.adjuster:
+        torque_2 = y = v_y = drive_y = math.nan
+    return (torque_1, torque_2, stiffness, x, v_x, drive_x, y, v_y, drive_y)
