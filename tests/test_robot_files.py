@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from asrsim.errors import RobotError
-from asrsim.robot import Robot, load_robot
+from asrsim.robot import Robot, engine_urdf, load_robot, step_findings
 from asrsim.robot.expansion import expand_xacro
 from asrsim.robot.packages import packages_of
 
@@ -252,3 +254,52 @@ def test_xacro_sees_no_environment(read: Callable[..., Robot], monkeypatch: pyte
     text = read(xacro(GOOD + '<gazebo note="$(optenv ASRSIM_SECRET nothing)"/>'), "r.xacro").text
     assert "hidden" not in text
     assert 'note="nothing"' in text
+
+
+# -- anything at all ---------------------------------------------------------------------------------------------------
+
+
+def test_other_encodings_are_read(tmp_path: Path) -> None:
+    text = robot(GOOD.replace('"b"', '"café"'))
+    for encoding in ("latin-1", "utf-16", "utf-8-sig"):
+        path = tmp_path / f"{encoding}.urdf"
+        declared = "utf-8" if encoding == "utf-8-sig" else encoding
+        path.write_bytes(f'<?xml version="1.0" encoding="{declared}"?>{text}'.encode(encoding))
+        found = load_robot(path)
+        assert found.links[1].name == "café"
+        assert 'link name="café"' in engine_urdf(found)[0]
+
+
+def test_numbers_too_large_for_physics_are_refused(read: Callable[..., Robot]) -> None:
+    assert fails(read, robot(GOOD.replace('mass value="1"', 'mass value="1e308"'))) == ["out-of-range"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_damaged_files_give_robots_or_robot_errors(seed: int, tmp_path: Path) -> None:
+    """Whatever is changed in a good file: a checked robot or a RobotError, never another exception."""
+    source = random.Random(seed)
+    texts = [path.read_text() for path in sorted((Path(__file__).parents[1] / "examples/urdf").glob("dof*.urdf"))]
+    values = ["1e308", "nan", "-inf", "0", "-1", "", "5e-324", "x", "0 0 0", "true", "9" * 30, "1*2", "\u00e9"]
+    outcomes = set()
+    for _ in range(60):
+        text = source.choice(texts)
+        for _ in range(source.randint(1, 3)):
+            spots = list(re.finditer(r'(?<==")[^"<>]*(?=")|(?<=>)[^<>\s]+(?=</)', text))
+            spot = source.choice(spots)
+            text = text[: spot.start()] + source.choice(values) + text[spot.end() :]
+            if source.random() < 0.2:
+                lines = text.splitlines()
+                lines.insert(source.randrange(len(lines)), lines.pop(source.randrange(len(lines))))
+                text = "\n".join(lines)
+        path = tmp_path / "damaged.urdf"
+        path.write_text(text)
+        try:
+            found = load_robot(path)
+        except RobotError as error:
+            assert error.problems
+            outcomes.add("error")
+        else:
+            engine_urdf(found)
+            step_findings(found, step=1e-3)
+            outcomes.add("robot")
+    assert outcomes == {"error", "robot"}

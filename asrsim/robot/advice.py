@@ -27,7 +27,7 @@ def advise(actuator: type[Actuator], block: ActuatorBlock, joint: Joint, finding
         )  # fmt: skip
     if block.mode in (1,) and any(name.startswith("controller_1") for name in given):
         findings.warn(
-            f"mode 1: <{given_tags(given, 'controller_1')}> acts on the link, and the spring and motors are not simulated",
+            f"mode 1: <{given_tags(given, 'controller_1')}> set the link's controller; spring and motors are not simulated",
             code="link-controller", line=block.line, key=place,
         )  # fmt: skip
     if joint.effort is None:

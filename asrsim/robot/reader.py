@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
-from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import packages_of
-from asrsim.robot.structure import StructureReader, check_masses, check_tree
+from asrsim.robot.structure import StructureReader
+from asrsim.robot.tree import check_masses, check_movable, check_tree
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
 MAX_LINKS = 2000
@@ -76,35 +77,22 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
         warnings=(),
     )  # fmt: skip
     if whole:
-        _check_movable(robot, findings)
+        check_movable(findings, robot)
     findings.raise_errors()
     if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn("no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name)
-    from dataclasses import replace
-
     return replace(robot, warnings=tuple(findings.warnings))
 
 
-def _check_movable(robot: Robot, findings: Findings) -> None:
-    """A moving joint with neither mass nor inertia behind it has no equation of motion: an error."""
-    for name, inertia in zero_pose_inertia(robot).diagonal.items():
-        joint = robot.joint(name)
-        if inertia <= 0.0:
-            findings.error(
-                "nothing behind this joint has mass or inertia about its axis, so its motion is not defined",
-                code="massless-joint", line=joint.line, key=name, hint=f"Give link '{joint.child}' an <inertial>",
-            )  # fmt: skip
-
-
 def _text(data: bytes, root: Any) -> str:
-    """The document as text, whatever its encoding."""
+    """The document as text that says no encoding other than its own."""
     from lxml import etree
 
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text: str = etree.tostring(root.getroottree(), encoding="unicode")
-        return text
+    encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()
+    if encoding in ("utf-8", "us-ascii", "ascii"):
+        return data.decode("utf-8-sig", errors="replace")
+    text: str = etree.tostring(root.getroottree(), encoding="unicode")
+    return text
 
 
 def _uses_xacro(root: Any) -> bool:

@@ -1,28 +1,23 @@
-"""Links and joints of a URDF: read, and checked to be one tree of bodies that physics allows."""
+"""Links and joints of a URDF: read, each checked to be a body or joint that physics allows."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from asrsim.errors import did_you_mean
-from asrsim.robot.findings import Findings
+from asrsim.robot.attributes import AttributeReader
 from asrsim.robot.model import Joint, Link, Vector
 from asrsim.robot.xmlfile import elements
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-Line = Callable[[Any], int | None]
 
 
-class StructureReader:
-    """Reads `<link>` and `<joint>`; problems go to `findings`. `line` gives an element's line, None if unknown."""
-
-    def __init__(self, findings: Findings, line: Line) -> None:
-        self.findings = findings
-        self.line = line
+class StructureReader(AttributeReader):
+    """Reads `<link>` and `<joint>`; problems go to `findings`."""
 
     def links(self, root: Any) -> tuple[Link, ...]:
         """All links with a name, in file order; the first of two equal names."""
@@ -64,7 +59,7 @@ class StructureReader:
         if not inertials:
             return Link(name=name, mass=None, inertia=None, line=line)
         inertial = inertials[0]
-        centre, rpy = self._origin(inertial, name)
+        centre, rpy = self.origin(inertial, name)
         mass = self._mass(inertial, name)
         inertia = self._inertia(inertial, name, mass)
         return Link(name=name, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy, line=line)
@@ -127,7 +122,7 @@ class StructureReader:
             )  # fmt: skip
         parent = self._end(element, "parent", name, links)
         child = self._end(element, "child", name, links)
-        origin, rpy = self._origin(element, name)
+        origin, rpy = self.origin(element, name)
         moves = kind in ("revolute", "continuous", "prismatic")
         axis = self._axis(element, name) if moves else (1.0, 0.0, 0.0)
         limits = self._limits(element, name, kind)
@@ -228,91 +223,3 @@ class StructureReader:
                 )
             values.append(value)
         return values[0], values[1]
-
-    def _origin(self, element: Any, name: str) -> tuple[Vector, Vector]:
-        tags = elements(element, "origin")
-        if not tags:
-            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        zero = (0.0, 0.0, 0.0)
-        key = f"{name}.origin"
-        return self.vector(tags[0], "xyz", key, default=zero), self.vector(tags[0], "rpy", key, default=zero)
-
-    # -- numbers ---------------------------------------------------------------------------------------------------
-
-    def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
-        """Attribute as a number; 0 if it is absent or wrong (the wrong is an error, so is a missing required one)."""
-        text = element.get(key)
-        if text is None:
-            if required:
-                self.findings.error(
-                    f"attribute '{key}' is missing", code="missing-attribute", line=self.line(element), key=place
-                )
-            return 0.0
-        return self._float(text, text, element, place, finite=finite)
-
-    def vector(self, element: Any, key: str, place: str, *, default: Vector) -> Vector:
-        """Attribute as three numbers; the default if it is absent or wrong."""
-        text = element.get(key)
-        if text is None:
-            return default
-        parts = text.split()
-        if len(parts) != 3:
-            self.findings.error(
-                f"'{key}' must be three numbers", code="not-a-number", line=self.line(element), key=place, value=text
-            )
-            return default
-        x, y, z = (self._float(part, text, element, place, finite=True) for part in parts)
-        return x, y, z
-
-    def _float(self, text: str, shown: str, element: Any, place: str, *, finite: bool) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
-            return 0.0
-        if math.isnan(value) or (finite and math.isinf(value)):
-            self.findings.error("must be finite", code="not-finite", line=self.line(element), key=place, value=shown)
-            return 0.0
-        return value
-
-
-def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
-    """Errors unless joints make one tree of all links: one root, one parent each, no loops."""
-    parents: dict[str, Joint] = {}
-    for joint in joints:
-        if joint.child in parents:
-            findings.error(
-                f"link '{joint.child}' is the child of joint '{parents[joint.child].name}' already: a link has one parent",
-                code="two-parents", line=joint.line, key=joint.name,
-            )  # fmt: skip
-        else:
-            parents[joint.child] = joint
-    roots = [link.name for link in links if link.name not in parents]
-    if len(roots) > 1:
-        findings.error(
-            f"the robot has {len(roots)} root links; a URDF is one tree",
-            code="several-roots", key="robot", value=", ".join(roots[:10]), hint="Join them by fixed joints",
-        )  # fmt: skip
-    for link in links:
-        seen: set[str] = set()
-        name = link.name
-        while name in parents and name not in seen:
-            seen.add(name)
-            name = parents[name].parent
-        if name in seen and name == link.name:
-            findings.error(
-                "joints form a loop; a URDF is a tree", code="loop", line=parents[name].line, key=parents[name].name,
-                value=" -> ".join(sorted(seen)[:10]),
-            )  # fmt: skip
-            return
-
-
-def check_masses(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
-    """Warn of links without `<inertial>` other than the root: an engine would make up 1 kg for them."""
-    children = {joint.child for joint in joints}
-    for link in links:
-        if link.mass is None and link.name in children:
-            findings.warn(
-                "link has no <inertial>: taken as massless (PyBullet by itself would make it 1 kg)",
-                code="no-inertial", line=link.line, key=link.name,
-            )  # fmt: skip

@@ -1,0 +1,75 @@
+"""Numbers in XML attributes: read, and refused with file, line and key where they are none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from asrsim.robot.findings import Findings
+from asrsim.robot.model import Vector
+from asrsim.robot.xmlfile import elements
+
+LARGEST = 1e12
+"""In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
+Line = Callable[[Any], int | None]
+"""An element's line in the user's file, None if unknown."""
+
+
+class AttributeReader:
+    """Reads attributes; problems go to `findings`, and a harmless value comes back."""
+
+    def __init__(self, findings: Findings, line: Line) -> None:
+        self.findings = findings
+        self.line = line
+
+    def origin(self, element: Any, name: str) -> tuple[Vector, Vector]:
+        """Position in m and roll, pitch, yaw in rad of an `<origin>`, zero where it is absent."""
+        tags = elements(element, "origin")
+        if not tags:
+            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        zero = (0.0, 0.0, 0.0)
+        key = f"{name}.origin"
+        return self.vector(tags[0], "xyz", key, default=zero), self.vector(tags[0], "rpy", key, default=zero)
+
+    def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
+        """Attribute as a number; 0 if it is absent or wrong (the wrong is an error, so is a missing required one)."""
+        text = element.get(key)
+        if text is None:
+            if required:
+                self.findings.error(
+                    f"attribute '{key}' is missing", code="missing-attribute", line=self.line(element), key=place
+                )
+            return 0.0
+        return self._float(text, text, element, place, finite=finite)
+
+    def vector(self, element: Any, key: str, place: str, *, default: Vector) -> Vector:
+        """Attribute as three numbers; the default if it is absent or wrong."""
+        text = element.get(key)
+        if text is None:
+            return default
+        parts = text.split()
+        if len(parts) != 3:
+            self.findings.error(
+                f"'{key}' must be three numbers", code="not-a-number", line=self.line(element), key=place, value=text
+            )
+            return default
+        x, y, z = (self._float(part, text, element, place, finite=True) for part in parts)
+        return x, y, z
+
+    def _float(self, text: str, shown: str, element: Any, place: str, *, finite: bool) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
+            return 0.0
+        if math.isnan(value) or (finite and math.isinf(value)):
+            self.findings.error("must be finite", code="not-finite", line=self.line(element), key=place, value=shown)
+            return 0.0
+        if finite and abs(value) > LARGEST:
+            self.findings.error(
+                f"is larger than {LARGEST:g}, which no robot has", code="out-of-range", line=self.line(element), key=place,
+                value=shown,
+            )  # fmt: skip
+            return 0.0
+        return value
