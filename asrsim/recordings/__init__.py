@@ -2,8 +2,28 @@
 
 from __future__ import annotations
 
+from asrsim.recordings.align import Alignment, align, resample
 from asrsim.recordings.checks import guess_rows, guess_table, suspect_scale
+from asrsim.recordings.claims import evaluate_claims
+from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.read import FORMATS, read_recording
 
-__all__ = ["FORMATS", "Column", "Recording", "guess_rows", "guess_table", "read_recording", "suspect_scale"]
+__all__ = [
+    "FORMATS",
+    "Alignment",
+    "Band",
+    "Column",
+    "Comparison",
+    "Recording",
+    "Series",
+    "align",
+    "band",
+    "compare",
+    "evaluate_claims",
+    "guess_rows",
+    "guess_table",
+    "read_recording",
+    "resample",
+    "suspect_scale",
+]

@@ -1,0 +1,123 @@
+"""Brings a recording and a simulation onto one time: the lag between their clocks, and one resampling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.metrics.lag import Lag, estimate_lag
+from asrsim.samples import Array
+
+LagChoice = float | Literal["auto", "off", "start"]
+"""auto: by cross-correlation; off: clocks as they are; start: both begin together; a number: s that the recording is late."""
+TRUSTED = 0.6
+"""Correlation below which a lag is not believed."""
+_GAP = 3.0
+"""Steps of the source beyond which nothing is interpolated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alignment:
+    """How the recording's clock was moved."""
+
+    lag: float
+    """s that the recording was late; subtracted from its time."""
+    how: str
+    """`cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
+    found: Lag | None = None
+    findings: tuple[Problem, ...] = ()
+
+
+def align(
+    time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, *, choice: LagChoice = "auto",
+    limit: float | None = None, name: str = "",
+) -> Alignment:  # fmt: skip
+    """The lag of a recording behind a simulation.
+
+    Args:
+        time_simulation: (n,) s, and time_recording: (m,) s.
+        simulation: (n,) of the quantity to align on, recording: (m,) of the same.
+        choice: See `LagChoice`.
+        limit: s, largest lag that auto may find; None: a quarter of the shorter record.
+        name: Of the quantity, for messages.
+
+    Raises:
+        RecordingError: The records do not overlap in time under auto or off.
+    """
+    if choice == "off":
+        return Alignment(lag=0.0, how="off")
+    if choice == "start":
+        return Alignment(lag=float(time_recording[0] - time_simulation[0]), how="start")
+    if choice != "auto":
+        if isinstance(choice, str) or not np.isfinite(choice):
+            raise RecordingError(
+                Problem(message="a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
+            )
+        return Alignment(lag=float(choice), how="set")
+    require_overlap(time_simulation, time_recording)
+    found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
+    if found is None:
+        return _unaligned(f"{name} does not move in both", None)
+    if found.correlation < TRUSTED:
+        return _unaligned(f"the best correlation of {name} is {found.correlation:.2f} (at {found.seconds:.4g} s)", found)
+    if found.at_limit:
+        return _unaligned(f"{name} fits best at the limit of the search, {found.seconds:.4g} s", found)
+    findings: tuple[Problem, ...] = ()
+    if found.ambiguous:
+        findings = (
+            Problem(message=f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest", code="lag",
+                    hint="Set the lag with --lag if another period is meant"),
+        )  # fmt: skip
+    return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings)
+
+
+def _unaligned(why: str, found: Lag | None) -> Alignment:
+    problem = Problem(message=f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
+    return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
+
+
+def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:
+    """Common interval in s of the simulation's time; raises RecordingError with both ranges where there is none."""
+    start = max(float(time_simulation[0]), float(time_recording[0]) - lag)
+    end = min(float(time_simulation[-1]), float(time_recording[-1]) - lag)
+    if end <= start:
+        raise RecordingError(
+            Problem(
+                message="no overlap in time: the simulation lasts from "
+                f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
+                f"{time_recording[-1] - lag:g} s",
+                code="no-overlap", hint="Let both begin together with --lag start, or set the lag in s",
+            )
+        )  # fmt: skip
+    return start, end
+
+
+def resample(time: Array, values: Array, grid: Array) -> Array:
+    """Values (n,) at the times of the grid (m,), NaN outside and in gaps of more than three steps.
+
+    Linear where the source is at least twice as fine as the grid, else a monotone cubic (Fritsch and Carlson), which is of
+    higher order on smooth motion and makes no overshoot at steps. No filter: the result is the source at these instants.
+    """
+    keep = np.isfinite(values)
+    t, v = time[keep], values[keep]
+    if len(t) < 2:
+        return np.full(len(grid), np.nan)
+    step = float(np.median(np.diff(t)))
+    coarse = float(np.median(np.diff(grid))) if len(grid) > 1 else step
+    if len(t) < 4 or step <= 0.5 * coarse:
+        result = np.interp(grid, t, v)
+    else:
+        from scipy.interpolate import PchipInterpolator
+
+        result = np.asarray(PchipInterpolator(t, v)(grid), dtype=np.float64)
+    # Half a step beyond the ends is the rounding of time stamps; the end value stands there.
+    slack = 0.5 * min(step, coarse)
+    result = np.where(grid < t[0], v[0], np.where(grid > t[-1], v[-1], result))
+    outside = (grid < t[0] - slack) | (grid > t[-1] + slack)
+    after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
+    # A sample itself is no part of the gap beside it.
+    inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])
+    return np.where(outside | inside, np.nan, result)

@@ -1,0 +1,289 @@
+"""A simulation beside a recording: the same quantities on one time, their difference, and metrics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
+from asrsim.metrics.output import MetricRow
+from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.align import Alignment, LagChoice, align, require_overlap, resample
+from asrsim.recordings.checks import suspect_scale
+from asrsim.recordings.data import Column, Recording
+from asrsim.samples import Array, JointInfo, Samples
+
+_ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
+"""What auto aligns on, the first that moves in both. The reference first: it is the same signal in both, whereas the lag of a
+response belongs to the difference that is to be judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Series:
+    """One quantity of one joint, in both."""
+
+    joint: str
+    """Name in the simulation."""
+    quantity: str
+    unit: str
+    time: Array
+    """(m,) s on the simulation's clock: the samples of the coarser of both, where they overlap."""
+    simulation: Array
+    """(m,); NaN in gaps."""
+    recording: Array
+    """(m,); NaN in gaps."""
+    source: str
+    """Column of the recording."""
+    metrics: Mapping[str, float]
+    """Measures of the difference (simulation against recording); NaN where undefined."""
+    steps: Mapping[str, tuple[float, float]]
+    """Measures of a step response: (simulation, recording)."""
+    findings: tuple[Problem, ...] = ()
+
+    @property
+    def difference(self) -> Array:
+        """(m,) simulation minus recording."""
+        return self.simulation - self.recording
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A simulation and a recording, compared."""
+
+    recording: Path
+    series: tuple[Series, ...]
+    alignment: Alignment
+    joints: Mapping[str, str] = field(default_factory=dict)
+    """Joint of the recording -> joint of the simulation."""
+    findings: tuple[Problem, ...] = ()
+    """Of the comparison; those of the file are in the recording."""
+
+    def find(self, joint: str, quantity: str) -> Series | None:
+        """The series of a joint's quantity, None if it is not in both."""
+        return next((s for s in self.series if (s.joint, s.quantity) == (joint, quantity)), None)
+
+    def rows(self, source: str = "") -> list[MetricRow]:
+        """All metrics as rows for table, JSON and CSV. source: name of the simulation."""
+        pair = f"{source} - {self.recording.name}" if source else self.recording.name
+        rows: list[MetricRow] = []
+        for s in self.series:
+            for name, value in s.metrics.items():
+                rows.append(_row(pair, s, name, value))
+            for name, (simulated, recorded) in s.steps.items():
+                rows.append(_row(source or "simulation", s, name, simulated))
+                rows.append(_row(self.recording.name, s, name, recorded))
+        return rows
+
+
+def compare(
+    samples: Samples,
+    recording: Recording,
+    *,
+    infos: Sequence[JointInfo] = (),
+    joints: Mapping[str, str] | None = None,
+    quantities: Sequence[str] | None = None,
+    lag: LagChoice = "auto",
+    lag_limit: float | None = None,
+    align_on: tuple[str, str] | None = None,
+) -> Comparison:
+    """Compares all quantities that the simulation and the recording have in common.
+
+    Args:
+        samples: Of the simulation (a log's).
+        recording: The experiment.
+        infos: The log's joints (:attr:`RunInfo.joints`), for derived quantities (deflection, equilibrium, position error).
+        joints: Joint of the recording -> joint of the simulation; None: by name, or by order for guessed names.
+        quantities: Only these; None: all in common.
+        lag: auto, off, start, or s by which the recording is late.
+        lag_limit: s, largest lag that auto may find.
+        align_on: Joint (of the simulation) and quantity to correlate; None: the reference if it moves, else the position.
+
+    Raises:
+        RecordingError: No common joint or quantity, no overlap in time; with what was found and expected.
+    """
+    pairing, findings = match_joints(samples.joints, recording, joints)
+    found: dict[tuple[str, str], tuple[Array, Column]] = {}
+    for column in recording.channels.values():
+        joint = pairing.get(column.joint or "")
+        if joint is None or column.quantity is None or (quantities is not None and column.quantity not in quantities):
+            continue
+        values = simulated(samples, joint, column.quantity, infos)
+        if values is not None:
+            found[joint, column.quantity] = (values, column)
+    if not found:
+        raise _nothing_common(samples, recording, pairing, quantities)
+    alignment = _align(samples.time, found, align_on, lag, lag_limit)
+    findings += alignment.findings
+    series = tuple(
+        _series(joint, quantity, samples.time, values, column, alignment.lag)
+        for (joint, quantity), (values, column) in found.items()
+    )
+    for one in series:
+        findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
+    return Comparison(recording=recording.path, series=series, alignment=alignment, joints=pairing, findings=tuple(findings))
+
+
+def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:
+    """A joint's quantity of a simulation, (n,), derived ones too where `infos` is given; None if it is not recorded."""
+    index = samples.joints.index(joint)
+    if quantity in samples.values:
+        values = samples.values[quantity][:, index]
+    elif quantity in DERIVED and infos:
+        from asrsim.log.derived import DERIVED_FUNCTIONS
+
+        if quantity != "equilibrium_position" and "link_position" not in samples.values:
+            return None
+        values = DERIVED_FUNCTIONS[quantity](samples, infos)[:, index]
+    else:
+        return None
+    return None if np.all(np.isnan(values)) else values
+
+
+def match_joints(
+    names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None
+) -> tuple[dict[str, str], list[Problem]]:
+    """Joint of the recording -> joint of the simulation; raises RecordingError where none is common."""
+    recorded = recording.joints
+    if joints is not None:
+        unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
+        if unknown:
+            raise RecordingError(
+                Problem(message=f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names),
+                        code="no-such-joint")
+            )  # fmt: skip
+        return dict(joints), []
+    plain = {_plain(name): name for name in names}
+    pairing = {joint: plain[_plain(joint)] for joint in recorded if _plain(joint) in plain}
+    if pairing:
+        return pairing, []
+    guessed = [joint for joint in recorded if _made_up(recording, joint)]
+    if guessed and len(guessed) == len(recorded) and len(guessed) <= len(names):
+        pairing = dict(zip(guessed, names, strict=False))
+        said = ", ".join(f"{a} is {b}" for a, b in pairing.items())
+        return pairing, [
+            Problem(message=f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
+                    hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
+        ]  # fmt: skip
+    raise RecordingError(
+        Problem(
+            message=f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
+            f"{', '.join(recorded) or 'no column that is mapped to a joint'}",
+            file=recording.path, code="no-common-joint",
+            hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them with --map COLUMN=JOINT.QUANTITY",
+        )
+    )  # fmt: skip
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def _made_up(recording: Recording, joint: str) -> bool:
+    """Whether the name is ours (joint_3 for a number in a column's name)."""
+    columns = [column for column in recording.channels.values() if column.joint == joint and column.quantity]
+    return joint.startswith("joint_") and all(column.origin.startswith("guessed") for column in columns)
+
+
+def _nothing_common(
+    samples: Samples, recording: Recording, pairing: Mapping[str, str], quantities: Sequence[str] | None
+) -> RecordingError:
+    recorded = sorted({f"{c.joint}.{c.quantity}" for c in recording.channels.values() if c.joint in pairing and c.quantity})
+    asked = f" of {', '.join(quantities)}" if quantities else ""
+    return RecordingError(
+        Problem(message=f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
+                f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity")
+    )  # fmt: skip
+
+
+def _align(
+    time: Array, found: Mapping[tuple[str, str], tuple[Array, Column]], on: tuple[str, str] | None, lag: LagChoice,
+    limit: float | None,
+) -> Alignment:  # fmt: skip
+    if on is not None and on not in found:
+        raise RecordingError(
+            Problem(message=f"cannot align on {on[0]}.{on[1]}, it is not in both", code="no-such-quantity",
+                    choices=tuple(f"{joint}.{quantity}" for joint, quantity in found))
+        )  # fmt: skip
+    if on is None:
+        rank = {quantity: i for i, quantity in enumerate(_ALIGN_ON)}
+        order = sorted(found, key=lambda key: rank.get(key[1], len(rank)))
+        on = next((key for key in order if _moves(found[key][0]) and _moves(found[key][1].values)), order[0])
+    values, column = found[on]
+    return align(time, values, column.time, column.values, choice=lag, limit=limit, name=f"{on[0]}.{on[1]}")
+
+
+def _moves(values: Array) -> bool:
+    finite = values[np.isfinite(values)]
+    return len(finite) > 1 and float(np.ptp(finite)) > 1e-9
+
+
+def _series(joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float) -> Series:
+    shifted = column.time - lag
+    start, end = require_overlap(time, column.time, lag)
+    # The coarser one's samples are kept as they are; only the finer one is interpolated, where that costs least.
+    coarse = np.median(np.diff(shifted)) >= np.median(np.diff(time))
+    base = shifted if coarse else time
+    # The last digit of a stamp must not cut off an end.
+    slack = 1e-6 * max(1.0, abs(end))
+    part = (base >= start - slack) & (base <= end + slack)
+    grid = base[part]
+    if len(grid) < 2:
+        raise RecordingError(
+            Problem(message=f"only {len(grid)} samples of {joint}.{quantity} overlap in time", code="no-overlap")
+        )
+    a = resample(time, values, grid) if coarse else values[part]
+    b = column.values[part] if coarse else resample(shifted, column.values, grid)
+    findings = [problem for problem in (suspect_scale(a, b),) if problem is not None]
+    unit = (QUANTITIES | DERIVED)[quantity].unit or column.unit
+    both = np.isfinite(a) & np.isfinite(b)
+    if both.sum() < 2:
+        findings.append(Problem(message="has no two samples with numbers in both", code="no-overlap"))
+    metrics = {name: _measured(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
+    steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
+    return Series(
+        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
+        metrics=metrics, steps=steps, findings=tuple(findings),
+    )  # fmt: skip
+
+
+def _measured(name: str, time: Array, a: Array, b: Array | None = None) -> float:
+    return measure(name, time, a, b)
+
+
+def _row(source: str, s: Series, name: str, value: float) -> MetricRow:
+    unit = MEASURES.get(name).unit_of(s.unit)
+    return MetricRow(source=source, joint=s.joint, quantity=s.quantity, measure=name, value=value, unit=unit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """Several runs of one experiment, on one time."""
+
+    time: Array
+    """(m,) s on the simulation's clock."""
+    mean: Array
+    """(m,)."""
+    low: Array
+    """(m,) smallest of the runs."""
+    high: Array
+    """(m,) largest of the runs."""
+    count: int
+    """Runs."""
+
+
+def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
+    """The recordings of several comparisons with one simulation as a band, on the first's time; None if none has it.
+
+    NaN where fewer than all runs have a number, so that the band never jumps where one of them ends.
+    """
+    found = [s for s in (c.find(joint, quantity) for c in comparisons) if s is not None]
+    if not found:
+        return None
+    time = found[0].time
+    runs = np.stack([s.recording if s.time is time else resample(s.time, s.recording, time) for s in found])
+    return Band(time=time, mean=runs.mean(axis=0), low=runs.min(axis=0), high=runs.max(axis=0), count=len(found))
