@@ -158,7 +158,8 @@ def _values(
 ) -> Iterator[tuple[Problem, bool]]:
     try:
         time = _grid(scenario, signal)
-        values = signal.values(time)
+        with np.errstate(all="ignore"):
+            values = signal.values(time)
     except Exception as error:  # a user's own signal may raise anything
         yield Problem(message=f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal"), True
         return

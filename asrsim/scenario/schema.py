@@ -12,18 +12,39 @@ FILE_NAME = "scenario.schema.json"
 
 
 def json_schema() -> dict[str, Any]:
-    """The schema as plain data (draft 2020-12). Required keys may also stand in every variant, so only `robot` is asked for."""
+    """The schema as plain data (draft 2020-12). `duration` may also stand in every variant, so only `robot` is required."""
     schema = SCENARIO.schema()
-    properties = {key.name: key.schema() for key in (*KEYS, VARIANTS)}
+    properties = {key.name: key.schema() for key in KEYS}
+    variants = {**VARIANTS.schema(), "additionalProperties": {"anyOf": [change_schema(SCENARIO.schema()), {"type": "null"}]}}
+    signal = signal_schema()
+    changes = {"anyOf": [change_schema(shape, keep_required=True) for shape in signal["anyOf"]]}
     return {
         "$schema": URL,
         "title": "asrsim scenario",
         "description": "A simulation run of an articulated soft robot, in one or several variants.",
-        **schema,
-        "properties": properties,
-        "required": ["robot"],
-        "$defs": {"signal": signal_schema()},
+        **schema, "properties": {**properties, "variants": variants}, "required": ["robot"],
+        "$defs": {"signal": signal, "signal_change": changes},
     }
+
+
+def change_schema(schema: dict[str, Any], *, keep_required: bool = False) -> dict[str, Any]:
+    """The schema of what a variant changes: mappings need not be complete, and null takes a key away; lists stay whole."""
+    if "$ref" in schema:
+        return {**schema, "$ref": "#/$defs/signal_change"}
+    changed = {key: value for key, value in schema.items() if key != "required" or keep_required}
+    if "properties" in schema:
+        changed["properties"] = {name: _or_null(inner) for name, inner in schema["properties"].items()}
+    if isinstance(schema.get("additionalProperties"), dict):
+        changed["additionalProperties"] = _or_null(schema["additionalProperties"])
+    if "anyOf" in schema:
+        changed["anyOf"] = [change_schema(inner) for inner in schema["anyOf"]]
+    return changed
+
+
+def _or_null(schema: dict[str, Any]) -> dict[str, Any]:
+    changed = change_schema(schema)
+    description = {"description": changed["description"]} if "description" in changed else {}
+    return {"anyOf": [changed, {"type": "null"}], **description}
 
 
 def schema_text() -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.robot import load_robot, with_overrides
-from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import starter_text
 
@@ -33,14 +32,20 @@ def write_starter(
     loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
     if mode is not None:
         loaded = with_overrides(loaded, modes={"*": mode})
-    text = starter_text(loaded, robot_file=relative_path(robot, out.parent), schema=SCHEMA_FILE if schema else None, mode=mode)
+    text = starter_text(
+        loaded,
+        robot_file=relative_path(robot, out.parent),
+        schema=SCHEMA_FILE if schema else None,
+        mode=mode,
+        arguments=arguments,
+        packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
+    )
+    beside = out.parent / SCHEMA_FILE
+    if schema and _is_foreign(beside):
+        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
     write_new(out, text, force=force)
-    load_scenario(out)
     if not schema:
         return (out,)
-    beside = out.parent / SCHEMA_FILE
-    if _is_foreign(beside):
-        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
     write_new(beside, schema_text(), force=True)
     return out, beside
 

@@ -1,0 +1,162 @@
+"""`asrsim init`: starters that load, fit and run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.errors import OutputError
+from asrsim.robot import load_robot
+from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario.start_file import SCHEMA_FILE, write_starter
+
+SHARED = Path(__file__).parents[2] / "shared" / "robots"
+
+URDF = """<robot name="{name}">
+  <link name="world"/>
+  {joints}
+</robot>"""
+JOINT = """
+  <link name="{name}_link"><inertial><mass value="0.2"/><origin xyz="0.04 0 0"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="{name}" type="{kind}"><parent link="world"/><child link="{name}_link"/><axis xyz="0 1 0"/>
+    <limit lower="{lower}" upper="{upper}" effort="100" velocity="100"/><dynamics damping="0.02"/></joint>
+  <gazebo><plugin name="{name}" filename="lib{actuator}_plugin.so"><joint>{name}</joint>
+    <operation_mode>{mode}</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state>
+    <sub_ext_tau>true</sub_ext_tau></plugin></gazebo>"""
+
+
+def write_robot(folder, *joints):
+    texts = [
+        JOINT.format(**{"kind": "revolute", "lower": -2, "upper": 2, "actuator": "qbmove", "mode": 6, **joint})
+        for joint in joints
+    ]
+    path = folder / "arm.urdf"
+    path.write_text(URDF.format(name="arm", joints="".join(texts)))
+    return path
+
+
+@pytest.mark.parametrize("mode", range(7))
+def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
+    names = ("sea", "qbmove", "bavs", "awas_ii")
+    robot = write_robot(tmp_path, *({"name": f"j_{name}", "actuator": name} for name in names))
+    out = tmp_path / "scenarios" / "start.yaml"
+    write_starter(robot, out, mode=mode)
+    scenarios = load_scenario(out)
+    assert [scenario.variant for scenario in scenarios] == (
+        ["soft", "stiff"] if mode in (2, 3, 4, 5, 6) and mode != 4 else ["default"]
+    )
+    for scenario in scenarios:
+        assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+def test_starter_is_commented_and_names_every_joint(tmp_path):
+    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "elbow", "actuator": "sea"})
+    write_starter(robot, tmp_path / "s.yaml")
+    text = (tmp_path / "s.yaml").read_text()
+    assert text.startswith(f"# yaml-language-server: $schema={SCHEMA_FILE}\n")
+    assert (tmp_path / SCHEMA_FILE).exists()
+    assert re.search(r"shoulder:  # qbMove.*mode 6 \(PIDEqPres", text)
+    assert re.search(r"equilibrium_position: .*# rad", text)
+    assert "robot: arm.urdf" in text
+    assert max(map(len, text.splitlines())) < 140
+
+
+def test_what_is_commented_out_in_a_starter_is_valid_too(tmp_path):
+    robot = write_robot(tmp_path, {"name": "shoulder"})
+    out = tmp_path / "s.yaml"
+    write_starter(robot, out)
+    head, more = out.read_text().split("# More that a scenario can say:\n")
+    out.write_text(head.replace("# log_rate", "log_rate") + re.sub(r"^# ", "", more, flags=re.M))
+    for scenario in load_scenario(out):
+        assert len(scenario.expect) == 1
+        assert scenario.log_every == 2
+        assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+def test_step_stays_within_the_limits(tmp_path):
+    robot = write_robot(
+        tmp_path,
+        {"name": "up", "lower": 0.5, "upper": 2},
+        {"name": "down", "lower": -2, "upper": 0.1},
+        {"name": "narrow", "lower": 0, "upper": 0.1},
+    )
+    write_starter(robot, tmp_path / "s.yaml")
+    (scenario, _) = load_scenario(tmp_path / "s.yaml")
+    assert scenario.initial_positions == {"up": 0.5}
+    steps = {joint: references["equilibrium_position"] for joint, references in scenario.references.items()}
+    assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow")] == [(0.5, 0.8), (0.0, -0.3), (0.0, 0.05)]
+
+
+def test_names_that_yaml_would_misread_are_quoted(tmp_path):
+    robot = write_robot(tmp_path, {"name": "1"}, {"name": "true"}, {"name": "joint: 2"})
+    write_starter(robot, tmp_path / "s.yaml")
+    assert set(load_scenario(tmp_path / "s.yaml")[0].references) == {"1", "true", "joint: 2"}
+
+
+def test_a_file_in_the_way_stays_unless_forced(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    out = tmp_path / "s.yaml"
+    out.write_text("mine")
+    with pytest.raises(OutputError, match="--force"):
+        write_starter(robot, out)
+    assert out.read_text() == "mine"
+    write_starter(robot, out, force=True)
+    assert out.read_text() != "mine"
+
+
+def test_a_foreign_schema_file_is_left_alone(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    (tmp_path / SCHEMA_FILE).write_text("{}")
+    with pytest.raises(OutputError, match="--no-schema"):
+        write_starter(robot, tmp_path / "s.yaml")
+    assert (tmp_path / SCHEMA_FILE).read_text() == "{}"
+
+
+def test_command_line(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    result = CliRunner().invoke(app, ["init", str(robot), "--out", str(tmp_path / "s.yaml"), "--mode", "5", "--no-schema"])
+    assert result.exit_code == 0, result.output
+    assert "asrsim run" in result.output
+    assert not (tmp_path / SCHEMA_FILE).exists()
+    assert load_scenario(tmp_path / "s.yaml")[0].modes == {"*": 5}
+
+
+def test_xacro_arguments_are_kept(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    write_starter(robot, tmp_path / "s.yaml", arguments={"side": "left", "length": "2"}, packages={"d": tmp_path / "meshes"})
+    scenario = load_scenario(tmp_path / "s.yaml")[0]
+    assert scenario.xacro_arguments == {"side": "left", "length": "2"}
+    assert scenario.package_paths["d"].resolve() == tmp_path / "meshes"
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the real robots are not here")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "toolbox/nmmi_qbmove_template",
+        "toolbox/nmmi_template_description",
+        "alterego/alterego_v3_fixedbase-true_fixedhands-true",
+    ],
+)
+def test_starters_of_real_robots_fit(tmp_path, name):
+    write_starter(SHARED / f"{name}.urdf", tmp_path / "s.yaml")
+    robot = load_robot(SHARED / f"{name}.urdf")
+    for scenario in load_scenario(tmp_path / "s.yaml"):
+        assert check_against_robot(scenario, robot) == ([], [])
+        assert set(scenario.references) == {block.joint for block in robot.actuators}
+
+
+def test_starter_runs(tmp_path):
+    from asrsim.simulation.run import simulate
+
+    write_starter(write_robot(tmp_path, {"name": "j"}, {"name": "k", "actuator": "awas_ii"}), tmp_path / "s.yaml")
+    for scenario in load_scenario(tmp_path / "s.yaml", overrides=["duration=0.2"]):
+        samples = simulate(scenario).samples
+        assert samples.time[-1] == pytest.approx(0.2)
+        assert np.all(np.isfinite(samples.values["link_position"]))

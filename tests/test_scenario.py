@@ -1,0 +1,309 @@
+"""Scenario files: what they mean, and every fault with its place."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from asrsim.document.yaml_reader import parse_yaml, plain_scalar
+from asrsim.errors import InputError, ScenarioError
+from asrsim.scenario import load_scenario, make_scenario
+from asrsim.scenario.data import Effects, LinkDamping
+from asrsim.signals import Constant, Step
+
+BASE = "robot: arm.urdf\nduration: 2\n"
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Load a scenario from text beside an (empty) robot file; keyword arguments go to load_scenario."""
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+
+    def read(text, **arguments):
+        path = tmp_path / "move.yaml"
+        path.write_text(text)
+        return load_scenario(path, **arguments)
+
+    return read
+
+
+def faults(load, text, **arguments):
+    with pytest.raises(ScenarioError) as caught:
+        load(text, **arguments)
+    return caught.value.problems
+
+
+def test_the_smallest_scenario(load, tmp_path):
+    (scenario,) = load(BASE)
+    assert (scenario.name, scenario.variant, scenario.robot) == ("move", "default", tmp_path / "arm.urdf")
+    assert (scenario.duration, scenario.step, scenario.log_every, scenario.seed) == (2.0, 1e-3, 1, 0)
+    assert scenario.gravity == (0.0, 0.0, -9.81)
+    assert scenario.fixed_base
+    assert scenario.stepping == "leapfrog"
+    assert scenario.substeps is None
+    assert scenario.world.empty
+    assert scenario.text == BASE
+
+
+def test_every_key_arrives(load, tmp_path):
+    (tmp_path / "manager.yaml").write_text("namespace: /left/arm/\njoints_name: [b, a]\njoints_number: 2\n")
+    (tmp_path / "hand.stl").write_text("solid")
+    (scenario,) = load(
+        """
+name: everything
+robot: {file: arm.urdf, arguments: {side: left, length: 2, fixed: true}, packages: {arm_description: meshes}}
+base: {position: [0, 0, 1], rpy: [0, 0, 3.14], fixed: false}
+gravity: [0, 0, 0]
+initial: {"*": 0.1, a: 0.2}
+duration: 1e0
+step: 2.5e-4
+log_rate: 1000
+seed: 7
+stepping: toolbox
+substeps: 2
+motor_substeps: auto
+substep_cap: 50
+engine: bench
+motion: {a: {sinusoid: {amplitude: 1, frequency: 1}}, b: locked}
+compiled: false
+modes: 6
+parameters: {"*": {spring_k1: 1e-3, motor_1_max_position: inf}, a: {max_def: 0.5}}
+manager: manager.yaml
+references: {"*": {stiffness_preset: 0.2}, a: {equilibrium_position: {step: {to: 1}}}}
+external_torques: {a: 0.1}
+wrenches: [{link: tip, force: [1, null, {step: {to: 2}}], point: [0, 0, 0.1], frame: link}]
+effects: {commands: {"*": {delay: 0.01, rate: 100}}, sensors: {a: {quantum: 0.001, noise: 1e-4}}}
+link_damping: {a: {ratio: 0.1, inertia: 0.01}}
+world:
+  ground: {friction: 0.8, height: -0.1}
+  objects:
+    box: {shape: box, size: [0.1, 0.2, 0.3], mass: 2, friction: 0.23}
+    ball: {shape: sphere, size: 0.03}
+    hand: {shape: mesh, mesh: hand.stl}
+task: {link: tip, poses: [{time: 0, position: [0, 0, 1]}, {time: 1, position: [0, 1, 1], rpy: [0, 0, 0]}], preset: 0.3}
+ilc: {trajectory: {a: {minimum_jerk: {to: 0.8, duration: 1}}}, tolerance: 0.08, gain: model, joint_gains: {a: 0.3}}
+expect:
+  - {joint: a, quantity: link_position, measure: steady_state, value: 1, tolerance: 0.1}
+  - {body: box, quantity: displacement, measure: maximum, comparison: "<", value: 0.001}
+"""
+    )
+    assert scenario.name == "everything"
+    assert scenario.xacro_arguments == {"side": "left", "length": "2", "fixed": "true"}
+    assert scenario.package_paths == {"arm_description": tmp_path / "meshes"}
+    assert scenario.base_position == (0.0, 0.0, 1.0)
+    assert not scenario.fixed_base
+    assert scenario.log_every == 4
+    assert scenario.substeps == 2
+    assert scenario.motor_substeps is None
+    assert scenario.compiled is False
+    assert scenario.motion["b"] == Constant(value=0.1)  # locked where the joint starts
+    assert scenario.modes == {"*": 6}
+    assert scenario.parameters["*"]["motor_1_max_position"] == float("inf")
+    assert scenario.joint_order == ("b", "a")
+    assert scenario.namespace == "left/arm"
+    assert scenario.references["*"]["stiffness_preset"] == Constant(value=0.2)
+    assert scenario.references["a"]["equilibrium_position"] == Step(after=1.0)
+    assert scenario.wrenches[0].force == (Constant(value=1.0), None, Step(after=2.0))
+    assert scenario.command_effects["*"] == Effects(delay=0.01, rate=100.0)
+    assert scenario.sensor_effects["a"] == Effects(quantum=0.001, noise=1e-4)
+    assert scenario.link_damping["a"] == LinkDamping(ratio=0.1, inertia=0.01)
+    assert (scenario.world.ground_friction, scenario.world.ground_height) == (0.8, -0.1)
+    assert [(o.name, o.size) for o in scenario.world.objects][:2] == [("box", (0.1, 0.2, 0.3)), ("ball", (0.03,))]
+    assert scenario.world.objects[2].mesh == tmp_path / "hand.stl"
+    assert scenario.task is not None
+    assert scenario.task.preset == {"*": 0.3}
+    assert scenario.learning["gain"] == "model"
+    assert scenario.learning["gain_decay"] == 10.0
+    assert scenario.learning["trajectory"]["a"].kind == "minimum_jerk"
+    assert [claim.line for claim in scenario.expect] == [35, 36]
+    assert set(scenario.attachments) == {"manager.yaml", "hand.stl"}
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "key", "message"),
+    [
+        ("duratoin: 2", 3, "duratoin", "Did you mean 'duration'?"),
+        ("step: 1e-3\nstep: 1e-3", 4, "step", "there already, in line 3"),
+        ("step: on", 3, "step", "must be a number (got 'on')"),
+        ("step: -1", 3, "step", "must be a number > 0"),
+        ("step: .nan", 3, "step", "finite"),
+        ("step: 0.0003", 2, "duration", "2 s / 0.0003 s = 6666.66667"),
+        ("log_rate: 300", 3, "log_rate", "1000 Hz / 300 Hz = 3.33333333"),
+        ("log_rate: 2000", 3, "log_rate", "1000 Hz / 2000 Hz = 0.5"),
+        ("seed: 1.5", 3, "seed", "must be a whole number"),
+        ("stepping: leap", 3, "stepping", "leapfrog, euler, toolbox"),
+        ("engine: bulet", 3, "engine", "Did you mean 'bullet'?"),
+        ("gravity: 9.81", 3, "gravity", "must be a list [x, y, z]"),
+        ("gravity: [0, 0]", 3, "gravity", "has 2 entries"),
+        ("gravity: [0, 0, down]", 3, "gravity.2", "must be a number"),
+        ("base:\n  fixd: true", 4, "base.fixd", "Did you mean 'fixed'?"),
+        ("compiled: 1", 3, "compiled", "must be true or false"),
+        ("modes: 7", 3, "modes", "whole number 0 to 6"),
+        ("modes: {a: 7}", 3, "modes.a", "whole number 0 to 6"),
+        ("motion: {a: 1}", 3, "motion", "needs 'engine: bench'"),
+        ("references: {a: 1}", 3, "references.a", "must be a mapping"),
+        ("references:\n  a:\n    x: {stp: 1}", 5, "references.a.x.stp", "Did you mean 'step'?"),
+        ("references: {a: {'*': 1}}", 3, "references.a.*", "cannot stand for a reference"),
+        ("wrenches: [{force: [0, 0, 0]}]", 3, "wrenches.0", "'link' is missing"),
+        ("effects: {commands: {a: {dealy: 1}}}", 3, "effects.commands.a.dealy", "Did you mean 'delay'?"),
+        ("world: {objects: {b: {shape: box, size: 1}}}", 3, "world.objects.b.size", "[x, y, z]"),
+        ("world: {objects: {b: {shape: ball}}}", 3, "world.objects.b.shape", "sphere"),
+        ("world: {objects: {b: {shape: mesh}}}", 3, "world.objects.b.mesh", "needs the key 'mesh'"),
+        ("world: {objects: {b: {shape: sphere, size: 1, mass: -1}}}", 3, "world.objects.b.mass", ">= 0"),
+        (
+            "task: {link: a, poses: [{time: 1, position: [0, 0, 0]}, {time: 1, position: [0, 0, 0]}]}",
+            3,
+            "task.poses",
+            "must ascend",
+        ),
+        ("ilc: {trajectory: {a: 1}}", 3, "ilc", "'tolerance' is missing"),
+        ("ilc: {trajectory: {a: 1}, tolerance: 1, gain: modle}", 3, "ilc.gain", "number or model"),
+        ("expect: [{quantity: link_position, measure: x, value: 1}]", 3, "expect.0", "joint, or body"),
+        ("expect: [{joint: a, quantity: link_positon, measure: x, value: 1}]", 3, "expect.0.quantity", "'link_position'"),
+        ("expect: [{joint: a, quantity: deflection, measure: x, value: 1, comparison: =}]", 3, "expect.0.comparison", "=="),
+        ("expect: [{body: box, quantity: x, measure: x, value: 1}]", 3, "expect.0.body", "no object 'box'"),
+        (
+            "expect: [{joint: a, quantity: deflection, measure: x, value: 1, variant: soft}]",
+            3,
+            "expect.0.variant",
+            "no variant 'soft'",
+        ),
+        ("manager: nothing.yaml", 3, "manager", "there is no manager YAML"),
+        ("manager: arm.urdf", None, None, "joints_name"),
+        ("variants: {a/b: {}}", 3, "variants.a/b", "names a folder"),
+        ("variants: {a: {name: x}}", 3, "variants.a.name", "cannot stand in a variant"),
+        ("variants: [a, b]", 3, "variants", "mapping"),
+        ("variants: {a: 3}", 3, "variants.a", "mapping"),
+        ("variants:\n  a:\n    seed: x", 5, "seed", "whole number"),
+        (
+            "references: {a: {b: {playback: {file: no.csv, column: q}}}}",
+            3,
+            "references.a.b.playback.file",
+            "there is no recording",
+        ),
+        ("? [a, b]\n: 1", 3, None, "a key must be plain text"),
+        ("seed: !!python/object:os.system 1", 3, None, "not supported"),
+        ("seed: [1", None, None, "no valid YAML"),
+        ("\tseed: 1", 3, None, "no valid YAML"),
+        ("seed: *nothing", 3, None, "undefined alias"),
+        ("---\nrobot: b", None, None, "no valid YAML"),
+    ],
+)
+def test_faults_have_file_line_key_and_the_right_choice(load, tmp_path, text, line, key, message):
+    problems = faults(load, BASE + text + "\n")
+    assert any(message in str(problem) and (line is None or problem.line == line) and (key is None or problem.key == key)
+               for problem in problems), problems  # fmt: skip
+    assert all(problem.file is not None and problem.file.parent == tmp_path for problem in problems)
+    assert len(problems) <= 2
+
+
+def test_all_faults_of_a_file_are_told_at_once(load):
+    text = "robot: no.urdf\ndurat: 1\nstep: x\nseed: -1\nreferences: {a: {b: {stp: 1}}, c: {d: {ramp: {}}}}\nexpect: [{}]\n"
+    assert len(faults(load, text)) == 11
+
+
+def test_missing_keys_are_named(load):
+    problems = faults(load, "seed: 1\n")
+    assert [problem.code for problem in problems] == ["missing-key", "missing-key"]
+    assert "robot" in str(problems[0])
+    assert "duration" in str(problems[1])
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "just text", "null"])
+def test_what_is_no_mapping_is_no_scenario(load, text):
+    assert "is no scenario" in str(faults(load, text)[0])
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path):
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load_scenario(tmp_path / "no.yaml")
+    with pytest.raises(ScenarioError, match="folder"):
+        load_scenario(tmp_path)
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(ScenarioError, match="UTF-8"):
+        load_scenario(tmp_path / "binary.yaml")
+    (tmp_path / "large.yaml").write_bytes(b"#" * 3_000_000)
+    with pytest.raises(ScenarioError, match="at most"):
+        load_scenario(tmp_path / "large.yaml")
+
+
+def test_bombs_and_depth_are_refused():
+    bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
+        f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 9)
+    )
+    with pytest.raises(InputError, match="aliases"):
+        parse_yaml(bomb)
+    with pytest.raises(InputError, match="deep"):
+        parse_yaml("[" * 10_000)
+    with pytest.raises(InputError, match="deep"):
+        parse_yaml("a: &a [*a]")
+
+
+def test_aliases_and_merges_work():
+    node = parse_yaml("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
+    assert node.plain() == {"a": {"x": 1, "y": 2}, "b": {"x": 1, "y": 3}, "c": {"x": 1, "y": 2}}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 1e-3), ("1E5", 1e5), ("-1", -1), (".5", 0.5), ("5.", 5.0), ("+3", 3), ("0x1F", 31), (".inf", float("inf")),
+        ("on", "on"), ("yes", "yes"), ("No", "No"), ("12:30:00", "12:30:00"), ("1_000", "1_000"), ("010", 10),
+        ("true", True), ("False", False), ("~", None), ("", None), ("2024-01-01", "2024-01-01"), ("e5", "e5"),
+    ],
+)  # fmt: skip
+def test_plain_scalars_are_those_of_yaml_1_2(text, value):
+    found = plain_scalar(text)
+    assert found == value
+    assert type(found) is type(value)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_every_float_that_python_writes_is_read_back(value):
+    assert plain_scalar(repr(value)) == value
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_read_or_refused_with_our_error(text):
+    with contextlib.suppress(InputError):
+        parse_yaml(text).plain()
+
+
+def test_quoted_numbers_stay_text():
+    assert parse_yaml("a: '1'\nb: \"true\"").plain() == {"a": "1", "b": "true"}
+
+
+@pytest.mark.parametrize(("duration", "step"), [(0.3, 0.1), (20.0, 1e-3), (0.7, 0.007), (3.0, 0.003), (10.0, 1 / 3000)])
+def test_whole_numbers_of_steps_survive_rounding(load, duration, step):
+    (scenario,) = load(f"robot: arm.urdf\nduration: {duration!r}\nstep: {step!r}\n")
+    assert round(scenario.duration / scenario.step) == round(duration / step)
+
+
+def test_manager_of_the_toolbox(load, tmp_path):
+    (tmp_path / "m.yaml").write_text("/**:\n  ros__parameters:\n    joints_name: [a]\n    T_sample: 0.01\n")
+    (scenario,) = load(BASE + "manager: m.yaml\n")
+    assert scenario.joint_order == ("a",)
+    assert scenario.namespace is None
+    (tmp_path / "m.yaml").write_text("joints_name: [a, a]\n")
+    assert "twice" in str(faults(load, BASE + "manager: m.yaml\n")[0])
+
+
+def test_real_manager_files_of_the_toolbox(load):
+    folder = Path(__file__).parents[2] / "shared" / "robots" / "toolbox"
+    if not folder.exists():
+        pytest.skip("the toolbox's files are not here")
+    for name, joint in (("advanced_config.yaml", "joint1"), ("compliant_config.yaml", "joint")):
+        (scenario,) = load(BASE + f"manager: {folder / name}\n")
+        assert (scenario.joint_order, scenario.namespace) == ((joint,), "template_robot")
+
+
+def test_library_constructor(tmp_path):
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+    scenario = make_scenario("arm.urdf", base_dir=tmp_path, duration=1, references={"a": {"link_torque": {"step": {"to": 1}}}})
+    assert scenario.references["a"]["link_torque"] == Step(after=1.0)
+    with pytest.raises(ScenarioError, match="Did you mean 'duration'"):
+        make_scenario("arm.urdf", base_dir=tmp_path, duraton=1)

@@ -1,0 +1,162 @@
+"""A scenario laid upon its robot: what changes, and what does not fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import ScenarioError
+from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+
+
+def block(joint, actuator, mode):
+    parameters = {
+        p.name: ParameterValue(name=p.name, value=p.default, unit=p.unit, origin="default")
+        for p in ACTUATORS.get(actuator).all_parameters()
+    }
+    return ActuatorBlock(joint=joint, actuator=actuator, mode=mode, parameters=parameters, namespace="old")
+
+
+def arm(**modes):
+    """A robot of three actuated joints and a free one."""
+    joints = [
+        Joint(name=name, kind="revolute", parent="base", child=f"{name}_link", lower=-1.0, upper=1.0)
+        for name in ("vsa", "sea", "awas", "free")
+    ]
+    actuators = {"vsa": ("qbmove", 6), "sea": ("sea", 6), "awas": ("awas_ii", 3)}
+    return Robot(
+        name="arm",
+        path=Path("arm.urdf"),
+        text="",
+        links=tuple(Link(name=joint.child, mass=1.0, inertia=(1, 0, 0, 1, 0, 1)) for joint in joints),
+        joints=tuple(joints),
+        actuators=tuple(block(joint, name, modes.get(joint, mode)) for joint, (name, mode) in actuators.items()),
+    )
+
+
+@pytest.fixture
+def load(tmp_path):
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+
+    def read(text):
+        (tmp_path / "s.yaml").write_text("robot: arm.urdf\nduration: 2\n" + text)
+        return load_scenario(tmp_path / "s.yaml")[0]
+
+    return read
+
+
+GOOD = """references:
+  vsa: {equilibrium_position: {step: {to: 0.5}}, stiffness_preset: 0.2}
+  sea: {equilibrium_position: 0.1}
+  awas: {equilibrium_position: 0.1, stiffness_preset: 0.01}
+"""
+
+
+def test_a_fitting_scenario_has_no_problems(load):
+    assert check_against_robot(load(GOOD), arm()) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "key", "message"),
+    [
+        ("initial: {vssa: 0}", 7, "initial.vssa", "Did you mean 'vsa'?"),
+        ("initial: {vsa: 2}", 7, "initial.vsa", "-1 to 1"),
+        ("initial: {'*': 2}", 7, "initial.*", "outside the limits"),
+        ("modes: {free: 6}", 7, "modes.free", "vsa, sea, awas"),
+        ("modes: {vsa: 5}", 4, "references.vsa.equilibrium_position", "choose from reference_1, reference_2"),
+        ("parameters: {vsa: {spring_kk1: 1}}", 7, "parameters.vsa.spring_kk1", "spring_k1"),
+        ("parameters:\n  vsa:\n    mot_1_tauMax: -1", 9, "parameters.vsa.mot_1_tauMax", "at least 0"),
+        ("parameters: {sea: {spring_a1: 1}}", 7, "parameters.sea.spring_a1", "no such parameter"),
+        ("external_torques: {no: 1}", 7, "external_torques.no", "vsa, sea, awas, free"),
+        ("wrenches: [{link: tip}]", 7, "wrenches.0.link", "vsa_link"),
+        ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
+        ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
+        ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no moving joint"),
+        ("task: {link: tip, poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.link", "no link"),
+        ("task: {link: vsa_link, joints: [x], poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.joints", "no actuated"),
+        ("ilc: {trajectory: {x: 1}, tolerance: 1}", 7, "ilc.trajectory.x", "no actuated joint"),
+        ("expect:\n- {joint: x, quantity: deflection, measure: maximum, value: 1}", 8, "expect.0.joint", "no moving joint"),
+    ],
+)
+def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line, key, message):
+    errors, _ = check_against_robot(load(GOOD + text + "\n"), arm())
+    assert any((e.line, e.key) == (line, key) and message in str(e) and e.file is not None for e in errors), errors
+
+
+@pytest.mark.parametrize(
+    ("references", "message"),
+    [
+        ("{x: {link_torque: 1}}", "no actuated joint 'x'"),
+        ("{free: {link_torque: 1}}", "no actuated joint 'free'"),
+        ("{vsa: {equilibrum_position: 1}}", "mode 6 (PIDEqPres) has no such reference"),
+        ("{'*': {link_torque: 1}}", "no actuator of the robot has this reference"),
+        ("{awas: {stiffness_preset: 0.05}}", "reaches the lever's length L = 0.05 m at 0 s"),
+        ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
+        ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
+        ("{vsa: {equilibrium_position: {sum: [1e308, 1e308]}}}", "not finite"),
+    ],
+)
+def test_references_that_cannot_be(load, references, message):
+    errors, _ = check_against_robot(load(f"references: {references}\n"), arm())
+    assert any(message in str(error) and error.line == 3 for error in errors), errors
+
+
+def test_references_that_are_missing_or_do_nothing_are_warnings(load):
+    text = "references: {vsa: {equilibrium_position: {step: {to: 1.5}}}, sea: {equilibrium_position: 0, stiffness_preset: 1}}\n"
+    errors, warnings = check_against_robot(load(text), arm())
+    assert errors == []
+    assert [(problem.code, problem.key) for problem in warnings] == [
+        ("reference-limits", "references.vsa.equilibrium_position"),
+        ("missing-reference", "references.vsa"),
+        ("unused-reference", "references.sea.stiffness_preset"),
+        ("missing-reference", "references.awas"),
+        ("missing-reference", "references.awas"),
+    ]
+
+
+def test_a_longer_lever_allows_a_larger_sigma(load):
+    text = "parameters: {awas: {spring_L: 0.1}}\nreferences: {awas: {stiffness_preset: 0.06, equilibrium_position: 0}}\n"
+    assert check_against_robot(load(text), arm())[0] == []
+
+
+def test_all_errors_at_once(load):
+    text = "initial: {a: 1}\nmodes: {b: 1}\nreferences: {c: {d: 1}}\nexternal_torques: {e: 1}\n"
+    assert len(check_against_robot(load(text), arm())[0]) == 4
+
+
+def test_parameters_and_namespace_are_replaced(load, tmp_path):
+    (tmp_path / "m.yaml").write_text("namespace: lab\njoints_name: [sea, vsa]\n")
+    scenario = load('manager: m.yaml\nparameters: {"*": {spring_k1: 0.02}, vsa: {max_def: 0.5}, sea: {spring_k: 200}}\n')
+    assert scenario.joint_order == ("sea", "vsa")
+    robot = apply_to_robot(scenario, arm())
+    vsa, sea, awas = robot.actuators
+    assert vsa.values()["spring_k_1"] == 0.02
+    assert (vsa.parameters["max_deflection"].value, vsa.parameters["max_deflection"].origin) == (0.5, "scenario")
+    assert vsa.parameters["spring_a_1"].origin == "default"
+    assert sea.values()["spring_stiffness"] == 200.0
+    assert {b.namespace for b in (vsa, sea, awas)} == {"lab"}
+    assert check_against_robot(scenario, arm())[0] == []
+
+
+def test_mode_1_brings_its_own_controller_defaults(load):
+    robot = apply_to_robot(load("modes: {vsa: 1}\nparameters: {vsa: {ctrl_1_D: 0.3}}\n"), arm())
+    values = robot.actuators[0].values()
+    assert (robot.actuators[0].mode, robot.actuators[1].mode) == (1, 6)
+    assert values["controller_1_proportional"] == 0.8
+    assert values["controller_1_derivative"] == 0.3
+    assert robot.actuators[1].values()["controller_1_proportional"] == 125.0
+
+
+def test_manager_with_a_joint_that_the_robot_does_not_have(load, tmp_path):
+    (tmp_path / "m.yaml").write_text("joints_name: [joint1]\n")
+    errors, _ = check_against_robot(load("manager: m.yaml\n"), arm())
+    assert any("joint1" in str(error) and error.line == 3 for error in errors)
+
+
+def test_applying_what_does_not_fit_raises(load):
+    with pytest.raises(ScenarioError) as caught:
+        apply_to_robot(load("modes: {x: 1}\nparameters: {y: {z: 1}}\n"), arm())
+    assert [problem.line for problem in caught.value.problems] == [3, 4]

@@ -1,0 +1,109 @@
+"""The JSON Schema and the documentation's tables follow from the declarations."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from asrsim.errors import ScenarioError
+from asrsim.scenario import load_scenario
+from asrsim.scenario.docs import refreshed, tables
+from asrsim.scenario.keys import KEYS
+from asrsim.scenario.schema import json_schema, schema_text
+from asrsim.signals import SIGNALS
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples" / "scenarios").glob("*.yaml"))
+
+
+@pytest.fixture(scope="module")
+def validator():
+    Draft202012Validator.check_schema(json_schema())
+    return Draft202012Validator(json_schema())
+
+
+def test_schema_in_docs_is_current():
+    """Refresh it by: python -m asrsim.scenario.schema > docs/scenario.schema.json."""
+    assert (ROOT / "docs" / "scenario.schema.json").read_text(encoding="utf-8") == schema_text()
+
+
+@pytest.mark.parametrize("page", ["scenario.md", "signals.md"])
+def test_tables_in_docs_are_current(page):
+    """Refresh them by: python -m asrsim.scenario.docs docs/scenario.md docs/signals.md."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert "<!-- generated: " in text
+    assert refreshed(text) == text
+
+
+def test_every_key_and_signal_is_documented():
+    parts = tables()
+    assert all(f"`{key.name}`" in parts["scenario-keys"] and key.doc for key in KEYS)
+    assert all(f"### {name}" in parts["signal-keys"] for name in SIGNALS)
+    assert all(key["description"] for key in json_schema()["properties"].values())
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_are_valid_under_the_schema_too(validator, path):
+    data = json.loads(json.dumps(_numbers(yaml.safe_load(path.read_text(encoding="utf-8")))))
+    assert [error.message for error in validator.iter_errors(data)] == []
+    assert load_scenario(path)
+
+
+def _numbers(data):
+    """PyYAML's YAML 1.1 takes 1e-3 for text; editors do not."""
+    if isinstance(data, dict):
+        return {str(key): _numbers(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_numbers(value) for value in data]
+    try:
+        return float(data) if isinstance(data, str) else data
+    except ValueError:
+        return data
+
+
+@pytest.mark.parametrize(
+    ("keys", "valid"),
+    [
+        ({}, True),
+        ({"step": 1e-3, "substeps": "auto", "compiled": None}, True),
+        ({"references": {"a": {"b": {"sum": [1, {"delay": {"by": 0.1, "of": {"step": {"to": 1}}}}]}}}}, True),
+        ({"modes": 6}, True),
+        ({"variants": {"a": {}, "b": {"duration": 2}, "c": None}}, True),
+        ({"parameters": {"a": {"motor_1_max_position": "inf"}}}, True),
+        (
+            {
+                "variants": {"a": {"references": {"j": {"r": {"step": {"to": 2}}}}, "world": None}},
+                "references": {"j": {"r": 1}},
+            },
+            True,
+        ),
+        (
+            {"task": {"link": "a", "poses": [{"time": 1, "position": [0, 0, 0]}]}, "variants": {"a": {"task": {"preset": 1}}}},
+            True,
+        ),
+        ({"duratoin": 1}, False),
+        ({"step": -1}, False),
+        ({"step": "fast"}, False),
+        ({"stepping": "leap"}, False),
+        ({"gravity": [0, 0]}, False),
+        ({"references": {"a": {"b": {"stp": {"to": 1}}}}}, False),
+        ({"references": {"a": {"b": {"step": {}}}}}, False),
+        ({"references": {"a": {"b": {"step": {"to": 1}, "ramp": {"to": 1, "duration": 1}}}}}, False),
+        ({"variants": {"a": {"duratoin": 1}}}, False),
+        ({"world": {"objects": {"b": {"size": 1}}}}, False),
+    ],
+)
+def test_schema_and_reader_agree(validator, tmp_path, keys, valid):
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+    data = {"robot": "arm.urdf", "duration": 1, **keys}
+    (tmp_path / "s.yaml").write_text(json.dumps(data))
+    assert validator.is_valid(data) == valid
+    if valid:
+        load_scenario(tmp_path / "s.yaml")
+    else:
+        with pytest.raises(ScenarioError):
+            load_scenario(tmp_path / "s.yaml")
