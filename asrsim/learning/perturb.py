@@ -1,0 +1,138 @@
+"""Plants that differ from the learned one: draws applied to robot and scenario, and run, on all processors if wanted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import Problem, ScenarioError
+from asrsim.learning.law import Array
+from asrsim.learning.plant import Plant
+from asrsim.learning.transfer import Draw
+from asrsim.scenario.data import Effects, Scenario
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
+
+
+def perturbed(plant: Plant, draw: Draw) -> Plant:
+    """The plant with a draw's changes: parameters, mass, damping and friction by a share, delay in s.
+
+    A mass goes with its inertia; friction is that of joint and motors. Raises ScenarioError for factors that the plant
+    does not have.
+    """
+    from asrsim.scenario import apply_to_robot
+
+    applied = apply_to_robot(plant.scenario, plant.robot)
+    blocks = {block.joint: block for block in applied.actuators}
+    parameters = {joint: dict(values) for joint, values in plant.scenario.parameters.items()}
+    robot, problems = plant.robot, []
+    for factor, change in draw.items():
+        what, *rest = factor.split(".")
+        if what == "delay":
+            continue
+        joint = rest[0]
+        own = parameters.setdefault(joint, {})
+        if what == "parameters":
+            fault = _scale(blocks[joint], own, rest[1], change)
+            if fault is not None:
+                problems.append(fault)
+        elif what == "mass":
+            robot = _heavier(robot, joint, 1.0 + change)
+        elif what == "damping":
+            robot = _with_joint(robot, joint, damping=robot.joint(joint).damping * (1.0 + change))
+        elif what == "friction":
+            robot = _with_joint(robot, joint, friction=robot.joint(joint).friction * (1.0 + change))
+            for index in range(1, ACTUATORS.get(blocks[joint].actuator).motors + 1):
+                _scale(blocks[joint], own, f"motor_{index}_friction_torque", change)
+    if problems:
+        raise ScenarioError(list(dict.fromkeys(problems)))
+    scenario = replace(plant.scenario, parameters=parameters)
+    if draw.get("delay"):
+        scenario = _delayed(scenario, plant.joints, draw["delay"])
+    return replace(plant, scenario=scenario, robot=robot)
+
+
+def outputs_of(plant: Plant, inputs: Array, draws: Sequence[Draw], *, processes: int = 1) -> list[Array]:
+    """Link positions (n, joints) in rad of each drawn plant with these inputs; NaN where a plant diverged.
+
+    The same numbers come out with any number of processes.
+    """
+    if processes <= 1 or len(draws) < 2:
+        return [perturbed(plant, draw).outputs(inputs) for draw in draws]
+    from concurrent.futures import ProcessPoolExecutor
+    from functools import partial
+    from multiprocessing import get_context
+
+    # A fresh interpreter for each worker: engines and threads do not survive a fork.
+    with ProcessPoolExecutor(min(processes, len(draws)), mp_context=get_context("spawn")) as pool:
+        return list(pool.map(partial(_one, plant, inputs), draws, chunksize=math.ceil(len(draws) / (4 * processes))))
+
+
+def _one(plant: Plant, inputs: Array, draw: Draw) -> Array:
+    return perturbed(plant, draw).outputs(inputs)
+
+
+def _scale(block: object, own: dict[str, float], name: str, change: float) -> Problem | None:
+    from asrsim.robot.model import ActuatorBlock
+    from asrsim.robot.tags import parameter_name
+
+    if not isinstance(block, ActuatorBlock):
+        return Problem(message="no actuator is on this joint", key=f"spread.{name}", code="unknown-joint")
+    known = parameter_name(ACTUATORS.get(block.actuator), name)
+    if known is None:
+        return Problem(
+            message=f"the {block.actuator} has no such parameter",
+            key=f"spread.parameters.{name}",
+            choices=tuple(block.parameters),
+            code="unknown-parameter",
+        )
+    own.pop(name, None)
+    own[known] = block.parameters[known].value * (1.0 + change)
+    return None
+
+
+def _with_joint(robot: Robot, name: str, **changes: float) -> Robot:
+    return replace(
+        robot,
+        joints=tuple(replace(joint, **changes) if joint.name == name else joint for joint in robot.joints),  # type: ignore[arg-type]
+    )
+
+
+def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
+    """The robot with the joint's link heavier by a factor, mass and inertia alike, in data and text."""
+    from lxml import etree
+
+    child = robot.joint(joint).child
+    root = etree.fromstring(robot.text.encode())
+    for link in root.iterfind("link"):
+        if link.get("name") != child:
+            continue
+        for mass in link.iterfind("inertial/mass"):
+            mass.set("value", repr(float(mass.get("value")) * factor))
+        for inertia in link.iterfind("inertial/inertia"):
+            for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+                inertia.set(key, repr(float(inertia.get(key, "0")) * factor))
+    links = tuple(
+        replace(
+            link,
+            mass=None if link.mass is None else link.mass * factor,
+            inertia=None if link.inertia is None else tuple(value * factor for value in link.inertia),  # type: ignore[arg-type]
+        )
+        if link.name == child
+        else link
+        for link in robot.links
+    )
+    return replace(robot, text=etree.tostring(root, encoding="unicode"), links=links)
+
+
+def _delayed(scenario: Scenario, joints: Sequence[str], delay: float) -> Scenario:
+    effects: dict[str, Effects] = dict(scenario.command_effects)
+    common: Mapping[str, Effects] = scenario.command_effects
+    for joint in joints:
+        before = common.get(joint, common.get("*", Effects()))
+        effects[joint] = replace(before, delay=before.delay + delay)
+    return replace(scenario, command_effects=effects)
