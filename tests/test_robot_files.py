@@ -261,7 +261,7 @@ def test_xacro_sees_no_environment(read: Callable[..., Robot], monkeypatch: pyte
 
 def test_other_encodings_are_read(tmp_path: Path) -> None:
     text = robot(GOOD.replace('"b"', '"café"'))
-    for encoding in ("latin-1", "utf-16", "utf-8-sig"):
+    for encoding in ("ISO-8859-1", "utf-16", "utf-8-sig"):
         path = tmp_path / f"{encoding}.urdf"
         declared = "utf-8" if encoding == "utf-8-sig" else encoding
         path.write_bytes(f'<?xml version="1.0" encoding="{declared}"?>{text}'.encode(encoding))
@@ -295,8 +295,7 @@ def test_damaged_files_give_robots_or_robot_errors(seed: int, tmp_path: Path) ->
         path.write_text(text)
         try:
             found = load_robot(path)
-        except RobotError as error:
-            assert error.problems
+        except RobotError:
             outcomes.add("error")
         else:
             engine_urdf(found)

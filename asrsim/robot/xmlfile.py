@@ -38,12 +38,29 @@ def parse_xml(data: bytes, path: Path) -> Any:
         resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False, remove_pis=True
     )
     try:
-        return etree.fromstring(data, parser)
+        root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
         raise RobotError(
             Problem(message=f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml")
         ) from error
+    # The first look was another parser's; this is what lxml itself saw.
+    declarations = root.getroottree().docinfo.internalDTD
+    if declarations is not None and any(True for _ in declarations.iterentities()):
+        raise _declares(path, None)
+    return root
+
+
+def _declares(path: Path, line: int | None) -> RobotError:
+    return RobotError(
+        Problem(
+            message="XML declares entities or a document type; such files are refused",
+            file=path,
+            line=line,
+            code="xml-declarations",
+            hint="Take the <!DOCTYPE ...> out",
+        )
+    )
 
 
 class _RootReachedError(Exception):
@@ -56,15 +73,7 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
 
     def document_type(_name: str, _system: str | None, _public: str | None, has_internal_subset: int) -> None:
         if has_internal_subset:
-            raise RobotError(
-                Problem(
-                    message="XML declares entities or a document type; such files are refused",
-                    file=path,
-                    line=parser.CurrentLineNumber,
-                    code="xml-declarations",
-                    hint="Take the <!DOCTYPE ...> out",
-                )
-            )
+            raise _declares(path, parser.CurrentLineNumber)
 
     def root(_name: str, _attributes: dict[str, str]) -> None:
         raise _RootReachedError
