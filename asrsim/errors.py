@@ -66,10 +66,11 @@ class AsrsimError(Exception):
 class InputError(AsrsimError):
     """An input (file, option) cannot be used; carries every problem found in it."""
 
-    def __init__(self, problems: Problem | Iterable[Problem] | str) -> None:
+    def __init__(self, problems: Problem | Iterable[Problem] | str, *, warnings: Iterable[Problem] = ()) -> None:
         if isinstance(problems, str):
             problems = Problem(message=problems)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        self.warnings: tuple[Problem, ...] = tuple(warnings)  # found on the way; not part of the message
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 

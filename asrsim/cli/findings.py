@@ -58,7 +58,7 @@ def robot_report(
     try:
         robot = load_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
     except InputError as error:
-        return FileReport(path=path, kind="robot", errors=error.problems)
+        return FileReport(path=path, kind="robot", errors=error.problems, warnings=error.warnings)
     warnings = robot.warnings + engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
     return FileReport(
         path=path, kind="robot", robot=robot, step=step, figures=step_figures(robot, step=step),

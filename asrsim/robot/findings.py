@@ -46,7 +46,7 @@ class Findings:
     def raise_errors(self) -> None:
         """Raise RobotError with all errors, if there are any."""
         if self.errors:
-            raise RobotError(sorted(self.errors, key=lambda problem: problem.line or 0))
+            raise RobotError(sorted(self.errors, key=lambda problem: problem.line or 0), warnings=self.warnings)
 
     def _problem(
         self,
