@@ -155,3 +155,20 @@ def test_resolved_names_files_as_the_log_attaches_them(path, tmp_path):
         (folder / name).write_bytes(file.read_bytes())
     moved = scenario_from_data(data, base_dir=folder, robot=tmp_path / "arm.urdf")
     assert moved.references["b"]["reference_1"].samples[1].tolist() == [2.0]
+
+
+def test_a_folder_bag_is_attached_file_by_file(tmp_path):
+    from test_signals_playback import _write_bag
+
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+    (tmp_path / "lab").mkdir()
+    _write_bag(tmp_path / "lab" / "run", ros1=False)
+    play = {"playback": {"file": "lab/run", "topic": "/q"}}
+    (tmp_path / "s.yaml").write_text(
+        json.dumps({"robot": "arm.urdf", "duration": 1, "references": {"a": {"reference_1": play, "reference_2": play}}})
+    )
+    (scenario,) = load_scenario(tmp_path / "s.yaml")
+    assert set(scenario.attachments) == {"run/metadata.yaml", "run/run.mcap"}
+    assert scenario.resolved["references"]["a"]["reference_2"]["playback"]["file"] == "run"
+    again = scenario_from_data(scenario.resolved, base_dir=tmp_path, files=scenario.attachments)
+    assert again.references == scenario.references

@@ -202,7 +202,7 @@ class File(Kind[Path]):
             there = False
         if not there:
             raise reading.fault(node, path, f"there is no {self.noun} {place}", code="no-file", show=False)
-        if self.attach and not place.is_dir():
+        if self.attach:
             reading.attach(node, place)
         return place
 

@@ -27,7 +27,7 @@ class Reading:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
-    """Files named so far, by a unique short name."""
+    """Files named so far, by a unique short name; those in a folder as `folder/file`."""
     renamed: dict[int, object] = field(default_factory=dict)
     """id of a node with a file name -> its name among the attachments."""
 
@@ -59,21 +59,29 @@ class Reading:
         return Rejected(message)
 
     def locate(self, text: str) -> Path:
-        """The file that a name in the document means."""
+        """The file or folder that a name in the document means."""
         if text in self.files:
             return self.files[text]
+        inside = next((path for name, path in self.files.items() if name.startswith(f"{text}/")), None)
+        if inside is not None:
+            return inside.parent
         path = Path(text).expanduser()
         return path if path.is_absolute() else self.base / path
 
     def attach(self, node: Node, path: Path) -> None:
-        """Note that the document needs `path`, named by `node`."""
+        """Note that the document needs `path`, named by `node`; of a folder (a bag), the files in it."""
+        folder = path.is_dir()
         for name, known in self.attachments.items():
-            if known == path:
-                self.renamed[id(node)] = name
+            if known == path or (folder and known.parent == path and name.endswith(f"/{known.name}")):
+                self.renamed[id(node)] = name.rpartition("/")[0] if folder else name
                 return
+        taken = {name.partition("/")[0] for name in self.attachments}
         name, count = path.name, 1
-        while name in self.attachments:
+        while name in taken:
             count += 1
             name = f"{path.stem}-{count}{path.suffix}"
-        self.attachments[name] = path
+        if folder:
+            self.attachments |= {f"{name}/{file.name}": file for file in sorted(path.iterdir()) if file.is_file()}
+        else:
+            self.attachments[name] = path
         self.renamed[id(node)] = name
