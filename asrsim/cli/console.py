@@ -1,0 +1,128 @@
+"""What commands print with: styled lines and tables without heavy imports, plain where there is no terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import IO, Any
+
+from asrsim.errors import AsrsimError, InputError, Problem
+
+STYLES = {
+    "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
+}  # fmt: skip
+"""Name -> ANSI code."""
+SHOWN = 6
+"""Places listed of a problem that many parts share."""
+
+
+def is_terminal(stream: IO[str] | None = None) -> bool:
+    """Whether a person watches the stream (stdout by default)."""
+    stream = sys.stdout if stream is None else stream
+    return bool(stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb")
+
+
+def styled(text: str, style: str, stream: IO[str] | None = None) -> str:
+    """The text in a style of :data:`STYLES`; as it is where there is no terminal or NO_COLOR is set."""
+    if not text or not style or os.environ.get("NO_COLOR") or not is_terminal(stream):
+        return text
+    return f"\x1b[{STYLES[style]}m{text}\x1b[0m"
+
+
+def say(text: str = "", style: str = "") -> None:
+    """A line on stdout."""
+    _write(sys.stdout, styled(text, style))
+
+
+def complain(text: str, style: str = "") -> None:
+    """A line on stderr."""
+    _write(sys.stderr, styled(text, style, sys.stderr))
+
+
+def say_json(data: Mapping[str, Any]) -> None:
+    """One JSON document on stdout. Numbers that JSON has not must be gone."""
+    _write(sys.stdout, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int = 2) -> None:
+    """A table. columns: heading (its lines parted by newlines), cells, whether they stand to the right."""
+    heads = [heading.split("\n") for heading, _, _ in columns]
+    lines = max(len(head) for head in heads)
+    heads = [[""] * (lines - len(head)) + head for head in heads]
+    widths = [max(len(text) for text in (*head, *cells, "")) for head, (_, cells, _) in zip(heads, columns, strict=True)]
+
+    def row(texts: Sequence[str]) -> str:
+        placed = [
+            text.rjust(width) if right else text.ljust(width)
+            for text, width, (_, _, right) in zip(texts, widths, columns, strict=True)
+        ]
+        return (" " * indent + "  ".join(placed)).rstrip()
+
+    for line in range(lines):
+        say(row([head[line] for head in heads]), "bold")
+    rule = "-" if not _unicode() else "─"
+    say(" " * indent + "  ".join(rule * width for width in widths), "dim")
+    for cells in zip(*(cells for _, cells, _ in columns), strict=True):
+        say(row(cells))
+
+
+def say_problems(problems: Sequence[Problem], word: str, style: str) -> None:
+    """One line a problem; problems that differ in their place only share a line."""
+    for line in problem_lines(problems):
+        say(f"{styled(word, style)} {line}")
+
+
+def problem_lines(problems: Sequence[Problem]) -> list[str]:
+    """One text a problem; problems that differ in their place only share one."""
+    groups: dict[tuple[object, ...], list[Problem]] = {}
+    for problem in problems:
+        groups.setdefault((problem.code, problem.message, problem.hint, problem.choices, problem.file), []).append(problem)
+    return [_joined(group) for group in groups.values()]
+
+
+def _joined(group: Sequence[Problem]) -> str:
+    first = group[0]
+    if len(group) == 1:
+        return str(first)
+    places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group[:SHOWN]]
+    more = f" and {len(group) - SHOWN} more" if len(group) > SHOWN else ""
+    text = f"{first.file}: {len(group)} times: {first.message}: {', '.join(places)}{more}"
+    return text + (f". {first.hint}" if first.hint else "")
+
+
+def error_as_dict(error: AsrsimError) -> dict[str, Any]:
+    """An error for `--json`."""
+    items: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
+    if isinstance(error, InputError):
+        items["problems"] = [problem.as_dict() for problem in error.problems]
+    return items
+
+
+@contextmanager
+def json_errors(json: bool) -> Iterator[None]:
+    """With `json`, a known error becomes the one JSON document on stdout, and exit code 1."""
+    try:
+        yield
+    except AsrsimError as error:
+        if not json:
+            raise
+        import typer
+
+        say_json({"ok": False, "errors": [error_as_dict(error)]})
+        raise typer.Exit(1) from error
+
+
+def _unicode() -> bool:
+    return (getattr(sys.stdout, "encoding", None) or "").lower().replace("-", "") in ("utf8", "utf16", "utf32")
+
+
+def _write(stream: IO[str], text: str) -> None:
+    try:
+        stream.write(text + "\n")
+    except UnicodeEncodeError:
+        # An old terminal: names keep what it can show.
+        encoding = getattr(stream, "encoding", None) or "ascii"
+        stream.write(text.encode(encoding, "replace").decode(encoding) + "\n")

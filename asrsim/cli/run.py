@@ -1,0 +1,174 @@
+"""`asrsim run`: simulates a scenario's variants; log, summary, plots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from asrsim.errors import AsrsimError
+    from asrsim.runs.execute import Executed
+    from asrsim.scenario.data import Scenario
+
+INTERRUPTED = 130
+"""Exit code of a command that SIGINT ended, as shells have it."""
+
+
+def run(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
+    variant: Annotated[str | None, typer.Option(help="Run this variant only.", show_default="all")] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            show_default="out/<scenario>/<variant>",
+            help="Folder for the results; of several variants each gets its own folder in it.",
+        ),
+    ] = None,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the runs.")] = True,
+    report: Annotated[bool, typer.Option("--report", help="Also write a page for the browser.")] = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Run again with half the step and report the numerical error.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more: warnings one by one, where time went.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Simulate a scenario: a log, a summary and plots of every variant; checks what the scenario expects.
+
+    Results of an earlier run of the same scenario are replaced, and the command says so; those of another one are kept
+    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, or did
+    not meet what the scenario expects, 130 after Ctrl-C.
+
+    Example: asrsim run scenario.yaml
+
+    Example: asrsim run scenario.yaml --variant soft --set duration=10 --set references.joint_1.stiffness_preset=0.3
+    """  # fmt: skip
+    from asrsim.cli.console import json_errors
+
+    with json_errors(json):
+        code = _run(
+            scenario, variant, overrides or [], out, plugin or [], plot=plot, report=report, certify=certify,
+            overwrite=overwrite, quiet=quiet or json, verbose=verbose, json=json,
+        )  # fmt: skip
+    if code:
+        raise typer.Exit(code)
+
+
+def _run(
+    path: Path, variant: str | None, overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
+    report: bool, certify: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
+) -> int:  # fmt: skip
+    from asrsim.cli.console import error_as_dict, say_json
+    from asrsim.cli.interrupt import Interruption
+    from asrsim.cli.report import print_run
+    from asrsim.errors import AsrsimError
+    from asrsim.runs.execute import execute, with_plugins, write_summary
+    from asrsim.runs.folder import default_folder
+    from asrsim.scenario import load_scenario
+
+    if plugins:
+        from asrsim.actuators.user import load_plugin_file
+
+        for plugin in plugins:
+            load_plugin_file(plugin)
+    scenarios = [with_plugins(one, plugins) for one in load_scenario(path, variant=variant, overrides=overrides)]
+    done: list[Executed] = []
+    failure: tuple[str, AsrsimError] | None = None
+    with Interruption() as interruption:
+        for one in scenarios:
+            folder = default_folder(one) if out is None else (out / one.variant if len(scenarios) > 1 else out)
+            title = f"{one.name} / {one.variant}"
+            try:
+                from asrsim.cli.progress import RunProgress
+
+                with RunProgress(title, one.duration, show=not quiet) as progress:
+                    executed = execute(
+                        one, folder, overwrite=overwrite, keep=certify, started=progress.start, progress=progress.update,
+                        stop=interruption.stop,
+                    )  # fmt: skip
+                if certify and executed.run.status == "complete":
+                    executed = _certified(one, executed)
+                if plot and executed.run.status != "interrupted":
+                    executed = _drawn(executed)
+                executed = write_summary(executed)
+                if report and executed.run.status != "interrupted":
+                    executed = _reported(executed)
+            except AsrsimError as error:
+                # Nothing of this variant could be built or written: the others would most likely fail alike.
+                failure = (title, error)
+                break
+            done.append(executed)
+            print_run(executed.summary, quiet=quiet, silent=json, verbose=verbose)
+            if executed.run.status == "interrupted":
+                break
+    if json:
+        errors = [] if failure is None else [{"variant": failure[0], **error_as_dict(failure[1])}]
+        ok = failure is None and all(entry.summary.ok for entry in done)
+        say_json({"ok": ok, "runs": [entry.summary.as_dict() for entry in done], "errors": errors})
+    elif failure is not None:
+        _complain_of(failure[0], failure[1], alone=len(scenarios) == 1)
+    if any(entry.run.status == "interrupted" for entry in done):
+        return INTERRUPTED
+    return 0 if failure is None and all(entry.summary.ok for entry in done) else 1
+
+
+def _complain_of(title: str, error: AsrsimError, *, alone: bool) -> None:
+    from asrsim.cli.console import complain
+
+    text = str(error)
+    where = "" if alone else f"{title}: "
+    complain(f"asrsim: {where}{text}" if "\n" not in text else f"asrsim: {where}\n{text}")
+    for note in getattr(error, "__notes__", []):
+        complain(f"asrsim: {note}")
+
+
+def _with_files(executed: Executed, **files: Any) -> Executed:
+    from dataclasses import replace
+
+    return replace(executed, summary=replace(executed.summary, files={**executed.summary.files, **files}))
+
+
+def _drawn(executed: Executed) -> Executed:
+    draw_run = _late("asrsim.plots", "draw_run")
+    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder))) if draw_run else executed
+
+
+def _reported(executed: Executed) -> Executed:
+    from asrsim.runs.execute import write_summary
+
+    write_report = _late("asrsim.report", "write_report")
+    if write_report is None:
+        return executed
+    return write_summary(_with_files(executed, report=write_report(executed.folder, executed.folder / "report.html")))
+
+
+def _certified(scenario: Scenario, executed: Executed) -> Executed:
+    """The run with its numerical error: see :mod:`asrsim.simulation.certify`."""
+    from dataclasses import replace
+
+    certify = _late("asrsim.simulation.certify", "certify")
+    if certify is None:
+        return executed
+    certificate = certify(scenario, executed.run)
+    return replace(executed, summary=replace(executed.summary, certificate=certificate.as_dict()))
+
+
+def _late(module: str, name: str) -> Any:
+    """A function of a part that may not be there yet."""
+    from importlib import import_module
+
+    try:
+        return getattr(import_module(module), name, None)
+    except ModuleNotFoundError as error:
+        if error.name != module:
+            raise
+        return None

@@ -1,0 +1,126 @@
+"""One run into one folder: log, claims, summary. Neither prints nor draws."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from asrsim.errors import DivergenceError
+from asrsim.log import LogWriter, open_log
+from asrsim.robot.model import Robot
+from asrsim.runs.folder import LOG, SUMMARY, clear, open_folder, write_text
+from asrsim.samples import RunInfo, Samples
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.summary.claims import check_claims, claim_results
+from asrsim.summary.collect import QUANTITIES
+from asrsim.summary.data import RunSummary
+from asrsim.summary.make import make_summary
+
+PLUGINS = "plugins/"
+"""Folder among a log's attachments for users' actuator files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Executed:
+    """A run and what it wrote."""
+
+    run: Run
+    summary: RunSummary
+    folder: Path
+    log: Path
+    error: DivergenceError | None = None
+    """Why the run ended early, if it diverged."""
+
+
+def execute(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    robot: Robot | None = None,
+    overwrite: bool = False,
+    keep: bool = False,
+    started: Callable[[RunInfo], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Executed:
+    """Simulate one variant into `folder`: `log.mcap`, and `summary.json` by :func:`write_summary`.
+
+    A run that diverges or is stopped gives a closed log and a summary like any other; its status says so. What the folder
+    held of an earlier run goes only once this one is built. keep: keep all samples in `.run.samples` too; started: told
+    the run's description when it is built; progress, stop: see :func:`asrsim.simulation.run.simulate`.
+
+    Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
+    then stays readable.
+    """
+    earlier = open_folder(folder, scenario, overwrite=overwrite)
+    log = folder / LOG
+    error: DivergenceError | None = None
+    with ExitStack() as stack:
+        writer: LogWriter | None = None
+
+        def open_sinks(info: RunInfo) -> Sequence[Sink]:
+            nonlocal writer
+            check_claims(scenario.expect, info.joints, file=scenario.path)
+            clear(earlier)
+            writer = stack.enter_context(LogWriter(log, info))
+            if started is not None:
+                started(info)
+            return [writer]
+
+        try:
+            run = simulate(scenario, robot, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
+        except DivergenceError as caught:
+            if not isinstance(caught.run, Run):
+                raise
+            error, run = caught, caught.run
+        if writer is not None:
+            writer.close(result_metadata(run, error))
+    reader = open_log(log)
+
+    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
+        return reader.read(quantities=quantities, joints=joints).samples
+
+    claims = claim_results(scenario.expect, run.info.joints, read, file=scenario.path) if run.status == "complete" else ()
+    recorded = {name for joint in run.info.joints for name in joint.quantities}
+    chunks = reader.iter_samples(quantities=[name for name in QUANTITIES if name in recorded])
+    summary = make_summary(run, chunks, claims=claims, files={"log": log}, replaced=earlier)
+    return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
+
+
+def write_summary(executed: Executed) -> Executed:
+    """Write `summary.json` beside the log; the summary then lists it. Raises OutputError."""
+    path = executed.folder / SUMMARY
+    summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
+    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    return replace(executed, summary=summary)
+
+
+def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
+    """What the log says of how the run ended. No wall-clock times: equal runs have equal logs."""
+    metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
+    if error is not None:
+        metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}
+    counts = run.counts
+    names = [joint.name for joint in run.robot.moving_joints]
+    for kind in ("effort", "velocity", "saturation", "deflection"):
+        counted = {name: int(count) for name, count in zip(names, getattr(counts, kind), strict=True) if count}
+        if counted:
+            metadata[f"limit_{kind}"] = json.dumps(counted)
+    return metadata
+
+
+def with_plugins(scenario: Scenario, plugins: Sequence[Path]) -> Scenario:
+    """The scenario with users' actuator files among its attachments, so that its log can be run again."""
+    if not plugins:
+        return scenario
+    names: dict[str, Path] = {}
+    for path in plugins:
+        name, number = f"{PLUGINS}{path.name}", 2
+        while name in names:
+            name, number = f"{PLUGINS}{path.stem}_{number}{path.suffix}", number + 1
+        names[name] = path
+    return replace(scenario, attachments={**scenario.attachments, **names})

@@ -1,0 +1,95 @@
+"""The scenario's `expect:`, evaluated on a run's samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.metrics import ExpectationResult, check_expectation, evaluate_expectation
+from asrsim.metrics.expect import body_columns
+from asrsim.samples import Array, JointInfo, Samples
+from asrsim.scenario.data import Expectation
+
+Reader = Callable[[Sequence[str], Sequence[str]], Samples]
+"""(quantities, joints) -> all samples of those; bodies and contacts always."""
+
+
+def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> None:
+    """Raises ScenarioError with every claim that cannot be evaluated, before time is spent on the run."""
+    problems: list[Problem] = []
+    for claim in claims:
+        try:
+            check_expectation(claim)
+        except InputError as error:
+            problems += error.problems
+        for joint in _joints_of(claim, joints):
+            known = {*joint.quantities, *DERIVED_FUNCTIONS}
+            if claim.quantity not in known:
+                message = f"'{claim.quantity}' is not recorded for joint '{joint.name}'"
+                choices = tuple(sorted(known))
+                problems.append(Problem(message=message, line=claim.line, key="expect", choices=choices, code="expect"))
+    if problems:
+        raise ScenarioError([replace(problem, file=problem.file or file) for problem in problems])
+
+
+def claim_results(
+    claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
+) -> tuple[ExpectationResult, ...]:
+    """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`."""
+    results: list[ExpectationResult] = []
+    for claim in claims:
+        try:
+            if claim.body is not None:
+                samples = read((), ())
+                results.append(evaluate_expectation(claim, samples.time, body_columns(samples, claim.body)))
+            for joint in _joints_of(claim, joints):
+                samples = read(*_needed(claim, joint))
+                columns = _columns(samples, joint)
+                one = replace(claim, joint=joint.name)
+                time, reference = samples.time, None
+                if claim.against is not None:
+                    reference = _recorded(one, time, joint.name)
+                    common = np.isfinite(reference)
+                    time, reference = time[common], reference[common]
+                    columns = {name: column[common] for name, column in columns.items()}
+                results.append(evaluate_expectation(one, time, columns, reference=reference))
+        except InputError as error:
+            raise ScenarioError([replace(problem, file=problem.file or file) for problem in error.problems]) from error
+    return tuple(results)
+
+
+def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInfo]:
+    if claim.joint is None:
+        return []
+    return [joint for joint in joints if claim.joint in ("*", joint.name)]
+
+
+def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    wanted = {claim.quantity, "link_position", *DERIVED_SOURCES.get(claim.quantity, ()), *DERIVED_SOURCES["position_error"]}
+    return tuple(name for name in joint.quantities if name in wanted), (joint.name,)
+
+
+def _columns(samples: Samples, joint: JointInfo) -> dict[str, Array]:
+    columns = samples.joint(joint.name)
+    for name, function in DERIVED_FUNCTIONS.items():
+        column = function(samples, [joint])[:, samples.joints.index(joint.name)]
+        if np.isfinite(column).any():
+            columns[name] = column
+    return columns
+
+
+def _recorded(claim: Expectation, time: Array, joint: str) -> Array:
+    """(n,) what the recording has of the claim's quantity, at the run's times; NaN outside of the recording."""
+    from asrsim.recordings import read_recording
+
+    assert claim.against is not None
+    column = read_recording(claim.against, joints=[joint]).column(joint, claim.quantity)
+    known = np.isfinite(column.values)
+    if not known.any():
+        return np.full(len(time), np.nan)
+    return np.interp(time, column.time[known], column.values[known], left=np.nan, right=np.nan)

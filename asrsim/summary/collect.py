@@ -1,0 +1,56 @@
+"""Measures of every joint from a run's samples, a chunk at a time, in memory that does not grow with the run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.metrics import JointSummary, summarise
+from asrsim.samples import Array, JointInfo, Samples
+
+KEPT = 2_000_000
+"""Samples of all joints together that are looked at; a longer run is thinned evenly, its peaks are not."""
+QUANTITIES = ("link_position", "motor_1_position", "motor_2_position", "reference_1", "reference_2")
+"""What the measures need of a log."""
+
+
+def joint_measures(chunks: Iterable[Samples], joints: Sequence[JointInfo], *, samples: int) -> tuple[JointSummary, ...]:
+    """A summary of each joint of a run.
+
+    Args:
+        chunks: The run's samples in their order; at least the quantities of :data:`QUANTITIES`.
+        joints: Those of the run's description.
+        samples: How many samples the chunks have together, or more.
+    """
+    stride = max(1, -(-samples * len(joints) // KEPT))
+    times: list[Array] = []
+    positions: list[Array] = []
+    errors: list[Array] = []
+    peaks = np.full(len(joints), np.nan)
+    seen = 0
+    for chunk in chunks:
+        order = [chunk.joints.index(joint.name) for joint in joints]
+        kept = slice((-seen) % stride, None, stride)
+        seen += len(chunk.time)
+        times.append(chunk.time[kept])
+        positions.append(chunk.values["link_position"][kept][:, order])
+        errors.append(DERIVED_FUNCTIONS["position_error"](chunk, joints)[kept][:, order])
+        deflections = np.abs(DERIVED_FUNCTIONS["deflection"](chunk, joints)[:, order])
+        peaks = np.fmax(peaks, np.fmax.reduce(deflections, axis=0, initial=np.nan))
+    if not seen:
+        return tuple(summarise(np.empty(0), {}) for _ in joints)
+    time, position, error = np.concatenate(times), np.concatenate(positions), np.concatenate(errors)
+    return tuple(
+        replace(summarise(time, _columns(position[:, j], error[:, j])), peak_deflection=float(peaks[j]))
+        for j in range(len(joints))
+    )
+
+
+def _columns(position: Array, error: Array) -> dict[str, Array]:
+    columns = {"link_position": position}
+    if np.isfinite(error).all():
+        columns["position_error"] = error
+    return columns

@@ -1,0 +1,180 @@
+"""What a run's summary is: plain data that goes to the terminal and to `summary.json`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asrsim.errors import Problem
+
+if TYPE_CHECKING:
+    from asrsim.metrics import ExpectationResult, JointSummary
+
+FORMAT = 1
+"""Version of the layout of `summary.json`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointReport:
+    """One joint: measures of its motion, and the limits that it met."""
+
+    name: str
+    actuator: str
+    """Registry name; `rigid` for a joint without plugin."""
+    mode: int | None
+    prismatic: bool
+    measures: JointSummary
+    effort: int
+    """Substeps in which the torque on the link was clipped at the URDF's effort limit."""
+    velocity: int
+    """Substeps in which the link was faster than the URDF's velocity limit (reported, not enforced)."""
+    saturation: int
+    """Substeps in which a motor was at its torque limit."""
+    deflection: int
+    """Substeps in which a spring was beyond its largest deflection."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "name": self.name,
+            "actuator": self.actuator,
+            "mode": self.mode,
+            "prismatic": self.prismatic,
+            **self.measures.as_dict(),
+            "limits": {
+                "effort": self.effort,
+                "velocity": self.velocity,
+                "saturation": self.saturation,
+                "deflection": self.deflection,
+            },
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """One run of one variant."""
+
+    scenario: str
+    """Name of the scenario."""
+    scenario_path: str
+    variant: str
+    robot: str
+    robot_path: str
+    status: str
+    """complete, interrupted or diverged."""
+    message: str
+    """Why a run diverged."""
+    duration: float
+    """s asked for."""
+    simulated_time: float
+    """s simulated."""
+    wall_time: float
+    """s that the loop took."""
+    step: float
+    """s."""
+    log_every: int
+    substeps: int
+    """World steps a step."""
+    motor_substeps: int
+    """Motor-and-spring steps a world step."""
+    total_substeps: int
+    """Of the whole run: what the limits' counts are counted in."""
+    samples: int
+    """Samples of each joint that were logged."""
+    stepping: str
+    engine: str
+    seed: int
+    joints: tuple[JointReport, ...]
+    claims: tuple[ExpectationResult, ...] = ()
+    """Results of the scenario's `expect:`; empty for a run that did not end."""
+    warnings: tuple[Problem, ...] = ()
+    files: Mapping[str, Path | tuple[Path, ...]] = field(default_factory=dict)
+    """Kind (log, summary, plots, report) -> what was written."""
+    replaced: tuple[Path, ...] = ()
+    """Results of an earlier run that this one replaced."""
+    certificate: Mapping[str, Any] = field(default_factory=dict)
+    """Numerical error, of a certified run."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds per second."""
+        return self.simulated_time / self.wall_time if self.wall_time > 0 else math.inf
+
+    @property
+    def failed_claims(self) -> tuple[ExpectationResult, ...]:
+        """Claims that do not hold."""
+        return tuple(claim for claim in self.claims if not claim.holds)
+
+    @property
+    def ok(self) -> bool:
+        """The run came to its end and every claim holds."""
+        return self.status == "complete" and not self.failed_claims
+
+    def joint(self, name: str) -> JointReport:
+        """The joint of that name; KeyError if there is none."""
+        return {joint.name: joint for joint in self.joints}[name]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; undefined numbers are null."""
+        return {
+            "format": FORMAT,
+            "ok": self.ok,
+            "scenario": self.scenario,
+            "scenario_path": self.scenario_path,
+            "variant": self.variant,
+            "robot": self.robot,
+            "robot_path": self.robot_path,
+            "status": self.status,
+            "message": self.message,
+            "duration": self.duration,
+            "simulated_time": self.simulated_time,
+            "wall_time": self.wall_time,
+            "speed": _finite(self.speed),
+            "step": self.step,
+            "log_every": self.log_every,
+            "substeps": self.substeps,
+            "motor_substeps": self.motor_substeps,
+            "total_substeps": self.total_substeps,
+            "samples": self.samples,
+            "stepping": self.stepping,
+            "engine": self.engine,
+            "seed": self.seed,
+            "joints": [joint.as_dict() for joint in self.joints],
+            "expect": [_claim(claim) for claim in self.claims],
+            "warnings": [warning.as_dict() for warning in self.warnings],
+            "files": {
+                kind: [str(path) for path in entry] if isinstance(entry, tuple) else str(entry)
+                for kind, entry in self.files.items()
+            },
+            "replaced": [str(path) for path in self.replaced],
+            "certificate": dict(self.certificate),
+            "versions": dict(self.versions),
+        }
+
+
+def _claim(result: ExpectationResult) -> dict[str, Any]:
+    claim = result.expectation
+    items: dict[str, Any] = {
+        "joint": claim.joint,
+        "body": claim.body,
+        "quantity": claim.quantity,
+        "measure": claim.measure,
+        "comparison": claim.comparison,
+        "value": claim.value,
+        "tolerance": claim.tolerance,
+        "against": str(claim.against) if claim.against is not None else None,
+        "line": claim.line,
+        "measured": _finite(result.measured),
+        "unit": result.unit,
+        "holds": result.holds,
+        "text": result.text,
+    }
+    return {key: value for key, value in items.items() if value is not None or key == "measured"}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

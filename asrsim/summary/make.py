@@ -1,0 +1,87 @@
+"""The summary of a run, from the run and its samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from asrsim.samples import Samples
+from asrsim.summary.collect import joint_measures
+from asrsim.summary.data import JointReport, RunSummary
+
+if TYPE_CHECKING:
+    from asrsim.metrics import ExpectationResult
+    from asrsim.simulation.run import Run
+
+
+def make_summary(
+    run: Run,
+    chunks: Iterable[Samples],
+    *,
+    claims: tuple[ExpectationResult, ...] = (),
+    files: Mapping[str, Path | tuple[Path, ...]] | None = None,
+    replaced: tuple[Path, ...] = (),
+) -> RunSummary:
+    """Summary of a run whose samples are `chunks`: those of its log, or those that it kept."""
+    scenario, info, counts = run.scenario, run.info, run.counts
+    expected = math.floor(scenario.duration / (scenario.step * scenario.log_every)) + 2
+    counter = _Counter(chunks)
+    measures = joint_measures(counter, info.joints, samples=expected)
+    # Counts come in the order of the robot's moving joints, the description in that of the arrays.
+    index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
+    joints = tuple(
+        JointReport(
+            name=joint.name,
+            actuator=joint.actuator,
+            mode=joint.mode,
+            prismatic=joint.prismatic,
+            measures=measure,
+            effort=int(counts.effort[index[joint.name]]),
+            velocity=int(counts.velocity[index[joint.name]]),
+            saturation=int(counts.saturation[index[joint.name]]),
+            deflection=int(counts.deflection[index[joint.name]]),
+        )
+        for joint, measure in zip(info.joints, measures, strict=True)
+    )
+    return RunSummary(
+        scenario=scenario.name,
+        scenario_path=info.scenario_path,
+        variant=scenario.variant,
+        robot=info.robot,
+        robot_path=info.urdf_path,
+        status=run.status,
+        message=run.message,
+        duration=scenario.duration,
+        simulated_time=run.simulated_time,
+        wall_time=run.wall_time,
+        step=scenario.step,
+        log_every=scenario.log_every,
+        substeps=run.resolution.substeps,
+        motor_substeps=run.resolution.motor_substeps,
+        total_substeps=counts.substeps,
+        samples=counter.samples,
+        stepping=scenario.stepping,
+        engine=scenario.engine,
+        seed=scenario.seed,
+        joints=joints,
+        claims=claims,
+        warnings=run.warnings,
+        files=dict(files or {}),
+        replaced=replaced,
+        versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
+    )
+
+
+class _Counter:
+    """Counts samples as they pass."""
+
+    def __init__(self, chunks: Iterable[Samples]) -> None:
+        self._chunks = chunks
+        self.samples = 0
+
+    def __iter__(self) -> Iterator[Samples]:
+        for chunk in self._chunks:
+            self.samples += len(chunk.time)
+            yield chunk

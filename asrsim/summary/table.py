@@ -1,0 +1,80 @@
+"""The summary as text for people: cells of a table of joints, and lines beside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from asrsim.summary.data import JointReport, RunSummary
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """A column of the table: its heading and a cell for each joint."""
+
+    heading: str
+    cells: tuple[str, ...]
+    right: bool = True
+
+
+def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
+    """The table of joints; columns of limits that nobody met are left out."""
+    joints = summary.joints
+    length = "m" if joints and all(joint.prismatic for joint in joints) else "rad"
+    columns = [
+        Column(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
+        Column(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
+        Column(heading=f"steady\n{length}", cells=_cells([joint.measures.steady_state for joint in joints])),
+        Column(heading=f"error\n{length}", cells=_cells([joint.measures.steady_state_error for joint in joints], "{:.3g}")),
+        Column(heading="over-\nshoot %", cells=_cells([100.0 * joint.measures.overshoot for joint in joints], "{:.1f}")),
+        Column(heading="settling\ns", cells=_cells([joint.measures.settling for joint in joints], "{:.3f}")),
+        Column(heading=f"peak defl.\n{length}", cells=_cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")),
+    ]
+    for heading, counts in (
+        ("effort\nlimit", [joint.effort for joint in joints]),
+        ("velocity\nlimit", [joint.velocity for joint in joints]),
+        ("motor\nlimit", [joint.saturation for joint in joints]),
+        ("deflection\nlimit", [joint.deflection for joint in joints]),
+    ):
+        if any(counts):
+            columns.append(Column(heading=heading, cells=tuple(_share(count, summary.total_substeps) for count in counts)))
+    return tuple(columns)
+
+
+def headline(summary: RunSummary) -> str:
+    """One line: what ran, how far, how fast."""
+    words = {"complete": "", "interrupted": "interrupted, ", "diverged": "diverged, "}
+    status = words.get(summary.status, f"{summary.status}, ")
+    of = f" of {summary.duration:g} s" if summary.status != "complete" else ""
+    time = f"{summary.simulated_time:.6g} s{of}" if summary.status == "complete" or of else ""
+    speed = f"{summary.speed:.3g} x real time" if math.isfinite(summary.speed) else ""
+    parts = [f"{status}{time} simulated in {summary.wall_time:.2g} s ({speed})", f"step {summary.step * 1e3:g} ms"]
+    parts.append(_plural(summary.substeps, "substep") + (f" x {summary.motor_substeps}" if summary.motor_substeps > 1 else ""))
+    parts.append(summary.stepping)
+    return ", ".join(parts)
+
+
+def limit_note(summary: RunSummary) -> str | None:
+    """What the limits' columns mean, if there are any; or that no limit was met."""
+    if any(joint.effort or joint.velocity or joint.saturation or joint.deflection for joint in summary.joints):
+        return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
+    return "no limit of effort, velocity, motor torque or deflection was met"
+
+
+def _actuator(joint: JointReport) -> str:
+    return joint.actuator if joint.mode is None else f"{joint.actuator}, mode {joint.mode}"
+
+
+def _cells(values: list[float], form: str = "{:.5g}") -> tuple[str, ...]:
+    return tuple(form.format(value + 0.0) if math.isfinite(value) else "-" for value in values)
+
+
+def _share(count: int, total: int) -> str:
+    if not count:
+        return "-"
+    percent = 100.0 * count / total
+    return f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
