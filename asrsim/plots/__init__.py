@@ -1,1 +1,9 @@
-"""Figures, drawn from logs and recordings only."""
+"""Pictures of logs and recordings: figure functions that draw on given axes, and files in png, pdf and svg."""
+
+from __future__ import annotations
+
+from asrsim.plots.curves import Curve, RunCurves, read_curves
+from asrsim.plots.decimate import Envelope, decimate
+from asrsim.plots.run import draw_run, draw_runs
+
+__all__ = ["Curve", "Envelope", "RunCurves", "decimate", "draw_run", "draw_runs", "read_curves"]

@@ -1,0 +1,249 @@
+"""What a picture needs of a log: thinned curves by joint and quantity, read in bounded memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import LogError, Problem, did_you_mean
+from asrsim.log import LogReader, open_log
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
+from asrsim.plots.decimate import BINS, Envelope
+from asrsim.quantities import DERIVED, QUANTITIES, Quantity
+from asrsim.samples import Array, JointInfo, RunInfo, Samples
+
+REFERENCE = "reference_position"
+EXTRA: dict[str, Quantity] = {
+    REFERENCE: Quantity(REFERENCE, "rad", "reference", "link position that the references ask for"),
+}
+"""Quantities of pictures only: the reference of the position, whatever the operation mode calls it."""
+KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA
+
+Progress = Callable[[float], None]
+"""Told the fraction that is done, 0 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A thinned series."""
+
+    time: Array
+    """(k,) s."""
+    values: Array
+    """(k,) SI."""
+
+    @property
+    def extent(self) -> float:
+        """Largest magnitude, 0 without samples."""
+        finite = self.values[np.isfinite(self.values)]
+        return float(np.max(np.abs(finite))) if len(finite) else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunCurves:
+    """One run as pictures show it."""
+
+    path: Path
+    info: RunInfo
+    label: str
+    """Short name: the variant, or the file's name."""
+    joints: tuple[JointInfo, ...]
+    """Those that were asked for."""
+    curves: Mapping[tuple[str, str], Curve]
+    """(joint, quantity) -> curve; only what the run has."""
+    bodies: Mapping[str, Mapping[str, Curve]] = field(default_factory=dict)
+    """World object -> dx, dy, dz (m from the first sample) and force (N, magnitude of its contact forces)."""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    status: str = "complete"
+    duration: float = 0.0
+    """s."""
+    samples: int = 0
+
+    def get(self, joint: str, quantity: str) -> Curve | None:
+        """The curve of a joint's quantity, None where there is none."""
+        return self.curves.get((joint, quantity))
+
+
+def read_curves(
+    path: str | os.PathLike[str],
+    *,
+    joints: Sequence[str] | None = None,
+    quantities: Sequence[str] | None = None,
+    bodies: bool = True,
+    bins: int = BINS,
+    progress: Progress | None = None,
+) -> RunCurves:
+    """Reads a log into thinned curves, chunk by chunk; memory depends on `bins`, not on the duration.
+
+    joints, quantities: all by default; quantities may be derived ones. Raises LogError for unknown names and for files that
+    are no logs.
+    """
+    reader = open_log(path)
+    members = _members(reader, joints)
+    names = _names(reader, members, quantities)
+    stored = [name for name in _stored(names) if any(name in joint.quantities for joint in reader.info.joints)]
+    columns = [(joint.name, name) for name in names for joint in members]
+    envelope: Envelope | None = None
+    world: _World | None = None
+    start = 0.0
+    duration = reader.duration
+    samples = reader.iter_samples(quantities=stored, joints=[joint.name for joint in members])
+    for part in _ordered(samples, reader.path):
+        if envelope is None:
+            start = float(part.time[0])
+            envelope = Envelope(len(columns), start=start, end=start + duration, bins=bins)
+            world = _World(part, start=start, end=start + duration, bins=bins) if bodies else None
+        table = _table(part, names, reader.info.joints)
+        envelope.add(part.time, np.concatenate([table[name] for name in names], axis=1) if names else np.empty((0, 0)))
+        if world is not None:
+            world.add(part)
+        if progress is not None and duration > 0:
+            progress((float(part.time[-1]) - start) / duration)
+    if envelope is None:
+        raise LogError(
+            Problem(
+                message="the log holds no samples",
+                file=reader.path,
+                hint="The run ended before its first chunk was written" if reader.truncated else None,
+                code="empty-log",
+            )
+        )
+    curves = {}
+    for index, column in enumerate(columns):
+        time, values = envelope.column(index)
+        if np.isfinite(values).any():
+            curves[column] = Curve(time=time, values=values)
+    return RunCurves(
+        path=reader.path,
+        info=reader.info,
+        label=reader.info.variant or reader.path.stem,
+        joints=members,
+        curves=curves,
+        bodies=world.curves() if world is not None else {},
+        metadata=reader.metadata,
+        status=reader.status,
+        duration=duration,
+        samples=envelope.samples,
+    )
+
+
+def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
+    """The runs with labels that tell them apart: variant, else file, else folder and file, else a number."""
+    for choose in (
+        lambda run: run.label,
+        lambda run: f"{Path(run.info.scenario_path).stem} {run.label}".strip(),
+        lambda run: run.path.stem,
+        lambda run: f"{run.path.parent.name}/{run.path.stem}",
+    ):
+        labels = [choose(run) for run in runs]
+        if len(set(labels)) == len(labels):
+            return [replace(run, label=label) for run, label in zip(runs, labels, strict=True)]
+    return [replace(run, label=f"{run.label} {number}") for number, run in enumerate(runs, 1)]
+
+
+def available(reader: LogReader) -> tuple[str, ...]:
+    """Every quantity that a log can show, derived ones last."""
+    stored = dict.fromkeys(name for joint in reader.info.joints for name in joint.quantities)
+    derived = [name for name in DERIVED if "link_position" in stored or name == "equilibrium_position"]
+    return (*(name for name in QUANTITIES if name in stored), *(name for name in stored if name not in QUANTITIES), *derived)
+
+
+def _members(reader: LogReader, asked: Sequence[str] | None) -> tuple[JointInfo, ...]:
+    by_name = {joint.name: joint for joint in reader.info.joints}
+    unknown = [name for name in asked or () if name not in by_name]
+    if unknown:
+        raise LogError(
+            Problem(message=f"the log has no joint '{name}'", file=reader.path, key="joint", choices=tuple(by_name),
+                    hint=did_you_mean(name, tuple(by_name)), code="unknown-joint")
+            for name in unknown
+        )  # fmt: skip
+    return reader.info.joints if asked is None else tuple(by_name[name] for name in dict.fromkeys(asked))
+
+
+def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str] | None) -> tuple[str, ...]:
+    choices = available(reader)
+    if asked is None:
+        mine = {name for joint in members for name in joint.quantities} | set(DERIVED)
+        return (*(name for name in choices if name in mine), *([REFERENCE] if "link_position" in choices else []))
+    unknown = [name for name in asked if name not in choices and name not in EXTRA]
+    if unknown:
+        raise LogError(
+            Problem(message=f"the log has no quantity '{name}'", file=reader.path, key="quantity", choices=choices,
+                    hint=did_you_mean(name, choices), code="unknown-quantity")
+            for name in unknown
+        )  # fmt: skip
+    return tuple(dict.fromkeys(asked))
+
+
+def _stored(names: Sequence[str]) -> list[str]:
+    """What must be read for these quantities."""
+    needed: dict[str, None] = {}
+    for name in names:
+        sources = DERIVED_SOURCES["position_error"] if name == REFERENCE else DERIVED_SOURCES.get(name, (name,))
+        needed |= dict.fromkeys(sources)
+    return list(needed)
+
+
+def _table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
+    """Quantity -> (n, joints)."""
+    table: dict[str, Array] = {}
+    for name in names:
+        if name == REFERENCE:
+            table[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
+        elif name in DERIVED_FUNCTIONS:
+            table[name] = DERIVED_FUNCTIONS[name](part, joints)
+        else:
+            table[name] = part.values[name]
+    return table
+
+
+def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:
+    """The parts, those without samples left out."""
+    last = -np.inf
+    for part in parts:
+        if not len(part.time):
+            continue
+        if part.time[0] < last:
+            raise LogError(Problem(message=f"times run backwards near {last:g} s", file=path, code="corrupt-log"))
+        last = float(part.time[-1])
+        yield part
+
+
+class _World:
+    """Displacements and contact forces of the world's objects."""
+
+    _AXES = ("dx", "dy", "dz", "force")
+
+    def __init__(self, first: Samples, *, start: float, end: float, bins: int) -> None:
+        self._origins = {name: poses[0, :3] for name, poses in first.bodies.items()}
+        self._envelopes = {name: Envelope(4, start=start, end=end, bins=bins) for name in self._origins}
+
+    def add(self, part: Samples) -> None:
+        for name, origin in self._origins.items():
+            if name not in part.bodies:
+                continue
+            total = np.zeros((len(part.time), 3))
+            for pair, force in part.contacts.items():
+                one, _, other = pair.partition("/")
+                # The force acts on the first body.
+                sign = 1.0 if one == name else -1.0 if other == name else 0.0
+                # Without the ground: what the robot and other objects do to it.
+                if sign and other != "ground":
+                    total += sign * np.nan_to_num(force)
+            moved = part.bodies[name][:, :3] - origin
+            force = np.linalg.norm(total, axis=1)
+            self._envelopes[name].add(part.time, np.concatenate([moved, force[:, None]], axis=1))
+
+    def curves(self) -> dict[str, dict[str, Curve]]:
+        result: dict[str, dict[str, Curve]] = {}
+        for name, envelope in self._envelopes.items():
+            if envelope.samples:
+                columns = [envelope.column(index) for index in range(4)]
+                result[name] = {
+                    axis: Curve(time=time, values=values) for axis, (time, values) in zip(self._AXES, columns, strict=True)
+                }
+        return result

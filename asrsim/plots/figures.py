@@ -1,0 +1,272 @@
+"""Figures: panels in rows, joints in columns, as many pages as it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asrsim.plots import style
+from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, frame, quantity_panel
+from asrsim.samples import JointInfo
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PER_PAGE = 3
+"""Joints on a page."""
+OVERVIEW_FROM = 5
+"""Joints from which on an overview of all of them comes first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """A figure and the name of its file."""
+
+    name: str
+    figure: Figure
+
+
+def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None) -> Iterator[Page]:
+    """All pages of one run or of several variants, made one at a time: joints, energies, objects.
+
+    quantities: these instead, one row each.
+    """
+    if quantities is not None:
+        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
+        return
+    joints = joint_names(runs)
+    if len(joints) >= OVERVIEW_FROM:
+        yield Page(name="overview", figure=overview_figure(runs))
+    yield from _grid_pages("joints", "", [PANELS[key] for key in JOINT_PANELS], runs)
+    yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
+    if any(run.bodies for run in runs):
+        yield Page(name="objects", figure=objects_figure(runs))
+
+
+def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
+    """Joints of any of the runs, in order."""
+    return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
+
+
+def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
+    joints = [joint for joint in joint_names(runs) if any(content(panel, runs, joint) for panel in panels)]
+    pages = [joints[index : index + PER_PAGE] for index in range(0, len(joints), PER_PAGE)]
+    for number, members in enumerate(pages, 1):
+        figure = grid_figure(runs, members, panels, subject=subject, part=(number, len(pages)))
+        yield Page(name=name if len(pages) == 1 else f"{name}_{number}", figure=figure)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure in inches with the Agg canvas; pyplot knows nothing of it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05, hspace=0.02, wspace=0.02))
+    return figure
+
+
+def grid_figure(
+    runs: Sequence[RunCurves],
+    joints: Sequence[str],
+    panels: Sequence[Panel],
+    *,
+    subject: str = "",
+    part: tuple[int, int] = (1, 1),
+) -> Figure:
+    """Panels in rows, joints in columns, one legend a row at the right, variants below."""
+    rows = [panel for panel in panels if any(content(panel, runs, joint) for joint in joints)]
+    wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 1.0)
+    figure = new_figure(wide * len(joints) + style.LEGEND_WIDTH, style.ROW_HEIGHT * len(rows) + 0.9)
+    axes = figure.subplots(len(rows), len(joints), squeeze=False, sharex=True)
+    for r, panel in enumerate(rows):
+        shown: dict[str, None] = {}
+        for c, joint in enumerate(joints):
+            shown |= dict.fromkeys(draw_panel(axes[r, c], panel, runs, joint))
+            if not content(panel, runs, joint):
+                _empty(axes[r, c])
+        legend(axes[r, -1], [name for name in panel.quantities if name in shown])
+    for c, joint in enumerate(joints):
+        axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)
+        axes[-1, c].set_xlabel("time (s)")
+    figure.align_ylabels()
+    _title(figure, runs, subject, part)
+    variants(figure, [run.label for run in runs])
+    return figure
+
+
+def overview_figure(runs: Sequence[RunCurves]) -> Figure:
+    """Link position with its reference (and equilibrium) of every joint, small."""
+    joints = joint_names(runs)
+    columns = 3 if len(joints) <= 8 else 4
+    rows = -(-len(joints) // columns)
+    panel = Panel(key="position", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"))
+    figure = new_figure(2.7 * columns + 0.9, 1.6 * rows + 0.9)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    shown: dict[str, None] = {}
+    for index, ax in enumerate(axes.flat):
+        if index >= len(joints):
+            ax.set_visible(False)
+            continue
+        shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
+        ax.set_title(_short(joints[index], 34), loc="left", fontsize=8)
+        if index % columns:
+            ax.set_ylabel("")
+        if index + columns >= len(joints):
+            ax.tick_params(labelbottom=True)
+        if index // columns == rows - 1:
+            ax.set_xlabel("time (s)")
+    spare = axes.flat[len(joints)] if len(joints) < rows * columns else None
+    if spare is not None:
+        spare.set_visible(True)
+        spare.set_axis_off()
+    legend(spare or axes[0, -1], [name for name in panel.quantities if name in shown], inside=spare is not None)
+    _title(figure, runs, "all joints", (1, 1))
+    variants(figure, [run.label for run in runs])
+    return figure
+
+
+def objects_figure(runs: Sequence[RunCurves]) -> Figure:
+    """Displacement of the world's objects, and the force by which robot and other objects push them."""
+    names = tuple(dict.fromkeys(name for run in runs for name in run.bodies))[: 2 * PER_PAGE]
+    figure = new_figure(style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 1.0) * len(names) + style.LEGEND_WIDTH, 4.2)
+    axes = figure.subplots(2, len(names), squeeze=False, sharex=True)
+    for c, body in enumerate(names):
+        for r, keys in enumerate((("dx", "dy", "dz"), ("force",))):
+            drawn = []
+            for number, run in enumerate(runs):
+                for key in keys:
+                    curve = run.bodies.get(body, {}).get(key)
+                    if curve is None:
+                        continue
+                    drawn.append(curve)
+                    axes[r, c].plot(
+                        curve.time, curve.values, color=style.colour(key), linestyle=style.line_style(number),
+                        gid=f"{body}.{key}.{number}",
+                    )  # fmt: skip
+            frame(axes[r, c], drawn)
+        axes[0, c].set_title(body, loc="left")
+        axes[0, c].set_ylabel("displacement (m)")
+        axes[1, c].set_ylabel("contact force\nwithout ground (N)")
+        axes[1, c].set_xlabel("time (s)")
+    legend(axes[0, -1], ["dx", "dy", "dz"], words={"dx": "along x", "dy": "along y", "dz": "along z"})
+    legend(axes[1, -1], ["force"], words={"force": "magnitude"})
+    figure.align_ylabels()
+    _title(figure, runs, "objects", (1, 1))
+    variants(figure, [run.label for run in runs])
+    return figure
+
+
+def legend(
+    axes: Axes,
+    quantities: Sequence[str],
+    *,
+    words: dict[str, str] | None = None,
+    extra: Sequence[Any] = (),
+    inside: bool = False,
+) -> None:
+    """A legend of quantities right of the axes, outside of the data; `inside` of axes that have none."""
+    from matplotlib.lines import Line2D
+
+    handles: list[Any] = [
+        Line2D(
+            [], [], color=style.colour(name), linewidth=2.6 if name.startswith("reference") else 1.6,
+            label=(words or {}).get(name) or _entry(name),
+        )
+        for name in quantities
+    ]  # fmt: skip
+    if handles or extra:
+        place = (0.05, 0.9) if inside else (1.02, 1.0)
+        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place)
+
+
+def variants(figure: Figure, labels: Sequence[str]) -> None:
+    """A legend of line styles below everything, where there are several variants."""
+    from matplotlib.lines import Line2D
+
+    if len(labels) < 2:
+        return
+    handles = [
+        Line2D([], [], color=style.BLACK, linestyle=style.line_style(number), label=label)
+        for number, label in enumerate(labels)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(labels), 4), handlelength=3.2)
+
+
+_WORDS = {
+    REFERENCE: "reference",
+    "reference_1": "reference 1",
+    "reference_2": "reference 2",
+    "link_position": "link $q$",
+    "equilibrium_position": r"equilibrium $\theta_{eq}$",
+    "motor_1_position": r"motor $\theta_1$",
+    "motor_2_position": r"motor $\theta_2$",
+    "deflection": r"deflection $\phi$",
+    "stiffness": r"stiffness $\sigma$",
+    "energy_residual": r"residual $\Delta E$",
+    "numerical_error": r"estimate $\epsilon_q$",
+    "link_torque": r"actuator $\tau_q$",
+    "external_torque": r"external $\tau_{ext}$",
+    "damping_torque": r"damping $\tau_d$",
+    "motor_1_torque": r"motor $\tau_{m,1}$",
+    "motor_2_torque": r"motor $\tau_{m,2}$",
+    "elastic_torque_1": r"spring $\tau_{el,1}$",
+    "elastic_torque_2": r"spring $\tau_{el,2}$",
+    "motor_work": "motor work $W_m$",
+    "spring_energy": "springs $E_{el}$",
+    "friction_loss": "friction $E_f$",
+    "link_work": "link work $W_q$",
+    "damping_loss": "damping $E_d$",
+}
+
+
+def _entry(quantity: str) -> str:
+    return _WORDS.get(quantity) or style.symbol(quantity)
+
+
+def _empty(axes: Axes) -> None:
+    axes.set_ylabel("")
+    axes.set_yticks([])
+    axes.grid(False)
+    axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=style.GREY)
+
+
+def _column_title(runs: Sequence[RunCurves], joint: str) -> str:
+    info = next(info for run in runs for info in run.joints if info.name == joint)
+    return f"{_short(joint, 40)}\n{describe(info)}"
+
+
+def describe(joint: JointInfo) -> str:
+    """Actuator and mode in a few words."""
+    from asrsim.actuators import ACTUATORS, MODES
+
+    actuator = ACTUATORS.get(joint.actuator).title if joint.actuator in ACTUATORS else joint.actuator
+    actuator = actuator.split(" (")[0]
+    if joint.mode is None or joint.mode not in MODES:
+        return actuator
+    return f"{actuator}, mode {joint.mode} {MODES[joint.mode].name}"
+
+
+def _short(text: str, length: int) -> str:
+    return text if len(text) <= length else f"{text[: length // 2 - 1]}…{text[-(length // 2) + 1 :]}"
+
+
+def _title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int]) -> None:
+    robots = ", ".join(dict.fromkeys(run.info.robot for run in runs))
+    scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
+    words = [_short(robots, 40), *(_short(name, 40) for name in scenarios if name and len(scenarios) == 1)]
+    if len(runs) == 1 and runs[0].label not in ("default", ""):
+        words.append(runs[0].label)
+    if runs[0].status not in ("complete",):
+        words.append(f"run {runs[0].status}")
+    if subject:
+        words.append(subject)
+    if part[1] > 1:
+        words.append(f"page {part[0]} of {part[1]}")
+    figure.suptitle(" · ".join(words), fontsize=10.5, x=0.01, ha="left", color=style.BLACK)

@@ -1,0 +1,63 @@
+"""Writing figures to files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asrsim.errors import InputError, OutputError, Problem, did_you_mean
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "pdf", "svg")
+
+
+def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
+    """The formats without repetitions; raises InputError for one that we do not write."""
+    unknown = [name for name in formats if name not in FORMATS]
+    if unknown:
+        raise InputError(
+            Problem(message=f"no picture format is called '{name}'", key="format", choices=FORMATS,
+                    hint=did_you_mean(name, FORMATS), code="unknown-format")
+            for name in unknown
+        )  # fmt: skip
+    return tuple(dict.fromkeys(formats))
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Our look, for making and writing figures; the user's settings come back afterwards."""
+    import matplotlib
+
+    from asrsim.plots.style import RC
+
+    settings: Any = RC
+    with matplotlib.rc_context(settings):
+        yield
+
+
+def make_folder(folder: Path) -> Path:
+    """The folder, made if it is not there. Raises OutputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+    return folder
+
+
+def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
+    """Writes a figure as `folder/name.format` for each format; call it inside :func:`styled`. Raises OutputError."""
+    paths = []
+    for kind in formats:
+        path = folder / f"{name}.{kind}"
+        # No dates: the same log gives the same file.
+        metadata = {"png": {"Software": "asrsim"}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
+        try:
+            figure.savefig(path, format=kind, metadata=metadata)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        paths.append(path)
+    return paths
