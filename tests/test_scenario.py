@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,9 @@ from hypothesis import strategies as st
 
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
 from asrsim.errors import InputError, ScenarioError
-from asrsim.scenario import load_scenario, make_scenario
+from asrsim.scenario import load_scenario, make_scenario, scenario_from_data
 from asrsim.scenario.data import Effects, LinkDamping
+from asrsim.scenario.keys import KEYS
 from asrsim.signals import Constant, Step
 
 BASE = "robot: arm.urdf\nduration: 2\n"
@@ -307,3 +309,37 @@ def test_library_constructor(tmp_path):
     assert scenario.references["a"]["link_torque"] == Step(after=1.0)
     with pytest.raises(ScenarioError, match="Did you mean 'duration'"):
         make_scenario("arm.urdf", base_dir=tmp_path, duraton=1)
+
+
+_JSON = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.sampled_from(["*", "step", "locked", "inf", "box"]),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+        | st.fixed_dictionaries({"step": st.fixed_dictionaries({"to": inner})})
+        | st.fixed_dictionaries({"shape": inner, "size": inner})
+        | st.fixed_dictionaries({"sum": inner})
+        | st.fixed_dictionaries({"a": inner})
+    ),
+    max_leaves=12,
+)
+
+
+@given(st.dictionaries(st.sampled_from([key.name for key in KEYS if key.name != "robot"]), _JSON, max_size=4))
+def test_any_data_is_a_scenario_or_a_scenario_error(data):
+    with contextlib.suppress(ScenarioError):
+        scenario_from_data({"duration": 1, **data}, robot=__file__)
+
+
+@given(_JSON)
+def test_any_variant_is_merged_or_refused(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "fuzz.yaml"
+    scenario = {"robot": __file__, "duration": 1, "references": {"a": {"b": {"step": {"to": 1}}}}}
+    path.write_text(json.dumps({**scenario, "variants": {"x": data, "y": {"references": data}, "z": {"world": data}}}))
+    with contextlib.suppress(ScenarioError):
+        load_scenario(path, overrides=["references.a.b.step.at=1"])

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
+from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario
 from asrsim.scenario.docs import refreshed, tables
 from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import json_schema, schema_text
-from asrsim.signals import SIGNALS
+from asrsim.signals import SIGNALS, parse_signal
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples" / "scenarios").glob("*.yaml"))
@@ -107,3 +109,18 @@ def test_schema_and_reader_agree(validator, tmp_path, keys, valid):
     else:
         with pytest.raises(ScenarioError):
             load_scenario(tmp_path / "s.yaml")
+
+
+def _fenced(page):
+    return re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_examples_in_the_docs_are_valid(tmp_path):
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+    (tmp_path / "lab.csv").write_text("time,tau\n0,1\n1,2\n")
+    (scenario,) = _fenced("scenario.md")
+    (tmp_path / "s.yaml").write_text(scenario)
+    assert [variant.variant for variant in load_scenario(tmp_path / "s.yaml")] == ["soft", "stiff"]
+    (signals,) = _fenced("signals.md")
+    for value in parse_yaml(signals).plain().values():
+        assert parse_signal(value, base=tmp_path)
