@@ -22,7 +22,9 @@ def json_schema() -> dict[str, Any]:
         "$schema": URL,
         "title": "asrsim scenario",
         "description": "A simulation run of an articulated soft robot, in one or several variants.",
-        **schema, "properties": {**properties, "variants": variants}, "required": ["robot"],
+        **schema,
+        "properties": {**properties, "variants": variants},
+        "required": ["robot"],
         "$defs": {"signal": signal, "signal_change": changes},
     }
 
