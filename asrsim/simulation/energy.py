@@ -6,13 +6,16 @@ not resolved it does not, and that is how divergence shows before any number ove
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
+
+_MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
 
 
 class EnergyMeter:
@@ -44,17 +47,35 @@ class EnergyMeter:
         return tuple(names)
 
     def add(
-        self, raw: Array, columns: dict[str, Array], damping: Array, *, clipped: Array, external: Array
+        self, raw: Array, columns: dict[str, Array], damping: Array, *, clipped: Array, external: Array, sides: Mapping[int, Array]
     ) -> dict[str, Array]:
-        """Energies at the rows of `columns` (n, joints); raw (n + 1, joints, columns) has one row more."""
+        """Energies at the rows of `columns` (n, joints); raw (n + 1, joints, columns) has one row more.
+
+        sides: means over the two halves of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule
+        must not go across.
+        """
         n, joints = clipped.shape
+        efforts = np.array([np.inf if drive.joint.effort is None else drive.joint.effort for drive in self.drives])
+        full = np.concatenate([raw, external[:, :, None]], axis=2)
+        full[:, :, 2] = np.clip(full[:, :, 2], -efforts, efforts)
+        right, left = full[:-1], full[1:]
+        cut = np.zeros(n, dtype=bool)
+        if sides:
+            right, left = right.copy(), left.copy()
+            for row, (before, after) in sides.items():
+                if row < n:
+                    right[row] = after
+                    cut[row] = True
+                if row:
+                    left[row - 1] = before
+                    cut[row - 1] = True
+        mean = 0.5 * (right + left)
         q = raw[:, :, 0]
         speed = raw[1:, :, 1]
-        # Between rows: torque of both ends, motion exactly.
-        torque = np.concatenate([clipped, raw[n:, :, 2]])
-        link = 0.5 * (torque[:-1] + torque[1:]) * np.diff(q, axis=0)
+        moved = np.diff(q, axis=0)
+        link = mean[:, :, 2] * moved
         dissipated = damping * speed * speed * self.substep
-        pushed_in = 0.5 * (external[:-1] + external[1:]) * np.diff(q, axis=0)
+        pushed_in = mean[:, :, -1] * moved
         self.given += (link + pushed_in - dissipated).sum(axis=0)
         work = link.copy()
         lost = np.zeros((n, joints))
@@ -64,28 +85,20 @@ class EnergyMeter:
             law = self._laws[j]
             if law is None:
                 continue
-            theta = raw[:, j, 5], raw[:, j, 9]
-            energy = law(q[:, j], *theta, drive.elastic)
+            energy = law(q[:, j], raw[:, j, 5], raw[:, j, 9], drive.elastic)
             stored[:, j] = energy[:-1]
             if not drive.dynamic_motors:
-                # Ideal motors may jump: their work is what the energy changes by as they move at the link's mean position.
-                middle = 0.5 * (q[:-1, j] + q[1:, j])
-                work[:, j] = law(middle, theta[0][1:], theta[1][1:], drive.elastic) - law(
-                    middle, theta[0][:-1], theta[1][:-1], drive.elastic
-                )
+                # Ideal motors have no other law than to be where they should: they give what link and spring take.
+                work[:, j] = link[:, j] + np.diff(energy)
                 continue
             work[:, j] = 0.0
+            for i in range(1, drive.dynamic_motors + 1):
+                given, taken, fast = self._motor(drive, i, raw[:, j], mean[:, j])
+                work[:, j] += given
+                lost[:, j] += taken
+                kinetic[:, j] += fast
             if drive.actuator is not None and drive.actuator.adjuster:
-                middle, motor = 0.5 * (q[:-1, j] + q[1:, j]), 0.5 * (theta[0][:-1] + theta[0][1:])
-                work[:, j] += law(middle, motor, theta[1][1:], drive.elastic) - law(middle, motor, theta[1][:-1], drive.elastic)
-            for i, base in zip(range(1, drive.dynamic_motors + 1), (5, 9), strict=False):
-                moved = np.diff(raw[:, j, base])
-                pushed, rubbed, fast = raw[:, j, base + 2], raw[:, j, base + 3], raw[:, j, base + 1]
-                mean_speed = moved / self.substep
-                work[:, j] += 0.5 * (pushed[:-1] + pushed[1:]) * moved
-                drag = drive.values[f"motor_{i}_damping"] * mean_speed * mean_speed * self.substep
-                lost[:, j] += 0.5 * (rubbed[:-1] + rubbed[1:]) * moved + drag
-                kinetic[:, j] += 0.5 * drive.values[f"motor_{i}_inertia"] * fast[:-1] ** 2
+                work[:, j] += self._adjuster(law, drive, raw[:, j], cut, mean[:, j])
         flows = np.stack([work, lost, dissipated, link])
         running = self._totals[:, None, :] + np.concatenate([np.zeros((4, 1, joints)), np.cumsum(flows, axis=1)], axis=1)
         self._totals = running[:, -1]
@@ -101,3 +114,30 @@ class EnergyMeter:
             "spring_energy": stored,
             "energy_residual": at[0] - at[1] - at[3] - (stored + kinetic - self._start),
         }
+
+    def _motor(self, drive: Drive, index: int, raw: Array, mean: Array) -> tuple[Array, Array, Array]:
+        """Work of motor `index`, what it lost, both (n,) a step, and its kinetic energy at whole steps (n,), in J."""
+        base = 1 + 4 * index
+        values = {name: drive.values[f"motor_{index}_{name}"] for name in _MOTOR_VALUES}
+        moved = np.diff(raw[:, base])
+        speed = moved / self.substep
+        work = mean[:, base + 2] * moved
+        kinetic = 0.5 * values["inertia"] * raw[:, base + 1] ** 2
+        lost = mean[:, base + 3] * moved + values["damping"] * speed * speed * self.substep
+        # A stop and a speed limit take what is left over: the shock, and the torque that they hold.
+        held = (raw[:, base] >= values["max_position"]) | (raw[:, base] <= values["min_position"])
+        held |= np.abs(raw[:, base + 1]) >= values["max_velocity"] * (1.0 - 1e-9)
+        held |= np.concatenate([held[1:], [False]]) | np.concatenate([[False], held[:-1]])
+        ends = held[:-1] | held[1:]
+        spring = mean[:, 2 + index] * moved
+        lost = np.where(ends, work - spring - np.diff(kinetic), lost)
+        return work, lost, kinetic[:-1]
+
+    def _adjuster(self, law: Any, drive: Drive, raw: Array, cut: Array, mean: Array) -> Array:
+        """Work (n,) in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
+        middle, motor = 0.5 * (raw[:-1, 0] + raw[1:, 0]), 0.5 * (raw[:-1, 5] + raw[1:, 5])
+        work = law(middle, motor, raw[1:, 9], drive.elastic) - law(middle, motor, raw[:-1, 9], drive.elastic)
+        # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
+        change = np.diff(law(raw[:, 0], raw[:, 5], raw[:, 9], drive.elastic))
+        taken = change + mean[:, 2] * np.diff(raw[:, 0]) - mean[:, 3] * np.diff(raw[:, 5])
+        return np.asarray(np.where(cut, taken, work))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -39,6 +39,9 @@ class Block:
     events: dict[int, tuple[Piece, ...]]
     arrays: tuple[Array, Array, Array]
     """The same as (n, joints): references 1 and 2 as logged, external torques."""
+    sides: dict[int, Array] = field(default_factory=dict)
+    """Filled by the loop, by substep with an event: means over the half kicks before and after its time, (2, joints, columns
+    of the raw record with the torque after its limit, and the external torque)."""
 
 
 class Inputs:

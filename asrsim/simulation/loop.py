@@ -167,11 +167,15 @@ class Loop:
         means = [0.0] * len(joints)
         totals = [0.0] * len(joints)
         rows: list[tuple[float, ...]] = []
+        sides = np.zeros((2, len(joints), len(COLUMNS) + 1))
+        side = 0
         for piece in pieces:
             if piece.on_time:
                 rows = self._advance_all(piece, joints, velocities, 0.0)[1]
-            torques, _ = self._advance_all(piece, joints, velocities, piece.fraction)
+                side = 1
+            torques, looked = self._advance_all(piece, joints, velocities, piece.fraction)
             for j, torque in enumerate(torques):
+                sides[side, j] += 2.0 * piece.fraction * np.array([*looked[j][:2], torque, *looked[j][3:], piece.rows[2][j]])
                 means[j] += piece.fraction / length * torque
                 totals[j] += piece.fraction * (torque + piece.rows[2][j] - self.correction[j])
         for j, mean in enumerate(means):
@@ -181,6 +185,7 @@ class Loop:
             totals[j] -= length * dampings[j] * v
             self.last_torque[j] = mean
             self.last_mean[j] = v if k else velocities[j]
+        block.sides[k] = sides
         self.engine.apply(totals)
         if k:
             self.engine.advance()

@@ -71,6 +71,7 @@ class Recorder:
         self.counts = Counts(np.zeros(n, int), np.zeros(n, int), np.zeros(n, int), np.zeros(n, int))
         self._held: Array | None = None
         self._held_inputs: tuple[Array, ...] = ()
+        self._sides: dict[int, Array] = {}
         self._next = 0
         self._quantities = [frozenset(recorded_quantities(drive)) for drive in drives]
         self._names = tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
@@ -83,6 +84,7 @@ class Recorder:
             raw = np.concatenate([self._held, raw])
             inputs = tuple(np.concatenate([a, b]) for a, b in zip(self._held_inputs, inputs, strict=True))  # type: ignore[assignment]
         self._held, self._held_inputs = raw[-1:], tuple(a[-1:] for a in inputs)
+        self._sides |= block.sides
         count = min(len(raw) - 1, self.last + 1 - self._next)
         if count < 1:
             return None
@@ -136,7 +138,11 @@ class Recorder:
         columns["stiffness"] = stiffness
         damping = self._dampings(stiffness)
         columns["damping_torque"] = -damping * velocity
-        columns |= self.meter.add(raw[: count + 1], columns, damping, clipped=torque, external=inputs[2][: count + 1])
+        sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
+        self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
+        columns |= self.meter.add(
+            raw[: count + 1], columns, damping, clipped=torque, external=inputs[2][: count + 1], sides=sides
+        )
         self._count(now, columns)
         for name, target in values.items():
             source_column = columns[name]
