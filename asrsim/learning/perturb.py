@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS
@@ -15,6 +16,8 @@ from asrsim.learning.transfer import Draw
 from asrsim.scenario.data import Effects, Scenario
 
 if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+
     from asrsim.robot.model import Robot
 
 
@@ -56,20 +59,33 @@ def perturbed(plant: Plant, draw: Draw) -> Plant:
     return replace(plant, scenario=scenario, robot=robot)
 
 
-def outputs_of(plant: Plant, inputs: Array, draws: Sequence[Draw], *, processes: int = 1) -> list[Array]:
-    """Link positions (n, joints) in rad of each drawn plant with these inputs; NaN where a plant diverged.
+class Workers:
+    """Runs drawn plants, side by side in `processes` processes; the same numbers come out with any number of them."""
 
-    The same numbers come out with any number of processes.
-    """
-    if processes <= 1 or len(draws) < 2:
-        return [perturbed(plant, draw).outputs(inputs) for draw in draws]
-    from concurrent.futures import ProcessPoolExecutor
-    from functools import partial
-    from multiprocessing import get_context
+    def __init__(self, processes: int = 1) -> None:
+        self.processes = processes
+        self._pool: ProcessPoolExecutor | None = None
 
-    # A fresh interpreter for each worker: engines and threads do not survive a fork.
-    with ProcessPoolExecutor(min(processes, len(draws)), mp_context=get_context("spawn")) as pool:
-        return list(pool.map(partial(_one, plant, inputs), draws, chunksize=math.ceil(len(draws) / (4 * processes))))
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def outputs(self, plant: Plant, inputs: Array, draws: Sequence[Draw]) -> list[Array]:
+        """Link positions (n, joints) in rad of each drawn plant with these inputs; NaN where a plant diverged."""
+        if self.processes <= 1 or len(draws) < 2:
+            return [perturbed(plant, draw).outputs(inputs) for draw in draws]
+        if self._pool is None:
+            from concurrent.futures import ProcessPoolExecutor
+            from multiprocessing import get_context
+
+            # Fresh interpreters: engines and threads do not survive a fork.
+            self._pool = ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
+        chunk = math.ceil(len(draws) / (4 * self.processes))
+        return list(self._pool.map(partial(_one, plant, inputs), draws, chunksize=chunk))
 
 
 def _one(plant: Plant, inputs: Array, draw: Draw) -> Array:

@@ -1,0 +1,72 @@
+"""What was learned, as plain values for JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from asrsim.errors import OutputError
+from asrsim.learning.iterate import LearningResult, Trial
+from asrsim.learning.transfer import TransferReport
+
+
+def trial_data(trial: Trial, joints: tuple[str, ...]) -> dict[str, Any]:
+    """One trial's numbers; rad and s."""
+    return {
+        "iteration": trial.number,
+        "largest_error": {joint: _plain(value) for joint, value in zip(joints, trial.largest, strict=True)},
+        "rms_error": {joint: _plain(value) for joint, value in zip(joints, trial.rms, strict=True)},
+        "largest_norm": _plain(trial.norm),
+        "ratio": trial.ratio,
+        "predicted_ratio": trial.predicted,
+        "wall_time": trial.seconds,
+    }
+
+
+def result_data(result: LearningResult, joints: tuple[str, ...]) -> dict[str, Any]:
+    """A learning run's numbers."""
+    return {
+        "outcome": result.outcome,
+        "converged": result.converged,
+        "reason": result.reason,
+        "iterations": result.iterations,
+        "best": result.best,
+        "trials": [trial_data(trial, joints) for trial in result.trials],
+    }
+
+
+def transfer_data(report: TransferReport) -> dict[str, Any]:
+    """A transfer's numbers."""
+    return {
+        "draws": len(report.draws),
+        "tolerance": report.tolerance,
+        "within_tolerance": report.within,
+        "largest_error_quantiles": {f"{share:g}": _plain(value) for share, value in report.quantiles().items()},
+        "influences": [
+            {
+                "factor": item.factor,
+                "rank_correlation": item.rank_correlation,
+                "regression_on_size": item.regression,
+                "regression": item.signed_regression,
+            }
+            for item in report.influences
+        ],
+        "errors": [
+            {"draw": dict(draw), "largest_error": [_plain(float(value)) for value in row]}
+            for draw, row in zip(report.draws, report.largest, strict=True)
+        ],
+    }
+
+
+def write_json(path: Path, data: dict[str, Any]) -> None:
+    """Write plain data. Raises OutputError where it cannot be written."""
+    try:
+        path.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _plain(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,164 @@
+"""A whole learning session: from a scenario to learned inputs in a folder. The command line is a thin skin over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from asrsim.errors import OutputError
+from asrsim.learning.figure import write_figure
+from asrsim.learning.iterate import LearningResult, Trial, learn
+from asrsim.learning.law import Array
+from asrsim.learning.perturb import Workers
+from asrsim.learning.plant import Plant, Prepared, learning_model, prepare_learning
+from asrsim.learning.playback import write_playback
+from asrsim.learning.report import result_data, transfer_data, write_json
+from asrsim.learning.table import write_inputs
+from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
+
+if TYPE_CHECKING:
+    from asrsim.log import LogWriter
+    from asrsim.samples import RunInfo
+
+KeepLogs = Literal["none", "last", "all"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """What a learning session gave."""
+
+    prepared: Prepared
+    result: LearningResult
+    transfer: TransferReport | None = None
+    nominal_transfer: TransferReport | None = None
+    """Of inputs learned on the one nominal plant, to compare with, where several plants were learned at once."""
+
+
+def run_session(
+    plant: Plant,
+    folder: Path,
+    *,
+    on_start: Callable[[Prepared], None] | None = None,
+    on_trial: Callable[[Trial], None] | None = None,
+    resume: bool = False,
+    keep_logs: KeepLogs | None = None,
+    with_transfer: bool = False,
+    draws: int | None = None,
+    processes: int = 1,
+    picture: bool = True,
+) -> Session:
+    """Learn, and write into `folder`: state.npz (after each trial), learned.csv, learned.yaml, ilc.json, ilc.png, logs.
+
+    keep_logs, draws: replace the scenario's. Raises InputError, SimulationError or OutputError.
+    """
+    _make_folder(folder)
+    block = plant.scenario.learning
+    keep = keep_logs or block.get("keep_logs", "last")
+    with learning_model(plant) as model, Workers(processes) as workers:
+        prepared = prepare_learning(plant, model)
+        if on_start is not None:
+            on_start(prepared)
+        logger = _Logger(folder, keep == "all")
+        plants = block.get("plants")
+        if plants:
+            set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
+
+            def simulate(inputs: Array) -> Array:
+                return np.array(workers.outputs(plant, inputs, set_of))
+        else:
+
+            def simulate(inputs: Array) -> Array:
+                return logger.run(plant, inputs)
+
+        result = learn(
+            prepared.problem,
+            simulate,
+            prepared.settings,
+            on_trial,
+            predict=prepared.predict,
+            state=folder / "state.npz",
+            resume=resume,
+        )
+        if keep == "last":
+            logger.write(plant, result.inputs, "learned.mcap")
+        report = nominal = None
+        if with_transfer and block.get("transfer"):
+            report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
+            if plants:
+                alone = learn(prepared.problem, plant.outputs, prepared.settings)
+                nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
+    session = Session(prepared=prepared, result=result, transfer=report, nominal_transfer=nominal)
+    _write(session, folder, picture=picture)
+    return session
+
+
+def _transfer(
+    plant: Plant, result: LearningResult, prepared: Prepared, block: Any, draws: int | None, workers: Workers
+) -> TransferReport:
+    plants = draw_plants(Spread.of(block, plant.joints), draws or int(block["draws"]), int(block["seed"]))
+    return transfer(
+        plant.reference,
+        plants,
+        lambda chosen: workers.outputs(plant, result.inputs, chosen),
+        joints=plant.joints,
+        tolerance=prepared.settings.tolerance,
+    )
+
+
+def _write(session: Session, folder: Path, *, picture: bool) -> None:
+    plant, result, settings = session.prepared.plant, session.result, session.prepared.settings
+    inputs = folder / "learned.csv"
+    write_inputs(inputs, plant.time, plant.joints, result.inputs, comment=f"asrsim ilc: {result.reason}")
+    write_playback(folder / "learned.yaml", plant, settings, inputs)
+    data: dict[str, Any] = {"scenario": str(plant.scenario.path or plant.scenario.name), "variant": plant.scenario.variant}
+    data |= result_data(result, plant.joints)
+    if session.transfer is not None:
+        data["transfer"] = transfer_data(session.transfer)
+    if session.nominal_transfer is not None:
+        data["transfer_of_one_plant"] = transfer_data(session.nominal_transfer)
+    write_json(folder / "ilc.json", data)
+    if picture:
+        write_figure(folder / "ilc.png", session.prepared.problem, result, settings)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {folder}: {error.strerror}") from error
+
+
+class _Logger:
+    """Writes the logs of trials that are to be kept."""
+
+    def __init__(self, folder: Path, everything: bool) -> None:
+        self.folder = folder
+        self.everything = everything
+        self.count = 0
+
+    def run(self, plant: Plant, inputs: Array) -> Array:
+        """Outputs of a trial, logged if all trials are."""
+        if not self.everything:
+            return plant.outputs(inputs)
+        self.count += 1
+        return self.write(plant, inputs, f"trial_{self.count - 1:03d}.mcap")
+
+    def write(self, plant: Plant, inputs: Array, name: str) -> Array:
+        """Outputs of a run that is logged to a file of that name."""
+        from asrsim.log import LogWriter
+
+        writers: list[LogWriter] = []
+
+        def sinks(info: RunInfo) -> list[LogWriter]:
+            writers.append(LogWriter(self.folder / name, info))
+            return writers
+
+        try:
+            return plant.outputs(inputs, sinks)
+        finally:
+            for writer in writers:
+                writer.close()
