@@ -93,7 +93,9 @@ def check_expectation(expectation: Expectation) -> None:
         names = MEASURES.names()
         hint = did_you_mean(expectation.measure, names)
         raise _error(expectation, f"no measure is called '{expectation.measure}'", choices=names, hint=hint)
-    options = {key: value for key, value in expectation.options.items() if key not in ("start", "end")}
+    # `lag` chooses the alignment with a recording, before the measure.
+    common = ("start", "end", "lag") if expectation.against is not None else ("start", "end")
+    options = {key: value for key, value in expectation.options.items() if key not in common}
     problems += option_problems(MEASURES.get(expectation.measure), options)
     if expectation.comparison not in COMPARISONS:
         raise _error(expectation, f"'{expectation.comparison}' is no comparison", choices=COMPARISONS)

@@ -1,0 +1,190 @@
+"""ROS 1 and ROS 2 bags, MCAP, our own logs: read without ROS, with the definitions in the file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.errors import RecordingError
+from asrsim.recordings import read_recording
+
+rosbags = pytest.importorskip("rosbags")
+from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin  # noqa: E402
+from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
+
+N = 40
+ZERO = 1_700_000_000_000_000_000
+STAMPS = ZERO + 10_000_000 * np.arange(N)
+TIME = 0.01 * np.arange(N)
+Q = np.array([np.sin(TIME), np.cos(TIME)])
+
+
+def joint_state(store: Any, i: int, stamp: int, names: list[str], ros1: bool) -> Any:
+    types = store.types
+    time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+    header = {"seq": i, "stamp": time, "frame_id": ""} if ros1 else {"stamp": time, "frame_id": ""}
+    return types["sensor_msgs/msg/JointState"](
+        header=types["std_msgs/msg/Header"](**header), name=names, position=Q[: len(names), i].copy(),
+        velocity=np.array([]), effort=2 * Q[: len(names), i],
+    )  # fmt: skip
+
+
+def write_ros1(path: Path, *, offset: int = 0, extra: str = "") -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(path) as writer:
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        command = writer.add_connection("/arm/elbow/equilibrium_position", "std_msgs/msg/Float64", typestore=store)
+        text = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
+        for i, stamp in enumerate(STAMPS.tolist()):
+            message = joint_state(store, i, stamp + offset, ["shoulder", "elbow"], ros1=True)
+            writer.write(states, stamp, store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
+            value = store.types["std_msgs/msg/Float64"](data=0.5 * i)
+            writer.write(command, stamp, store.serialize_ros1(value, "std_msgs/msg/Float64"))
+            word = store.types["std_msgs/msg/String"](data="hello")
+            writer.write(text, stamp, store.serialize_ros1(word, "std_msgs/msg/String"))
+    return path
+
+
+def write_ros2(path: Path, storage: StoragePlugin, version: int = 9) -> Path:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    definition = "float64 angle\nfloat32[2] pair\nstd_msgs/Header header\n"
+    store.register(get_types_from_msg(definition, "lab_msgs/msg/Angle"))
+    with Writer2(path, version=version, storage_plugin=storage) as writer:
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        own = writer.add_connection("/lab/angle", "lab_msgs/msg/Angle", typestore=store)
+        for i, stamp in enumerate(STAMPS.tolist()):
+            message = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=False)
+            writer.write(states, stamp, store.serialize_cdr(message, "sensor_msgs/msg/JointState"))
+            angle = store.types["lab_msgs/msg/Angle"](
+                angle=3.0 * i, pair=np.array([1.0, i], dtype=np.float32), header=message.header
+            )
+            writer.write(own, stamp, store.serialize_cdr(angle, "lab_msgs/msg/Angle"))
+    return path
+
+
+def check(path: Path) -> None:
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
+    assert recording.epoch == pytest.approx(ZERO * 1e-9)
+    assert recording.joints == ("shoulder", "elbow")
+    np.testing.assert_allclose(recording.column("shoulder", "link_position").values, Q[0])
+    np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
+
+
+def test_ros1_bag(tmp_path: Path) -> None:
+    path = write_ros1(tmp_path / "lab.bag")
+    check(path)
+    recording = read_recording(path)
+    assert recording.format == "rosbag1"
+    np.testing.assert_allclose(recording.column("elbow", "reference_1").values, 0.5 * np.arange(N))
+    assert any(f.key == "/chatter" for f in recording.findings)
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_ros2_bag_with_messages_of_its_own(tmp_path: Path, storage: StoragePlugin) -> None:
+    path = write_ros2(tmp_path / "bag", storage)
+    check(path)
+    recording = read_recording(path, mapping=["/lab/angle/angle=elbow.reference_1 [deg]"])
+    np.testing.assert_allclose(recording.column("elbow", "reference_1").values, np.radians(3.0 * np.arange(N)))
+    np.testing.assert_allclose(recording.channels["/lab/angle/pair[1]"].values, np.arange(N))
+
+
+def test_a_single_mcap_file_of_a_ros2_bag(tmp_path: Path) -> None:
+    path = write_ros2(tmp_path / "bag", StoragePlugin.MCAP)
+    check(next(path.glob("*.mcap")))
+
+
+def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> None:
+    whole = write_mcap(tmp_path / "whole.mcap", json_only=False, chunk=400).read_bytes()
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(whole[: len(whole) // 2])
+    recording = read_recording(path, mapping=["/lab/elbow=elbow.link_position"])
+    values = recording.column("elbow", "link_position").values
+    assert 2 < len(values) < N
+    np.testing.assert_allclose(values, 0.5 * np.arange(len(values)))
+    assert any(f.code == "truncated" for f in recording.findings)
+
+
+def write_mcap(path: Path, *, json_only: bool, encoding: str = "json", chunk: int = 100_000) -> Path:
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=chunk)
+        writer.start()
+        schema = writer.register_schema("lab/Value", "jsonschema" if encoding == "json" else "protobuf", b"{}")
+        channel = writer.register_channel("/lab/elbow", encoding, schema)
+        for i, stamp in enumerate(STAMPS.tolist()):
+            data = json.dumps({"data": 0.5 * i}).encode()
+            writer.add_message(channel, log_time=stamp, publish_time=stamp, data=data)
+        writer.finish()
+    return path
+
+
+def test_json_messages(tmp_path: Path) -> None:
+    recording = read_recording(
+        write_mcap(tmp_path / "lab.mcap", json_only=True), mapping=["/lab/elbow=elbow.link_position [deg]"]
+    )
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, np.radians(0.5 * np.arange(N)))
+
+
+def test_unknown_encodings_say_what_the_file_holds(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "lab.mcap", json_only=False, encoding="protobuf")
+    with pytest.raises(RecordingError, match="lab/Value") as error:
+        read_recording(path)
+    assert error.value.problems[0].code == "unknown-message-type"
+    assert "protobuf" in str(error.value)
+    assert "JointState" in str(error.value)
+
+
+def test_unknown_message_types_without_definition(tmp_path: Path) -> None:
+    """Bags before ROS 2 Iron hold no definitions; types outside of the standard ones cannot be read."""
+    import sqlite3
+
+    path = write_ros2(tmp_path / "bag", StoragePlugin.SQLITE3, version=8)
+    database = sqlite3.connect(next(path.glob("*.db3")))
+    tables = [row[0] for row in database.execute("select name from sqlite_master where type = 'table'")]
+    if "message_definitions" in tables:
+        database.execute("delete from message_definitions")
+        database.commit()
+    database.close()
+    recording = read_recording(path)
+    assert recording.joints == ("shoulder", "elbow")
+    unknown = [f for f in recording.findings if f.code == "unknown-message-type"]
+    assert [(f.key, f.value) for f in unknown] == [("/lab/angle", "lab_msgs/msg/Angle")]
+
+
+def test_two_time_bases_fall_back_to_the_time_of_recording_and_say_so(tmp_path: Path) -> None:
+    recording = read_recording(write_ros1(tmp_path / "lab.bag", offset=-ZERO + 5_000_000_000))
+    assert any(f.code == "two-time-bases" for f in recording.findings)
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["lab.bag", "lab.mcap", "lab.db3"])
+def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"no bag at all" * 50)
+    with pytest.raises(RecordingError, match="cannot be read"):
+        read_recording(path)
+    path.write_bytes(b"")
+    with pytest.raises(RecordingError, match="empty"):
+        read_recording(path)
+
+
+def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
+    from asrsim.log import LogWriter
+    from asrsim.samples import JointInfo, RunInfo, Samples
+
+    joint = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "reference_1"))
+    values = {"link_position": Q[:1].T, "reference_1": Q[1:].T}
+    with LogWriter(tmp_path / "run.mcap", RunInfo(robot="arm", joints=(joint,), step=0.01)) as log:
+        log.write(Samples(time=TIME, joints=("elbow",), values=values))
+    recording = read_recording(tmp_path / "run.mcap")
+    assert recording.format == "asrsim"
+    np.testing.assert_array_equal(recording.time, TIME)
+    np.testing.assert_array_equal(recording.column("elbow", "link_position").values, Q[0])
