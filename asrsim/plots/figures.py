@@ -53,8 +53,12 @@ def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
 
 
 def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
-    joints = [joint for joint in joint_names(runs) if any(content(panel, runs, joint) for panel in panels)]
-    pages = [joints[index : index + PER_PAGE] for index in range(0, len(joints), PER_PAGE)]
+    # Joints with the same panels share pages; those with few panels (rigid ones) come last.
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for joint in joint_names(runs):
+        alike.setdefault(tuple(panel.key for panel in panels if content(panel, runs, joint)), []).append(joint)
+    groups = sorted((item for item in alike.items() if item[0]), key=lambda item: -len(item[0]))
+    pages = [joints[index : index + PER_PAGE] for _, joints in groups for index in range(0, len(joints), PER_PAGE)]
     for number, members in enumerate(pages, 1):
         figure = grid_figure(runs, members, panels, subject=subject, part=(number, len(pages)))
         yield Page(name=name if len(pages) == 1 else f"{name}_{number}", figure=figure)

@@ -160,5 +160,5 @@ def has_adjuster(joint: JointInfo) -> bool:
 
 
 def axis_label(words: str, unit_text: str) -> str:
-    """`words (unit)`, for an axis."""
-    return f"{words} ({unit_text})" if unit_text else words
+    """`words (unit)`, for an axis; long ones take two lines."""
+    return f"{words}{chr(10) if len(words) > 13 else ' '}({unit_text})" if unit_text else words
