@@ -1,0 +1,195 @@
+"""Learning on the simulated robot: problem from the scenario, playback of the result, perturbed plants, the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.errors import ScenarioError
+from asrsim.learning import learn
+from asrsim.learning.perturb import Workers, perturbed
+from asrsim.learning.plant import learning_model, make_plant, prepare_learning
+from asrsim.learning.session import run_session
+from asrsim.scenario import load_scenario, make_scenario
+from asrsim.simulation.run import simulate
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
+
+
+def plant(robot=CUBE, **changes):
+    """One joint that lifts its cube in 1 s, at a coarse step: a trial takes some milliseconds."""
+    block = {
+        "trajectory": {"joint_1": {"minimum_jerk": {"duration": 1.0, "to": 0.4}}},
+        "gain": 0.8,
+        "tolerance": 0.03,
+        "max_iterations": 25,
+        "keep_logs": "none",
+    }
+    scenario = make_scenario(
+        robot,
+        duration=1.5,
+        step=2e-3,
+        references={"joint_1": {"stiffness_preset": 0.2}},
+        ilc={**block, **changes.pop("ilc", {})},
+        **changes,
+    )
+    return make_plant(scenario)
+
+
+def solve(chosen):
+    with learning_model(chosen) as model:
+        prepared = prepare_learning(chosen, model)
+        return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, predict=prepared.predict)
+
+
+def test_the_joint_learns_to_lift_its_load():
+    chosen = plant()
+    _, result = solve(chosen)
+    assert result.converged
+    assert np.abs(chosen.reference - chosen.outputs(result.inputs)).max() <= 0.03
+    assert result.inputs[-1, 0] > 0.45  # the spring's deflection under gravity is learned
+
+
+def test_a_gravity_compensated_first_guess_begins_nearer():
+    _, from_zero = solve(plant(ilc={"max_iterations": 1}))
+    prepared, from_gravity = solve(plant(ilc={"max_iterations": 1, "first_guess": "gravity"}))
+    assert max(from_gravity.trials[0].largest) < 0.5 * max(from_zero.trials[0].largest)
+    # At rest the guess is where the learning would end.
+    assert from_gravity.trials[0].outputs[-1, 0] == pytest.approx(0.4, abs=0.015)
+    assert prepared.problem.first_guess[-1, 0] > 0.42
+
+
+def test_gains_from_the_model_learn_faster_than_the_paper_s():
+    _, fixed = solve(plant(ilc={"gain": 0.5}))
+    prepared, chosen = solve(plant(ilc={"gain": "model"}))
+    assert prepared.settings.gains == prepared.gain_advice()
+    assert chosen.converged
+    assert chosen.iterations < fixed.iterations
+
+
+def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
+    chosen = plant()
+    session = run_session(chosen, tmp_path, picture=False)
+    scenario = load_scenario(tmp_path / "learned.yaml")[0]
+    samples = simulate(scenario).samples
+    assert samples is not None
+    assert np.array_equal(samples.values["link_position"], session.result.trials[session.result.best].outputs)
+    assert {claim.joint for claim in scenario.expect} == {"joint_1"}
+
+
+def test_a_session_writes_what_it_promises(tmp_path):
+    run_session(plant(ilc={"max_iterations": 2, "tolerance": 1e-6}), tmp_path, keep_logs="all")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png",
+        "trial_000.mcap", "trial_001.mcap", "trial_002.mcap",
+    }  # fmt: skip
+    data = json.loads((tmp_path / "ilc.json").read_text())
+    assert data["outcome"] == "exhausted"
+    assert [trial["iteration"] for trial in data["trials"]] == [0, 1, 2]
+
+
+def test_a_heavier_link_hangs_lower_and_draws_zero_change_nothing():
+    chosen = plant()
+    inputs = np.full_like(chosen.reference, 0.4)
+    same = perturbed(chosen, {"mass.joint_1": 0.0, "friction.joint_1": 0.0, "parameters.joint_1.spring_k_1": 0.0, "delay": 0.0})
+    assert np.array_equal(same.outputs(inputs), chosen.outputs(inputs))
+    assert perturbed(chosen, {"mass.joint_1": 1.0}).outputs(inputs)[-1, 0] < chosen.outputs(inputs)[-1, 0] - 0.02
+
+
+def test_a_stiffer_spring_named_by_its_tag_hangs_higher():
+    chosen = plant()
+    inputs = np.full_like(chosen.reference, 0.4)
+    stiffer = perturbed(chosen, {"parameters.joint_1.spring_k1": 0.5, "parameters.joint_1.spring_k2": 0.5})
+    assert stiffer.outputs(inputs)[-1, 0] > chosen.outputs(inputs)[-1, 0] + 0.02
+
+
+def test_a_delay_shifts_the_motion():
+    chosen = plant()
+    inputs = chosen.reference
+    late, on_time = perturbed(chosen, {"delay": 0.02}).outputs(inputs), chosen.outputs(inputs)
+    assert late[10:] == pytest.approx(on_time[:-10], abs=2e-3)
+    assert np.abs(late - on_time).max() > 5e-3
+
+
+def test_an_unknown_parameter_of_a_spread_is_named():
+    with pytest.raises(ScenarioError, match="no such parameter"):
+        perturbed(plant(), {"parameters.joint_1.spring_z": 0.1})
+
+
+@pytest.mark.slow
+def test_processes_change_nothing_in_the_numbers():
+    chosen = plant()
+    draws = [{"mass.joint_1": change} for change in (-0.1, 0.0, 0.1)]
+    alone = Workers().outputs(chosen, chosen.reference, draws)
+    with Workers(2) as workers:
+        together = workers.outputs(chosen, chosen.reference, draws)
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+def test_a_scenario_without_ilc_and_a_mode_without_position_are_errors():
+    with pytest.raises(ScenarioError, match="ilc"):
+        make_plant(make_scenario(CUBE, duration=1.0))
+    with pytest.raises(ScenarioError, match="mode 4"):
+        plant(modes=4)
+
+
+@pytest.fixture
+def scenario_file(tmp_path):
+    path = tmp_path / "lift.yaml"
+    path.write_text(
+        f"robot: {CUBE}\nduration: 1.0\nstep: 0.002\nreferences: {{joint_1: {{stiffness_preset: 0.2}}}}\n"
+        "ilc:\n  trajectory: {joint_1: {minimum_jerk: {duration: 0.8, to: 0.3}}}\n  tolerance: 0.05\n  gain: 0.8\n"
+        "  keep_logs: none\n  transfer: {draws: 6, spread: {mass: 0.2}}\n"
+    )
+    return path
+
+
+def command():
+    import typer
+
+    from asrsim.cli.ilc import ilc
+
+    app = typer.Typer()
+    app.command()(ilc)
+    return app
+
+
+def test_the_command_learns_and_transfers(scenario_file, tmp_path):
+    out = tmp_path / "out"
+    result = CliRunner().invoke(
+        command(), [str(scenario_file), "--out", str(out), "--transfer", "--processes", "1", "--no-picture"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "converged after" in result.output
+    assert "of 6 plants stay within 0.05 rad" in result.output
+    assert (out / "learned.csv").read_text().splitlines()[1] == "time [s],joint_1 [rad]"
+
+
+def test_the_command_fails_where_learning_does_not_converge(scenario_file, tmp_path):
+    result = CliRunner().invoke(
+        command(), [str(scenario_file), "--out", str(tmp_path / "o"), "--set", "ilc.max_iterations=1", "--json", "--no-picture"]
+    )
+    assert result.exit_code == 1
+    assert json.loads(result.output)["outcome"] == "exhausted"
+
+
+@pytest.mark.slow
+def test_the_paper_s_learning_converges_in_eleven_iterations():
+    """Section 4.3 and figure 15: iterations, last errors, norms and final equilibrium."""
+    chosen = make_plant(load_scenario(EXAMPLES / "scenarios" / "ilc_2dof.yaml")[0])
+    prepared, result = solve(chosen)
+    trials = result.trials
+    assert result.converged
+    assert result.iterations == 11
+    assert [max(trial.largest) for trial in trials[-2:]] == pytest.approx([0.0842, 0.0750], abs=2e-4)
+    assert (trials[0].norm, trials[-1].norm) == pytest.approx((1.160, 0.082), abs=1e-3)
+    assert result.inputs[-1] == pytest.approx([1.391, 1.145], abs=1e-3)
+    assert all(later.norm < earlier.norm for earlier, later in zip(trials, trials[1:], strict=False))
+    assert all(trial.predicted == pytest.approx(trial.ratio, abs=0.04) for trial in trials[1:])
+    assert sum(trial.seconds for trial in trials) < 60.0
+    assert prepared.problem.joints == ("joint_1", "joint_2")
