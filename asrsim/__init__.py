@@ -1,5 +1,75 @@
-"""asrsim simulates articulated soft robots: joints driven through springs (SEA) or variable-stiffness actuators (VSA)."""
+"""asrsim simulates articulated soft robots: joints driven through springs (SEA) or variable-stiffness actuators (VSA).
+
+The library in a few lines::
+
+    import asrsim
+
+    result = asrsim.run("scenario.yaml", variant="soft")
+    result.time, result["joint_1"].link_position
+
+Names are imported when they are used, so that `import asrsim` costs nothing.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from asrsim.api import JointSeries, Result, run, run_variants
+    from asrsim.errors import AsrsimError, DivergenceError, InputError, OutputError, SimulationError
+    from asrsim.log import Log, open_log, read_log
+    from asrsim.robot import Robot, load_robot
+    from asrsim.runs.repeat import Repetition, repeat
+    from asrsim.scenario import Scenario, load_scenario, make_scenario
+    from asrsim.summary import RunSummary
+
+_HOMES = {
+    "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
+    "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
+    "asrsim.log": ("Log", "open_log", "read_log"),
+    "asrsim.robot": ("Robot", "load_robot"),
+    "asrsim.runs.repeat": ("Repetition", "repeat"),
+    "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
+    "asrsim.summary": ("RunSummary",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "AsrsimError",
+    "DivergenceError",
+    "InputError",
+    "JointSeries",
+    "Log",
+    "OutputError",
+    "Repetition",
+    "Result",
+    "Robot",
+    "RunSummary",
+    "Scenario",
+    "SimulationError",
+    "__version__",
+    "load_robot",
+    "load_scenario",
+    "make_scenario",
+    "open_log",
+    "read_log",
+    "repeat",
+    "run",
+    "run_variants",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'asrsim' has no attribute '{name}'")
+    from importlib import import_module
+
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,20 +1,81 @@
-"""`asrsim rerun`: repeats a run from its log alone and compares."""
+"""`asrsim rerun`: repeats a run from its log alone and compares, bit for bit."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from asrsim.runs.repeat import Repetition
+
+SHOWN = 10
+"""Differing series that are printed."""
 
 
 def rerun(
     log: Annotated[Path, typer.Argument(help="Log of a run (MCAP).", show_default=False)],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Write the repeated run here too.", show_default="not written")
+        Path | None, typer.Option("--out", "-o", help="Folder for the repeated run's log.", show_default="not written")
     ] = None,
+    plugin: Annotated[
+        list[Path] | None, typer.Option(help="Python file with your own actuators, instead of the log's; may be repeated.")
+    ] = None,
+    trust_plugins: Annotated[
+        bool, typer.Option("--trust-plugins", help="Run the Python code of actuators that the log carries.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another run in --out.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print differences only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
 ) -> None:
-    """Repeat.
+    """Repeat a run from its log alone and compare every sample, bit for bit.
 
-    Example: asrsim rerun log.mcap
+    The log of an interrupted or killed run is compared as far as it goes. Exit code: 0 if all samples are the same, 1 if
+    some differ, 130 after Ctrl-C.
+
+    Example: asrsim rerun out/scenario/soft/log.mcap
     """
+    from asrsim.cli.console import json_errors, say_json
+
+    with json_errors(json):
+        from asrsim.cli.interrupt import Interruption
+        from asrsim.cli.progress import RunProgress
+        from asrsim.log import open_log
+        from asrsim.runs.repeat import repeat
+
+        duration = open_log(log).duration
+        with Interruption() as interruption, RunProgress(log.name, duration, show=not quiet and not json) as progress:
+            repetition = repeat(
+                log, out=out, plugins=plugin or [], trust_plugins=trust_plugins, overwrite=overwrite,
+                progress=progress.update, stop=interruption.stop,
+            )  # fmt: skip
+    if json:
+        say_json(repetition.as_dict())
+    else:
+        _print(repetition, quiet=quiet)
+    if interruption.requested:
+        raise typer.Exit(130)
+    if not repetition.identical:
+        raise typer.Exit(1)
+
+
+def _print(repetition: Repetition, *, quiet: bool) -> None:
+    from asrsim.cli.console import complain, say
+
+    for difference in repetition.differences[:SHOWN]:
+        complain(f"differs: {difference}", "red")
+    if len(repetition.differences) > SHOWN:
+        complain(f"differs: {len(repetition.differences) - SHOWN} series more")
+    if repetition.missing:
+        complain(f"the repeated run ended ({repetition.status}) {repetition.missing} samples before the log", "red")
+    if not repetition.identical:
+        for name, (there, here) in repetition.versions.items():
+            complain(f"the log was written with {name} {there}, this is {here}", "yellow")
+    if quiet:
+        return
+    part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
+    verdict = "identical, bit for bit" if repetition.identical else "different"
+    say(f"{repetition.path}: {repetition.samples} samples compared{part}: {verdict}", "" if repetition.identical else "bold")
+    if repetition.log is not None:
+        say(f"wrote {repetition.log}")

@@ -1,0 +1,237 @@
+"""asrsim as a library: run a scenario, get arrays by joint and quantity. Nothing here prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from asrsim.errors import Problem, ScenarioError, SimulationError, did_you_mean
+from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.runs.execute import Executed, execute, with_plugins, write_summary
+from asrsim.samples import Array, JointInfo, RunInfo, Samples
+from asrsim.scenario import Scenario, load_scenario
+from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.summary import RunSummary, claim_results, make_summary
+from asrsim.summary.claims import check_claims
+
+if TYPE_CHECKING:
+    from asrsim.metrics import ExpectationResult
+    from asrsim.robot.model import Robot
+
+
+class JointSeries(Mapping[str, Array]):
+    """Quantities of one joint by name, each (n,), SI: `series["link_position"]` or `series.link_position`.
+
+    Holds what the joint records, and what follows from it: `deflection`, `equilibrium_position`, `position_error`. Names
+    and units are those of :data:`asrsim.quantities.QUANTITIES` and `DERIVED`.
+    """
+
+    def __init__(self, samples: Samples, info: JointInfo) -> None:
+        self._samples = samples
+        self._column = samples.joints.index(info.name)
+        self.info = info
+
+    def __getitem__(self, quantity: str) -> Array:
+        if quantity in self.info.quantities:
+            return self._samples.values[quantity][:, self._column]
+        if quantity in tuple(self):
+            return DERIVED_FUNCTIONS[quantity](self._samples, [self.info])[:, self._column]
+        hint = did_you_mean(quantity, tuple(self)) or f"It has {', '.join(self)}"
+        raise KeyError(f"joint '{self.info.name}' has no quantity '{quantity}'. {hint}")
+
+    def __getattr__(self, quantity: str) -> Array:
+        if quantity.startswith("_"):
+            raise AttributeError(quantity)
+        try:
+            return self[quantity]
+        except KeyError:
+            message = f"joint '{self.info.name}' has no quantity '{quantity}'"
+            raise AttributeError(message, name=quantity, obj=self) from None
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.info.quantities
+        yield from DERIVED_FUNCTIONS if self.info.motors else ()
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run gives: arrays, the summary, and where the log is."""
+
+    run: Run
+    """The run with its scenario, robot, substeps and counts."""
+    summary: RunSummary
+    log: Path | None = None
+    """The log, if one was written."""
+
+    @property
+    def status(self) -> str:
+        """complete or interrupted; a run that diverges raises."""
+        return self.run.status
+
+    @property
+    def ok(self) -> bool:
+        """The run came to its end and met everything that the scenario expects."""
+        return self.summary.ok
+
+    @cached_property
+    def samples(self) -> Samples:
+        """All logged samples; read from the log if the run did not keep them."""
+        if self.run.samples is not None:
+            return self.run.samples
+        if self.log is None:
+            raise SimulationError("the run kept no samples and wrote no log")
+        from asrsim.log import read_log
+
+        return read_log(self.log).samples
+
+    @property
+    def time(self) -> Array:
+        """(n,) s."""
+        return self.samples.time
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.run.info.joints)
+
+    def joint(self, name: str) -> JointSeries:
+        """Quantities of one joint; KeyError if there is none of that name."""
+        for info in self.run.info.joints:
+            if info.name == name:
+                return JointSeries(self.samples, info)
+        raise KeyError(
+            f"no joint is called '{name}'. {did_you_mean(name, self.joints) or 'There are ' + ', '.join(self.joints)}"
+        )
+
+    def __getitem__(self, name: str) -> JointSeries:
+        return self.joint(name)
+
+    @property
+    def bodies(self) -> Mapping[str, Array]:
+        """Body -> (n, 7): position in m, orientation as quaternion x y z w."""
+        return self.samples.bodies
+
+    @property
+    def contacts(self) -> Mapping[str, Array]:
+        """Pair of bodies -> (n, 3): contact force on the first in N."""
+        return self.samples.contacts
+
+
+def run(
+    scenario: str | Path | Scenario,
+    *,
+    variant: str | None = None,
+    overrides: Sequence[str] = (),
+    robot: Robot | str | Path | None = None,
+    plugins: Sequence[str | Path] = (),
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    keep: bool = True,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Result:
+    """Simulate one variant of a scenario.
+
+    Args:
+        scenario: Scenario file, or a scenario made with :func:`asrsim.make_scenario` or :func:`asrsim.load_scenario`.
+        variant: Which variant; may be left out where there is only one.
+        overrides: `key=value` texts, as `--set` of the command line.
+        robot: Replaces the scenario's robot: a file, or one that was loaded and changed.
+        plugins: Python files with users' actuators.
+        out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
+        overwrite: Replace the results of another run there.
+        keep: Keep all samples in memory; without (and with `out`), they are read from the log when asked for.
+        progress: Told the simulated time in s.
+        stop: Asked about every 2000 substeps; True ends the run cleanly.
+
+    Returns:
+        The result; claims of `expect:` are in `.summary.claims`, and a claim that does not hold raises nothing.
+
+    Raises:
+        ScenarioError: The scenario is invalid, or has several variants and none was chosen.
+        RobotError, ActuatorError, UnresolvedSpringError: The run cannot be built.
+        DivergenceError: The motion left what physics allows; its `.run` holds the samples so far.
+        OutputError: `out` cannot be written.
+    """
+    loaded = _load(scenario, variant, overrides, plugins, robot)
+    if len(loaded) != 1:
+        names = tuple(one.variant for one in loaded)
+        hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
+        message = "the scenario has several variants"
+        raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
+    given = None if robot is None or isinstance(robot, str | Path) else robot
+    return _run_one(loaded[0], given, out, overwrite=overwrite, keep=keep, progress=progress, stop=stop)
+
+
+def run_variants(
+    scenario: str | Path,
+    *,
+    overrides: Sequence[str] = (),
+    plugins: Sequence[str | Path] = (),
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    keep: bool = True,
+) -> dict[str, Result]:
+    """Simulate every variant of a scenario file; name -> result, in the file's order. Arguments and errors as :func:`run`.
+
+    out: a folder in which each variant gets its own.
+    """
+    loaded = _load(scenario, None, overrides, plugins, None)
+    return {
+        one.variant: _run_one(one, None, Path(out) / one.variant if out is not None else None, overwrite=overwrite, keep=keep)
+        for one in loaded
+    }
+
+
+def _load(
+    scenario: str | Path | Scenario, variant: str | None, overrides: Sequence[str], plugins: Sequence[str | Path],
+    robot: Robot | str | Path | None,
+) -> tuple[Scenario, ...]:  # fmt: skip
+    if plugins:
+        from asrsim.actuators.user import load_plugin_file
+
+        for path in plugins:
+            load_plugin_file(path)
+    file = robot if isinstance(robot, str | Path) else None
+    if isinstance(scenario, Scenario):
+        if overrides or file is not None or variant not in (None, scenario.variant):
+            message = "a scenario that is made already takes no overrides, no variant and no robot file"
+            raise ScenarioError(Problem(message=message, hint="Give them where it is made", code="usage"))
+        loaded: tuple[Scenario, ...] = (scenario,)
+    else:
+        loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
+    return tuple(with_plugins(one, [Path(path) for path in plugins]) for one in loaded)
+
+
+def _run_one(
+    scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool,
+    progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+) -> Result:  # fmt: skip
+    if out is not None:
+        executed: Executed = execute(
+            scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, progress=progress, stop=stop
+        )
+        executed = write_summary(executed)
+        if executed.error is not None:
+            raise executed.error
+        return Result(executed.run, executed.summary, executed.log)
+
+    def check(info: RunInfo) -> Sequence[Sink]:
+        check_claims(scenario.expect, info.joints, file=scenario.path)
+        return ()
+
+    done = simulate(scenario, robot, sinks=check, keep=True, progress=progress, stop=stop)
+    chunks = [done.samples] if done.samples is not None else []
+    claims: tuple[ExpectationResult, ...] = ()
+    if done.status == "complete" and scenario.expect:
+        claims = claim_results(scenario.expect, done.info.joints, lambda *_: chunks[0], file=scenario.path)
+    return Result(done, make_summary(done, chunks, claims=claims))
