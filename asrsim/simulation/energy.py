@@ -47,35 +47,44 @@ class EnergyMeter:
         return tuple(names)
 
     def add(
-        self, raw: Array, columns: dict[str, Array], damping: Array, *, clipped: Array, external: Array, sides: Mapping[int, Array]
+        self,
+        raw: Array,
+        columns: dict[str, Array],
+        damping: Array,
+        *,
+        clipped: Array,
+        external: Array,
+        sides: Mapping[int, Array],
     ) -> dict[str, Array]:
         """Energies at the rows of `columns` (n, joints); raw (n + 1, joints, columns) has one row more.
 
-        sides: means over the two halves of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule
-        must not go across.
+        sides: means over the two halves of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid
+        rule must not go across.
         """
         n, joints = clipped.shape
-        efforts = np.array([np.inf if drive.joint.effort is None else drive.joint.effort for drive in self.drives])
-        full = np.concatenate([raw, external[:, :, None]], axis=2)
-        full[:, :, 2] = np.clip(full[:, :, 2], -efforts, efforts)
-        right, left = full[:-1], full[1:]
         cut = np.zeros(n, dtype=bool)
-        if sides:
-            right, left = right.copy(), left.copy()
+        for row in sides:
+            cut[max(row - 1, 0) : row + 1] = True
+
+        def mean(values: Array, column: int) -> Array:
+            """Means (n, ...) over the steps between rows of `values` (n + 1, ...), `column` of the sides."""
+            means = 0.5 * (values[:-1] + values[1:])
             for row, (before, after) in sides.items():
                 if row < n:
-                    right[row] = after
-                    cut[row] = True
+                    means[row] += 0.5 * (after[:, column] - values[row])
                 if row:
-                    left[row - 1] = before
-                    cut[row - 1] = True
-        mean = 0.5 * (right + left)
+                    means[row - 1] += 0.5 * (before[:, column] - values[row])
+            return means
+
+        efforts = np.array([np.inf if drive.joint.effort is None else drive.joint.effort for drive in self.drives])
+        torque = mean(np.concatenate([clipped, np.clip(raw[n:, :, 2], -efforts, efforts)]), 2)
+        pushed = {column: mean(raw[:, :, column], column) for column in (3, 4, 7, 8, 11, 12)} if any(self._laws) else {}
         q = raw[:, :, 0]
         speed = raw[1:, :, 1]
         moved = np.diff(q, axis=0)
-        link = mean[:, :, 2] * moved
+        link = torque * moved
         dissipated = damping * speed * speed * self.substep
-        pushed_in = mean[:, :, -1] * moved
+        pushed_in = mean(external, -1) * moved
         self.given += (link + pushed_in - dissipated).sum(axis=0)
         work = link.copy()
         lost = np.zeros((n, joints))
@@ -93,12 +102,14 @@ class EnergyMeter:
                 continue
             work[:, j] = 0.0
             for i in range(1, drive.dynamic_motors + 1):
-                given, taken, fast = self._motor(drive, i, raw[:, j], mean[:, j])
+                given, taken, fast = self._motor(
+                    drive, i, raw[:, j], {column: values[:, j] for column, values in pushed.items()}
+                )
                 work[:, j] += given
                 lost[:, j] += taken
                 kinetic[:, j] += fast
             if drive.actuator is not None and drive.actuator.adjuster:
-                work[:, j] += self._adjuster(law, drive, raw[:, j], cut, mean[:, j])
+                work[:, j] += self._adjuster(law, drive, raw[:, j], cut, torque[:, j], pushed[3][:, j])
         flows = np.stack([work, lost, dissipated, link])
         running = self._totals[:, None, :] + np.concatenate([np.zeros((4, 1, joints)), np.cumsum(flows, axis=1)], axis=1)
         self._totals = running[:, -1]
@@ -115,29 +126,29 @@ class EnergyMeter:
             "energy_residual": at[0] - at[1] - at[3] - (stored + kinetic - self._start),
         }
 
-    def _motor(self, drive: Drive, index: int, raw: Array, mean: Array) -> tuple[Array, Array, Array]:
+    def _motor(self, drive: Drive, index: int, raw: Array, pushed: Mapping[int, Array]) -> tuple[Array, Array, Array]:
         """Work of motor `index`, what it lost, both (n,) a step, and its kinetic energy at whole steps (n,), in J."""
         base = 1 + 4 * index
         values = {name: drive.values[f"motor_{index}_{name}"] for name in _MOTOR_VALUES}
         moved = np.diff(raw[:, base])
         speed = moved / self.substep
-        work = mean[:, base + 2] * moved
+        work = pushed[base + 2] * moved
         kinetic = 0.5 * values["inertia"] * raw[:, base + 1] ** 2
-        lost = mean[:, base + 3] * moved + values["damping"] * speed * speed * self.substep
+        lost = pushed[base + 3] * moved + values["damping"] * speed * speed * self.substep
         # A stop and a speed limit take what is left over: the shock, and the torque that they hold.
         held = (raw[:, base] >= values["max_position"]) | (raw[:, base] <= values["min_position"])
         held |= np.abs(raw[:, base + 1]) >= values["max_velocity"] * (1.0 - 1e-9)
         held |= np.concatenate([held[1:], [False]]) | np.concatenate([[False], held[:-1]])
         ends = held[:-1] | held[1:]
-        spring = mean[:, 2 + index] * moved
+        spring = pushed[2 + index] * moved
         lost = np.where(ends, work - spring - np.diff(kinetic), lost)
         return work, lost, kinetic[:-1]
 
-    def _adjuster(self, law: Any, drive: Drive, raw: Array, cut: Array, mean: Array) -> Array:
+    def _adjuster(self, law: Any, drive: Drive, raw: Array, cut: Array, link: Array, spring: Array) -> Array:
         """Work (n,) in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
         middle, motor = 0.5 * (raw[:-1, 0] + raw[1:, 0]), 0.5 * (raw[:-1, 5] + raw[1:, 5])
         work = law(middle, motor, raw[1:, 9], drive.elastic) - law(middle, motor, raw[:-1, 9], drive.elastic)
         # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
         change = np.diff(law(raw[:, 0], raw[:, 5], raw[:, 9], drive.elastic))
-        taken = change + mean[:, 2] * np.diff(raw[:, 0]) - mean[:, 3] * np.diff(raw[:, 5])
+        taken = change + link * np.diff(raw[:, 0]) - spring * np.diff(raw[:, 5])
         return np.asarray(np.where(cut, taken, work))
