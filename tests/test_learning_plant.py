@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -189,7 +190,7 @@ def test_the_paper_s_learning_converges_in_eleven_iterations():
     assert [max(trial.largest) for trial in trials[-2:]] == pytest.approx([0.0842, 0.0750], abs=2e-4)
     assert (trials[0].norm, trials[-1].norm) == pytest.approx((1.160, 0.082), abs=1e-3)
     assert result.inputs[-1] == pytest.approx([1.391, 1.145], abs=1e-3)
-    assert all(later.norm < earlier.norm for earlier, later in zip(trials, trials[1:], strict=False))
+    assert all(later.norm < earlier.norm for earlier, later in pairwise(trials))
     assert all(trial.predicted == pytest.approx(trial.ratio, abs=0.04) for trial in trials[1:])
     assert sum(trial.seconds for trial in trials) < 60.0
     assert prepared.problem.joints == ("joint_1", "joint_2")

@@ -18,7 +18,10 @@ from asrsim.scenario.data import Expectation
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 BODY_QUANTITIES = ("position", "x", "y", "z", "contact_force")
-"""What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts."""
+"""What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts.
+
+`contact_force/<other>` is that of one contact: with `robot`, `ground` or another body.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +67,7 @@ def evaluate_expectation(
         raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
     found = MEASURES.get(expectation.measure)
     known = (QUANTITIES | DERIVED).get(expectation.quantity)
-    series_unit = known.unit if known is not None else ("N" if expectation.quantity == "contact_force" else "m")
+    series_unit = known.unit if known is not None else ("N" if expectation.quantity.startswith("contact_force") else "m")
     unit = found.unit_of(series_unit)
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
     return ExpectationResult(
@@ -99,7 +102,7 @@ def check_expectation(expectation: Expectation) -> None:
     problems += option_problems(MEASURES.get(expectation.measure), options)
     if expectation.comparison not in COMPARISONS:
         raise _error(expectation, f"'{expectation.comparison}' is no comparison", choices=COMPARISONS)
-    if expectation.body is not None and expectation.quantity not in BODY_QUANTITIES:
+    if expectation.body is not None and not _is_body_quantity(expectation.quantity):
         raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
     if problems:
         raise ScenarioError(
@@ -108,8 +111,12 @@ def check_expectation(expectation: Expectation) -> None:
         )  # fmt: skip
 
 
+def _is_body_quantity(name: str) -> bool:
+    return name in BODY_QUANTITIES or (name.startswith("contact_force/") and name != "contact_force/")
+
+
 def body_columns(samples: Samples, body: str) -> dict[str, Array]:
-    """Quantities of a body: `position` (n, 7), x, y, z, and `contact_force` (n,), zero without contact."""
+    """Quantities of a body: `position` (n, 7), x, y, z, `contact_force` and `contact_force/<other>` (n,), 0 without contact."""
     columns: dict[str, Array] = {}
     poses = samples.bodies.get(body)
     if poses is not None:
@@ -122,7 +129,9 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
         if body in (first, second):
             touched = True
             # The force acts on the first body; on the second it is opposite. NaN: no contact then.
-            forces += np.nan_to_num(force) * (1.0 if body == first else -1.0)
+            force = np.nan_to_num(force) * (1.0 if body == first else -1.0)
+            forces += force
+            columns[f"contact_force/{second if body == first else first}"] = np.linalg.norm(force, axis=1)
     if touched:
         columns["contact_force"] = np.linalg.norm(forces, axis=1)
     return columns
