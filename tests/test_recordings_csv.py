@@ -221,9 +221,7 @@ def test_two_time_columns_keep_their_own_samples(tmp_path: Path) -> None:
 
 def test_a_mapping_overrides_names_and_units(tmp_path: Path) -> None:
     path = write(tmp_path / "lab.csv", ["time,alpha,beta,gamma", *[line + ",3" for line in rows(scale=DEGREES)]])
-    recording = read_recording(
-        path, mapping=["alpha=elbow.link_position [deg]", "beta=elbow.reference [deg]", "gamma=ignore"]
-    )
+    recording = read_recording(path, mapping=["alpha=elbow.link_position [deg]", "beta=elbow.reference [deg]", "gamma=ignore"])
     np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1, atol=1e-9)
     np.testing.assert_allclose(recording.column("elbow", "reference_1").values, Q2, atol=1e-9)
     assert recording.column("elbow", "link_position").conversion == "deg -> rad, x 0.0174533"

@@ -24,6 +24,10 @@ from asrsim.samples import Array
 
 _FLOOR = 1e-2
 """Share of the strongest input power (-20 dB) above which a frequency counts as excited."""
+_FLANK = 0.2
+"""Share of the input power within reach below which a frequency at the band's edge is left out."""
+_REACH = 16
+"""Bins to which the local fit reaches."""
 _STILL = 1e-4
 """Share of the input's motion below which the output "does not move"."""
 
@@ -138,10 +142,12 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
     # Averaged over five bins: a single empty bin of a noise is no edge of its band.
     smooth = uniform_filter1d(power, 5)
     excited = np.flatnonzero(inside & (smooth > _FLOOR * smooth[inside].max()))
-    # The average reaches two bins beyond an edge.
     first, last = int(excited[0]), int(excited[-1])
-    first = first if first <= 2 else first + 2
-    last = max(last - 2, first)
+    # The flank of a chirp's band is no part of it: there the fit leans on stronger neighbours to one side only.
+    while first < last and smooth[first] < _FLANK * smooth[first : first + _REACH].max():
+        first += 1
+    while last > first and smooth[last] < _FLANK * smooth[max(last - _REACH, 0) : last].max():
+        last -= 1
     return float(f[first]), float(f[last]), False
 
 

@@ -10,26 +10,30 @@ import numpy as np
 from asrsim.metrics.values import steady_state
 from asrsim.samples import Array
 
-_FLOOR = 0.03
-"""Share of the largest excursion below which crossings are noise."""
+_FLOOR = (0.001, 0.03)
+"""Least and most share of the largest excursion below which crossings count as noise."""
 
 
 def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
     """Frequency in Hz of the dominant oscillation about the steady state; undefined where there is none.
 
-    From the zero crossings of one direction, interpolated, while the oscillation is larger than 3 % of its largest
-    excursion: a straight line through their times (least squares, both directions together), which is exact for a damped
-    oscillation, whose crossings are evenly spaced. With less than three crossings a direction, or uneven ones (several
-    modes, noise), the peak of the Hann-windowed Fourier transform, refined between its bins.
+    From the zero crossings, interpolated, while the oscillation stands out of what is left at the end: a straight line
+    through their times (least squares, both directions together), which is exact for a damped oscillation, whose crossings
+    are evenly spaced. Where they are uneven (several modes, noise), the peak of the Hann-windowed Fourier transform, refined
+    between its bins. With less than two crossings a direction there is no oscillation to speak of.
 
     lowest: Hz; slower oscillations are not looked for (a drift, a reference that moves).
     """
     if len(time) < 8 or np.ptp(values) <= 0:
         return math.nan
     x = values - _midline(time, values)
-    by_crossings = _crossings(time, x)
-    if by_crossings is not None and by_crossings > lowest:
-        return by_crossings
+    up, down = _crossings(time, x)
+    if min(len(up), len(down)) >= 2:
+        found = _even(up, down)
+        if found is not None and found > lowest:
+            return found
+    elif lowest == 0.0:
+        return math.nan
     return _spectral_peak(time, x, lowest)
 
 
@@ -41,35 +45,34 @@ def _midline(time: Array, values: Array) -> float:
     return steady if decays else 0.5 * float(np.max(values) + np.min(values))
 
 
-def _crossings(time: Array, x: Array) -> float | None:
-    """Frequency by crossings, None where they are too few or uneven."""
+def _crossings(time: Array, x: Array) -> tuple[list[float], list[float]]:
+    """Times of the crossings upward and downward, with hysteresis against noise."""
     largest = float(np.max(np.abs(x)))
-    alive = np.flatnonzero(np.abs(x) > _FLOOR * largest)
-    if len(alive) < 2:
-        return None
-    t, y = time[: alive[-1] + 2], x[: alive[-1] + 2]
-    # Hysteresis: a crossing counts once the excursion after it is large enough.
-    state = np.where(y > _FLOOR * largest, 1, np.where(y < -_FLOOR * largest, -1, 0))
+    tail = x[-max(len(x) // 10, 2) :]
+    floor = float(np.clip(4 * np.std(tail), _FLOOR[0] * largest, _FLOOR[1] * largest))
+    state = np.where(x > floor, 1, np.where(x < -floor, -1, 0))
     marks = np.flatnonzero(state)
-    changes = [(int(a), int(b)) for a, b in pairwise(marks) if state[a] != state[b]]
-    times: dict[int, list[float]] = {1: [], -1: []}
-    for a, b in changes:
-        part = y[a : b + 1] * state[b]
-        i = a + int(np.flatnonzero(part > 0)[0])
-        moment = t[i - 1] + y[i - 1] / (y[i - 1] - y[i]) * (t[i] - t[i - 1])
-        times[int(state[b])].append(float(moment))
-    if min(len(times[1]), len(times[-1])) < 3:
-        return None
-    # One period for both directions, each with a start of its own (a wrong midline shifts them apart, not their spacing).
-    rows, targets = [], []
-    for column, key in enumerate((1, -1)):
-        for count, moment in enumerate(times[key]):
-            rows.append((count, column == 0, column == 1))
-            targets.append(moment)
-    solution, *_ = np.linalg.lstsq(np.array(rows, dtype=float), np.array(targets), rcond=None)
+    up: list[float] = []
+    down: list[float] = []
+    for a, b in pairwise(marks.tolist()):
+        if state[a] == state[b]:
+            continue
+        i = a + int(np.flatnonzero(x[a : b + 1] * state[b] > 0)[0])
+        moment = time[i - 1] + x[i - 1] / (x[i - 1] - x[i]) * (time[i] - time[i - 1])
+        (up if state[b] > 0 else down).append(float(moment))
+    return up, down
+
+
+def _even(up: list[float], down: list[float]) -> float | None:
+    """Frequency of evenly spaced crossings, None where they are not.
+
+    One period for both directions, each with a start of its own: a wrong midline shifts them apart, not their spacing.
+    """
+    rows = [(count, 1.0, 0.0) for count in range(len(up))] + [(count, 0.0, 1.0) for count in range(len(down))]
+    matrix, targets = np.array(rows), np.array(up + down)
+    solution, *_ = np.linalg.lstsq(matrix, targets, rcond=None)
     period = float(solution[0])
-    scatter = np.array(targets) - np.array(rows, dtype=float) @ solution
-    if period <= 0 or np.max(np.abs(scatter)) > 0.1 * period:
+    if period <= 0 or float(np.max(np.abs(targets - matrix @ solution))) > 0.1 * period:
         return None
     return 1.0 / period
 

@@ -1,0 +1,172 @@
+"""Measures on signals whose numbers are known in closed form."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import InputError
+from asrsim.metrics import MEASURES, MetricRow, measure, metrics_table, summarise, write_metrics_json
+from asrsim.metrics.docs import tables
+from asrsim.metrics.lag import estimate_lag
+
+TIME = np.linspace(0, 10, 10_001)
+
+
+def second_order(damping: float, omega: float = 20.0, height: float = 1.0, start: float = 0.0) -> np.ndarray:
+    """Step response at t = 0 of a standard second-order system."""
+    damped = omega * math.sqrt(1 - damping**2)
+    decay = np.exp(-damping * omega * TIME)
+    return start + height * (1 - decay * (np.cos(damped * TIME) + damping * omega / damped * np.sin(damped * TIME)))
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize(("height", "start"), [(1.0, 0.0), (-0.4, 0.2)])
+def test_overshoot_and_peak_time_of_a_second_order_system(damping: float, height: float, start: float) -> None:
+    q = second_order(damping, height=height, start=start)
+    root = math.sqrt(1 - damping**2)
+    assert measure("overshoot", TIME, q) == pytest.approx(math.exp(-math.pi * damping / root), rel=1e-3)
+    assert measure("peak_time", TIME, q) == pytest.approx(math.pi / (20 * root), abs=1e-3)
+
+
+def test_rise_and_settling_of_a_first_order_system() -> None:
+    q = 3 * (1 - np.exp(-TIME / 0.5))
+    assert measure("rise", TIME, q) == pytest.approx(0.5 * math.log(9), rel=1e-4)
+    assert measure("settling", TIME, q) == pytest.approx(0.5 * math.log(50), rel=1e-4)
+    assert measure("settling", TIME, q, band=0.05) == pytest.approx(0.5 * math.log(20), rel=1e-4)
+    assert measure("overshoot", TIME, q) == pytest.approx(0.0, abs=1e-6)
+    assert math.isnan(measure("frequency", TIME, q))
+
+
+def test_what_does_not_step_or_settle_has_no_number() -> None:
+    assert math.isnan(measure("rise", TIME, np.full_like(TIME, 2.0)))
+    assert math.isnan(measure("overshoot", TIME, np.zeros_like(TIME)))
+    assert math.isnan(measure("settling", TIME, np.sin(TIME)))
+    assert math.isnan(measure("frequency", TIME, np.ones_like(TIME)))
+    assert math.isnan(measure("nrmse", TIME, TIME, np.ones_like(TIME)))
+    assert math.isnan(measure("mean", TIME, np.full_like(TIME, np.nan)))
+
+
+def test_levels() -> None:
+    q = second_order(0.3)
+    assert measure("steady_state", TIME, q) == pytest.approx(1.0, abs=1e-6)
+    assert measure("steady_state_error", TIME, q, np.full_like(TIME, 1.1)) == pytest.approx(0.1, abs=1e-6)
+    assert measure("steady_state_error", TIME, q, target=1.2) == pytest.approx(0.2, abs=1e-6)
+    assert measure("mean", TIME, TIME) == pytest.approx(5.0)
+    assert measure("rms", TIME, 2 * np.sin(2 * np.pi * TIME)) == pytest.approx(math.sqrt(2), rel=1e-6)
+    assert measure("amplitude", TIME, 3 + 2 * np.sin(TIME)) == pytest.approx(2.0, rel=1e-5)
+    assert measure("peak", TIME, -3 * TIME) == pytest.approx(30.0)
+    assert measure("at", TIME, TIME**2, when=3.0) == pytest.approx(9.0)
+    assert measure("final", TIME, TIME) == 10.0
+    assert (measure("minimum", TIME, TIME - 3), measure("maximum", TIME, TIME - 3)) == (-3.0, 7.0)
+
+
+def test_the_mean_does_not_depend_on_the_sampling() -> None:
+    uneven = np.concatenate([np.linspace(0, 1, 1000), np.linspace(1.01, 10, 100)])
+    assert measure("mean", uneven, uneven) == pytest.approx(5.0, rel=1e-4)
+
+
+def test_a_window_and_missing_samples() -> None:
+    q = TIME.copy()
+    q[5000:6000] = np.nan
+    assert measure("maximum", TIME, q, start=2.0, end=5.5) == pytest.approx(4.999)
+    assert measure("minimum", TIME, q, start=2.0) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("hertz", [0.9, 5.37, 17.51, 125.84])
+@pytest.mark.parametrize("damping", [0.0, 0.005, 0.05])
+def test_frequency_of_a_ringing(hertz: float, damping: float) -> None:
+    omega = 2 * np.pi * hertz
+    q = 0.8 - 0.3 * np.exp(-damping * omega * TIME) * np.cos(omega * TIME + 0.4)
+    assert measure("frequency", TIME, q) == pytest.approx(hertz, rel=5e-4)
+
+
+def test_frequency_with_noise_drift_and_two_modes() -> None:
+    rng = np.random.default_rng(3)
+    q = np.sin(2 * np.pi * 3.3 * TIME) + 0.3 * np.sin(2 * np.pi * 11 * TIME) + 0.1 * rng.standard_normal(len(TIME))
+    assert measure("frequency", TIME, q) == pytest.approx(3.3, rel=2e-3)
+    drift = 0.5 * TIME + 0.1 * np.sin(2 * np.pi * 4 * TIME)
+    assert measure("frequency", TIME, drift, lowest=1.0) == pytest.approx(4.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("shift", [-0.2, 0.0, 0.0437])
+def test_delay(shift: float) -> None:
+    pulse = np.exp(-((TIME - 5) ** 2))
+    late = np.exp(-((TIME - 5 - shift) ** 2))
+    assert measure("delay", TIME, late, pulse) == pytest.approx(shift, abs=1e-4)
+
+
+def test_lag_between_different_samplings_gains_and_offsets() -> None:
+    coarse = np.sort(np.random.default_rng(0).uniform(0, 10, 900))
+    found = estimate_lag(TIME, np.exp(-((TIME - 5) ** 2)), coarse, 7 - 3 * np.exp(-((coarse - 5.3) ** 2)) * -1)
+    assert found is not None
+    assert found.seconds == pytest.approx(0.3, abs=1e-3)
+    assert found.correlation > 0.999
+    assert estimate_lag(TIME, np.ones_like(TIME), TIME, TIME) is None
+
+
+def test_r2() -> None:
+    q = np.sin(TIME)
+    assert measure("r2", TIME, q, q) == 1.0
+    assert measure("r2", TIME, np.full_like(q, np.mean(q)), q) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_displacement_of_a_body() -> None:
+    poses = np.zeros((len(TIME), 7))
+    poses[:, 0], poses[:, 1], poses[:, 6] = 0.3 * np.sin(np.pi * TIME / 10), 0.04 * TIME, 1.0
+    assert measure("displacement", TIME, poses) == pytest.approx(0.4)
+    assert measure("displacement", TIME, poses, axis="y") == pytest.approx(0.4)
+    assert measure("maximum_displacement", TIME, poses) == pytest.approx(np.hypot(0.3 * np.sin(0.5 * np.pi), 0.2), rel=0.2)
+    assert measure("distance", TIME, poses, x=0.0, y=0.1, z=0.0) == pytest.approx(0.3)
+
+
+def test_wrong_use_is_explained() -> None:
+    with pytest.raises(InputError, match="choose from rmse"):
+        measure("rsme", TIME, TIME)
+    with pytest.raises(InputError, match="second series"):
+        measure("rmse", TIME, TIME)
+    with pytest.raises(InputError, match="not an option"):
+        measure("settling", TIME, TIME, bandd=0.1)
+    with pytest.raises(InputError, match="must be given"):
+        measure("at", TIME, TIME)
+    with pytest.raises(InputError, match="scalar series"):
+        measure("mean", TIME, np.zeros((len(TIME), 7)))
+
+
+def test_summary_of_a_joint() -> None:
+    q = second_order(0.3)
+    found = summarise(TIME, {"link_position": q, "position_error": 1.1 - q, "deflection": 0.2 - 0.5 * q})
+    assert found.steady_state_error == pytest.approx(0.1, abs=1e-6)
+    assert found.overshoot == pytest.approx(0.372, abs=1e-3)
+    assert found.peak_deflection == pytest.approx(0.5 * 1.3723 - 0.2, abs=1e-3)
+    assert found.frequency == pytest.approx(20 * math.sqrt(1 - 0.09) / 2 / math.pi, rel=0.01)
+    assert summarise(TIME, {}).as_dict()["overshoot"] is None
+
+
+def test_output(tmp_path: Path) -> None:
+    rows = [
+        MetricRow(source="run", joint="elbow", quantity="link_position", measure="rmse", value=0.1, unit="rad"),
+        MetricRow(source="run", joint="elbow", quantity="link_position", measure="delay", value=math.nan, unit="s"),
+    ]
+    assert metrics_table(rows).row_count == 1
+    write_metrics_json(tmp_path / "metrics.json", rows)
+    assert '"value": null' in (tmp_path / "metrics.json").read_text()
+
+
+def test_every_measure_is_documented() -> None:
+    table = tables()["measures"]
+    for name in MEASURES:
+        assert len(MEASURES.get(name).doc) > 10
+        assert f"| `{name}` |" in table
+
+
+def test_the_documentation_holds_the_generated_table() -> None:
+    page = Path(__file__).parents[1] / "docs" / "metrics.md"
+    if not page.is_file():
+        pytest.skip("the documentation is not here")
+    begin, end = "<!-- generated: measures -->\n", "\n<!-- end -->"
+    text = page.read_text(encoding="utf-8")
+    assert text.partition(begin)[2].partition(end)[0] == tables()["measures"]

@@ -1,0 +1,101 @@
+"""Claims of a scenario: comparison, tolerance, verdict, and errors at the claim's line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asrsim.errors import ScenarioError
+from asrsim.metrics.expect import compares
+from asrsim.recordings import evaluate_claims
+from asrsim.samples import Samples
+from asrsim.scenario.data import Expectation
+
+TIME = np.linspace(0, 2, 2001)
+POSES = np.column_stack([0.05 * TIME, np.zeros_like(TIME), np.full_like(TIME, 0.1), np.tile([0, 0, 0, 1.0], (len(TIME), 1))])
+FORCE = np.column_stack([np.where(TIME > 1, 3.0, np.nan), np.where(TIME > 1, 4.0, np.nan), np.where(TIME > 1, 0.0, np.nan)])
+SAMPLES = Samples(
+    time=TIME, joints=("elbow",), values={"link_position": (0.8 * (1 - np.exp(-TIME / 0.1)))[:, None]},
+    bodies={"box": POSES}, contacts={"box/hand": FORCE},
+)  # fmt: skip
+
+
+def claim(**changes: object) -> Expectation:
+    base = {"quantity": "link_position", "measure": "steady_state", "comparison": "==", "value": 0.8, "tolerance": 1e-3,
+            "joint": "elbow", "line": 7}  # fmt: skip
+    return Expectation(**{**base, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("measured", "comparison", "value", "tolerance", "holds"),
+    [
+        (1.0, "==", 1.0, 0.0, True), (1.1, "==", 1.0, 0.1, True), (1.2, "==", 1.0, 0.1, False), (1.0, "<", 1.0, 0.0, False),
+        (1.0, "<=", 1.0, 0.0, True), (1.05, "<", 1.0, 0.1, True), (0.95, ">", 1.0, 0.1, True), (1.0, ">=", 1.0, 0.0, True),
+        (float("nan"), "<", 1.0, 9.0, False), (float("nan"), ">=", 1.0, 9.0, False),
+    ],
+)  # fmt: skip
+def test_comparisons(measured: float, comparison: str, value: float, tolerance: float, holds: bool) -> None:
+    assert compares(measured, comparison, value, tolerance) is holds
+
+
+def test_claims_hold_and_fail_in_words() -> None:
+    good, bad, undefined = evaluate_claims(
+        [claim(), claim(value=0.9), claim(measure="frequency", comparison=">", value=1.0)], SAMPLES
+    )
+    assert (good.holds, bad.holds, undefined.holds) == (True, False, False)
+    assert good.text == "elbow: steady_state of link_position is 0.8 rad, expected == 0.8 +- 0.001 rad: holds"
+    assert bad.text.endswith("does not hold")
+    assert "cannot be measured" in undefined.text
+
+
+def test_only_the_variants_own_claims_count() -> None:
+    claims = [claim(), claim(variant="soft"), claim(variant="stiff")]
+    assert len(evaluate_claims(claims, SAMPLES, variant="soft")) == 2
+    assert len(evaluate_claims(claims, SAMPLES)) == 3
+
+
+def test_bodies_and_contacts() -> None:
+    body = {"joint": None, "body": "box", "tolerance": 1e-9}
+    results = evaluate_claims(
+        [
+            claim(quantity="position", measure="displacement", value=0.1, **body),
+            claim(quantity="x", measure="final", value=0.1, **body),
+            claim(quantity="contact_force", measure="maximum", value=5.0, **body),
+            claim(quantity="contact_force", measure="minimum", value=0.0, **body),
+        ],
+        SAMPLES,
+    )
+    assert all(result.holds for result in results)
+    assert [result.unit for result in results] == ["m", "m", "N", "N"]
+
+
+def test_options_reach_the_measure() -> None:
+    (result,) = evaluate_claims(
+        [claim(measure="settling", value=0.1 * np.log(20), tolerance=1e-4, options={"band": 0.05})], SAMPLES
+    )
+    assert result.holds
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"measure": "overshot"}, "Did you mean 'overshoot'"),
+        ({"quantity": "stiffness"}, "not recorded for elbow"),
+        ({"joint": "wrist"}, "no joint 'wrist'"),
+        ({"joint": None, "body": "ball"}, "no body 'ball'"),
+        ({"joint": None, "body": "box", "quantity": "colour"}, "no quantity 'colour'"),
+        ({"options": {"bnd": 1}}, "not an option"),
+        ({"measure": "rmse"}, "second series"),
+        ({"comparison": "~"}, "no comparison"),
+    ],
+)
+def test_claims_that_cannot_be_evaluated_are_errors_at_their_line(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(ScenarioError, match=words) as error:
+        evaluate_claims([claim(**changes)], SAMPLES)
+    assert error.value.problems[0].line == 7
+
+
+def test_all_bad_claims_are_reported_together() -> None:
+    with pytest.raises(ScenarioError) as error:
+        evaluate_claims([claim(joint="wrist"), claim(), claim(measure="overshot", line=9)], SAMPLES)
+    assert [problem.line for problem in error.value.problems] == [7, 9]

@@ -1,0 +1,256 @@
+"""Lag, resampling and comparison of a simulation with a recording whose differences are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import RecordingError
+from asrsim.metrics.output import write_metrics_csv, write_metrics_json
+from asrsim.recordings import band, compare, evaluate_claims, read_recording, resample, suspect_scale
+from asrsim.recordings.data import Recording
+from asrsim.samples import JointInfo, Samples
+from asrsim.scenario.data import Expectation
+
+SHARED = Path(__file__).parents[2] / "shared"
+
+TIME = 0.001 * np.arange(5001)
+
+
+def motion(time: np.ndarray) -> np.ndarray:
+    """A step at 1 s that rings, and a slow return."""
+    s = np.maximum(time - 1.0, 0.0)
+    return np.where(s > 0, 0.8 * (1 - np.exp(-3 * s) * np.cos(15 * s)), 0.0)
+
+
+def reference(time: np.ndarray) -> np.ndarray:
+    return np.where(time >= 1.0, 0.8, 0.0)
+
+
+def simulation(joint: str = "elbow", scale: float = 1.0) -> Samples:
+    values = {"link_position": scale * motion(TIME)[:, None], "reference_1": scale * reference(TIME)[:, None]}
+    return Samples(time=TIME, joints=(joint,), values=values)
+
+
+def laboratory(
+    folder: Path, *, late: float = 0.0, rate: float = 200.0, scale: float = 1.0, header: str = "time,elbow_pos,elbow_cmd",
+    seconds: float = 5.0, offset: float = 0.0, name: str = "lab.csv",
+) -> Path:  # fmt: skip
+    t = np.arange(0, seconds, 1 / rate)
+    table = np.column_stack([t, scale * motion(t - late) + offset, scale * reference(t - late)])
+    np.savetxt(folder / name, table, delimiter=",", header=header, comments="", fmt="%.12g")
+    return folder / name
+
+
+def read(path: Path, **options: object) -> Recording:
+    return read_recording(path, joints=("elbow",), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.1234, -0.25, 0.5])
+def test_the_lag_is_found_within_a_fraction_of_a_sample(tmp_path: Path, late: float) -> None:
+    result = compare(simulation(), read(laboratory(tmp_path, late=late)), align_on=("elbow", "link_position"))
+    assert result.alignment.lag == pytest.approx(late, abs=3e-4)
+    series = result.find("elbow", "link_position")
+    assert series is not None
+    assert series.metrics["rmse"] < 2e-3
+    assert series.metrics["r2"] > 0.9999
+    assert abs(series.metrics["delay"]) < 5e-4
+
+
+def test_alignment_prefers_the_reference_so_that_the_delay_of_the_response_stays_visible(tmp_path: Path) -> None:
+    t = np.arange(0, 5, 0.005)
+    table = np.column_stack([t, motion(t - 0.05), reference(t)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,elbow_pos,elbow_cmd", comments="")
+    result = compare(simulation(), read(tmp_path / "lab.csv"))
+    assert result.alignment.how == "cross-correlation of elbow.reference_1"
+    assert result.alignment.lag == pytest.approx(0.0, abs=2e-3)
+    series = result.find("elbow", "link_position")
+    assert series is not None
+    assert series.metrics["delay"] == pytest.approx(-0.05, abs=2e-3)  # the simulation comes earlier
+
+
+def test_lag_can_be_set_limited_or_switched_off(tmp_path: Path) -> None:
+    recording = read(laboratory(tmp_path, late=0.3))
+    assert compare(simulation(), recording, lag="off").alignment.lag == 0.0
+    assert compare(simulation(), recording, lag=0.3).find("elbow", "link_position").metrics["rmse"] < 2e-3  # type: ignore[union-attr]
+    limited = compare(simulation(), recording, lag_limit=0.1)
+    assert limited.alignment.lag == 0.0
+    assert "limit" in limited.alignment.how
+    assert any(f.code == "lag" for f in limited.findings)
+    with pytest.raises(RecordingError, match="number of seconds"):
+        compare(simulation(), recording, lag="maybe")  # type: ignore[arg-type]
+
+
+def test_of_a_periodic_signal_the_smallest_lag_is_taken_and_said(tmp_path: Path) -> None:
+    t = np.arange(0, 5, 0.01)
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([t, np.sin(2 * np.pi * 2 * (t - 0.04))]), delimiter=",",
+               header="time,elbow_pos", comments="")  # fmt: skip
+    samples = Samples(time=TIME, joints=("elbow",), values={"link_position": np.sin(2 * np.pi * 2 * TIME)[:, None]})
+    result = compare(samples, read(tmp_path / "lab.csv"))
+    assert result.alignment.lag == pytest.approx(0.04, abs=1e-3)
+    assert any("periodic" in f.message for f in result.findings)
+
+
+def test_metrics_of_known_differences(tmp_path: Path) -> None:
+    result = compare(simulation(), read(laboratory(tmp_path, offset=0.02)), lag="off")
+    metrics = result.find("elbow", "link_position").metrics  # type: ignore[union-attr]
+    assert metrics["bias"] == pytest.approx(-0.02, abs=1e-9)
+    assert metrics["rmse"] == pytest.approx(0.02, abs=1e-9)
+    assert metrics["maximum_error"] == pytest.approx(0.02, abs=1e-9)
+    assert metrics["nrmse"] == pytest.approx(0.02 / np.ptp(motion(TIME)), rel=1e-3)
+
+
+def test_the_coarser_one_keeps_its_samples(tmp_path: Path) -> None:
+    fine = compare(simulation(), read(laboratory(tmp_path, rate=4000.0)), lag="off").find("elbow", "link_position")
+    coarse = compare(simulation(), read(laboratory(tmp_path, rate=50.0)), lag="off").find("elbow", "link_position")
+    assert fine is not None
+    assert coarse is not None
+    np.testing.assert_array_equal(fine.simulation, motion(fine.time))
+    np.testing.assert_allclose(coarse.time, np.arange(0, 5, 0.02), atol=1e-9)
+    np.testing.assert_allclose(coarse.simulation, motion(coarse.time), atol=1e-9)
+
+
+def test_gaps_are_not_bridged() -> None:
+    time = np.concatenate([np.arange(0, 1, 0.01), np.arange(1.5, 2.5, 0.01)])
+    values = np.sin(time)
+    values[20:40] = np.nan
+    grid = np.arange(0, 3, 0.007)
+    result = resample(time, values, grid)
+    hidden = ((grid > 0.195) & (grid < 0.395)) | ((grid > 0.995) & (grid < 1.495)) | (grid > 2.5)
+    assert np.isnan(result[hidden]).all()
+    shown = ~hidden & ~((grid > 0.19) & (grid < 0.4)) & ~((grid > 0.99) & (grid < 1.5)) & (grid < 2.48)
+    np.testing.assert_allclose(result[shown], np.sin(grid[shown]), atol=2e-5)
+
+
+def test_resampling_makes_no_overshoot_at_a_step() -> None:
+    time = np.arange(0, 2, 0.01)
+    result = resample(time, np.where(time >= 1, 1.0, 0.0), np.arange(0, 1.99, 0.0095))
+    assert np.nanmin(result) >= 0.0
+    assert np.nanmax(result) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(180 / np.pi, "degrees"), (1000.0, "thousandths"), (np.pi / 180, "degrees"), (0.001, "thousand")]
+)
+def test_a_factor_of_a_unit_is_suspected(factor: float, words: str) -> None:
+    problem = suspect_scale(motion(TIME), 1.1 * factor * motion(TIME[::5]))
+    assert problem is not None
+    assert words in problem.message
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.5, 3.0, 10.0, 200.0])
+def test_other_factors_are_physics(factor: float) -> None:
+    assert suspect_scale(motion(TIME), factor * motion(TIME)) is None
+
+
+def test_unmarked_degrees_are_suspected_in_a_comparison(tmp_path: Path) -> None:
+    path = laboratory(tmp_path, scale=180 / np.pi)
+    result = compare(simulation(), read(path))
+    assert {f.key for f in result.findings if f.code == "suspected-unit"} == {"elbow.link_position", "elbow.reference_1"}
+    cured = compare(simulation(), read(path, mapping=["elbow_pos=elbow.link_position [deg]"]))
+    assert {f.key for f in cured.findings if f.code == "suspected-unit"} == {"elbow.reference_1"}
+
+
+def test_no_overlap_in_time_names_both_ranges(tmp_path: Path) -> None:
+    t = 100 + np.arange(0, 5, 0.01)
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([t, motion(t - 100)]), delimiter=",", header="time,elbow_pos", comments="")
+    recording = read(tmp_path / "lab.csv")
+    with pytest.raises(RecordingError, match=r"from 0 to 5 s.*from 100 to 104") as error:
+        compare(simulation(), recording)
+    assert "--lag start" in str(error.value)
+    with pytest.raises(RecordingError, match="no overlap"):
+        compare(simulation(), recording, lag="off")
+    assert compare(simulation(), recording, lag="start").series[0].metrics["rmse"] < 1e-6
+
+
+def test_no_common_joint_names_both(tmp_path: Path) -> None:
+    path = laboratory(tmp_path)
+    recording = read_recording(path, mapping=["elbow_pos=wrist.link_position"])
+    with pytest.raises(RecordingError, match=r"simulation has elbow.*recording wrist"):
+        compare(simulation(), recording)
+
+
+def test_no_common_quantity_names_both(tmp_path: Path) -> None:
+    recording = read(laboratory(tmp_path), mapping=["elbow_pos=elbow.stiffness", "elbow_cmd=ignore"])
+    with pytest.raises(RecordingError, match=r"elbow\.stiffness.*link_position"):
+        compare(simulation(), recording)
+
+
+def test_names_made_up_by_us_are_paired_by_order_and_said(tmp_path: Path) -> None:
+    recording = read_recording(laboratory(tmp_path, header="time,q1,q1_ref"))
+    result = compare(simulation("forearm"), recording)
+    assert result.joints == {"joint_1": "forearm"}
+    assert any(f.code == "joints-by-order" for f in result.findings)
+    chosen = compare(simulation("forearm"), recording, joints={"joint_1": "forearm"})
+    assert not any(f.code == "joints-by-order" for f in chosen.findings)
+    with pytest.raises(RecordingError, match="no such joint"):
+        compare(simulation("forearm"), recording, joints={"joint_9": "forearm"})
+
+
+def test_derived_quantities_are_compared(tmp_path: Path) -> None:
+    t = np.arange(0, 5, 0.005)
+    table = np.column_stack([t, reference(t) - motion(t)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,elbow_position_error", comments="")
+    info = JointInfo(name="elbow", actuator="rigid", mode=1, motors=0)
+    series = compare(simulation(), read(tmp_path / "lab.csv"), infos=(info,), lag="off").find("elbow", "position_error")
+    assert series is not None
+    assert series.metrics["rmse"] < 1e-9
+
+
+def test_several_runs_as_a_band(tmp_path: Path) -> None:
+    runs = [
+        compare(simulation(), read(laboratory(tmp_path, offset=offset, name=f"run{i}.csv")), lag="off")
+        for i, offset in enumerate((-0.01, 0.0, 0.04))
+    ]
+    found = band(runs, "elbow", "link_position")
+    assert found is not None
+    assert found.count == 3
+    np.testing.assert_allclose(found.high - found.low, 0.05, atol=1e-9)
+    np.testing.assert_allclose(found.mean - motion(found.time), 0.01, atol=1e-9)
+    assert band(runs, "elbow", "stiffness") is None
+
+
+def test_rows_for_table_json_and_csv(tmp_path: Path) -> None:
+    import csv
+    import json
+
+    rows = compare(simulation(), read(laboratory(tmp_path))).rows("run")
+    write_metrics_json(tmp_path / "metrics.json", rows)
+    write_metrics_csv(tmp_path / "metrics.csv", rows)
+    loaded = json.loads((tmp_path / "metrics.json").read_text())["metrics"]
+    found = [row for row in loaded if (row["quantity"], row["measure"]) == ("link_position", "rmse")]
+    assert len(found) == 1
+    assert found[0]["unit"] == "rad"
+    with (tmp_path / "metrics.csv").open() as stream:
+        assert len(list(csv.DictReader(stream))) == len(loaded)
+    # The step's own measures of both stand beside each other: the same motion, the same numbers.
+    rise = [row["value"] for row in loaded if (row["quantity"], row["measure"]) == ("link_position", "rise")]
+    assert rise[0] == pytest.approx(rise[1], rel=0.05)
+
+
+def test_claims_against_a_recording(tmp_path: Path) -> None:
+    laboratory(tmp_path, offset=0.02)
+    claims = [
+        Expectation(quantity="link_position", measure="rmse", comparison="<", value=limit, joint="elbow", against="lab.csv")
+        for limit in (0.03, 0.01)
+    ]
+    results = evaluate_claims(claims, simulation(), folder=tmp_path)
+    assert [result.holds for result in results] == [True, False]
+    assert results[0].measured == pytest.approx(0.02, rel=0.02)
+    assert "lab.csv" in results[0].text
+
+
+@pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason="the shared recordings are not here")
+def test_quanser_hub_beside_its_own_reference_as_a_simulation() -> None:
+    """The reference as a perfect model: the hub lags it and sticks a little beside it."""
+    recording = read_recording(SHARED / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
+    hubs = np.column_stack([recording.column(joint, "reference_1").values for joint in recording.joints])
+    samples = Samples(time=recording.time, joints=("shoulder", "elbow"), values={"motor_1_position": hubs, "reference_1": hubs})
+    result = compare(samples, recording)
+    assert result.alignment.lag == pytest.approx(0.0, abs=1e-3)
+    series = result.find("shoulder", "motor_1_position")
+    assert series is not None
+    assert series.metrics["r2"] > 0.5
+    assert series.metrics["delay"] < 0  # the model does not wait
