@@ -18,12 +18,12 @@ def motor_kick(
     reference: float,
     load: float,
     coefficients: tuple[float, ...],
-) -> tuple[float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float]:
     """Accelerate a motor over one kick at a fixed position.
 
     position in rad, velocity in rad/s, anchor in rad, integral in N m; reference: desired position in rad (or the
     torque in N m, mode 4); load: torque of the spring on the motor in N m. Coefficients: :func:`motor_coefficients`.
-    Returns velocity after the kick, anchor, integral, motor torque after its limit, friction torque.
+    Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
     """
     p, feed, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit, fastest = coefficients
     stretch = position - anchor
@@ -50,7 +50,7 @@ def motor_kick(
         after = fastest
     elif after < -fastest:
         after = -fastest
-    return after, anchor, integral + more, torque, friction
+    return after, 0.5 * (velocity + after), anchor, integral + more, torque, friction
 
 
 def motor_coefficients(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators.base import Actuator, saturate
+from asrsim.actuators.rebind import rebind
 
 Array = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -22,8 +23,18 @@ _ARRAY_MATH: dict[str, Any] = {
             name: name
             for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "sqrt", "hypot")
         },
-        "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "copysign": "copysign",
-        "pow": "power", "floor": "floor", "ceil": "ceil", "asinh": "arcsinh", "acosh": "arccosh", "atanh": "arctanh",
+        "asin": "arcsin",
+        "acos": "arccos",
+        "atan": "arctan",
+        "atan2": "arctan2",
+        "fabs": "abs",
+        "copysign": "copysign",
+        "pow": "power",
+        "floor": "floor",
+        "ceil": "ceil",
+        "asinh": "arcsinh",
+        "acosh": "arccosh",
+        "atanh": "arctanh",
     }.items()
 }
 _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
@@ -33,25 +44,15 @@ def _saturate_array(value: Any, limit: float) -> Any:
     return np.clip(value, -limit, limit)
 
 
-def _exchanged(function: Callable[..., Any], seen: dict[int, Any]) -> Callable[..., Any]:
-    """`function` with its globals looked up in NumPy where they are :mod:`math`'s."""
-    if id(function) in seen:
-        return seen[id(function)]  # type: ignore[no-any-return]
-    names: dict[str, Any] = {}
-    copy = types.FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
-    seen[id(function)] = copy
-    for name, value in function.__globals__.items():
-        if value is math:
-            names[name] = _MATH_NAMESPACE
-        elif value is saturate:
-            names[name] = _saturate_array
-        elif isinstance(value, types.BuiltinFunctionType) and value in vars(math).values():
-            names[name] = _ARRAY_MATH.get(str(value.__name__), value)
-        elif isinstance(value, types.FunctionType) and name in function.__code__.co_names:
-            names[name] = _exchanged(value, seen)
-        else:
-            names[name] = value
-    return copy
+def _with_arrays(value: Any) -> Any:
+    """What stands for a global of a law when it runs on arrays."""
+    if value is math:
+        return _MATH_NAMESPACE
+    if value is saturate:
+        return _saturate_array
+    if isinstance(value, types.BuiltinFunctionType) and value in vars(math).values():
+        return _ARRAY_MATH.get(str(value.__name__), value)
+    return value
 
 
 def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
@@ -59,7 +60,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
 
     A law with branches cannot take arrays; it is then called sample by sample (slower, same numbers).
     """
-    fast = _exchanged(law, {}) if isinstance(law, types.FunctionType) else None
+    fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
     def evaluate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[float, ...]) -> Array:
         if fast is not None:
@@ -78,6 +79,19 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
         return np.array(rows, dtype=float).T
 
     return evaluate
+
+
+def references_over_arrays(actuator: type[Actuator], first: Array, second: Array) -> tuple[Array, Array]:
+    """The actuator's reference map on arrays (n,): motor positions for equilibria and presets."""
+    law = actuator.motor_references
+    if isinstance(law, types.FunctionType):
+        try:
+            goals = rebind(law, _with_arrays)(first, second)
+            return np.broadcast_to(goals[0], first.shape), np.broadcast_to(goals[1], first.shape)
+        except (ValueError, TypeError):
+            pass
+    rows = np.array([law(a, b) for a, b in zip(first.tolist(), second.tolist(), strict=True)], dtype=float)
+    return rows[:, 0], rows[:, 1]
 
 
 def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:

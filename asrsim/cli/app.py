@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli import actuators, check, init, rerun, run
+from asrsim.cli import actuators, bench, check, ilc, init, rerun, run
 
 # Without rich's markup, help comes in half the time.
 app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -39,8 +39,10 @@ def root(
 
 app.command()(run.run)
 app.command()(rerun.rerun)
+app.command()(ilc.ilc)
 app.command()(check.check)
 app.command()(actuators.actuators)
+app.command()(bench.bench)
 app.command()(init.init)
 
 

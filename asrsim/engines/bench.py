@@ -54,7 +54,7 @@ class BenchEngine:
             index = 0
         return self._rows[index]
 
-    def apply(self, torques: list[float]) -> None:
+    def apply(self, *, forces: Sequence[float]) -> None:
         """Nothing: the bench holds the links."""
 
     def advance(self) -> None:
@@ -69,7 +69,7 @@ class BenchEngine:
         """Links that nothing can move."""
         return 1e9 * np.eye(len(self.joints))
 
-    def bias_difference(self, velocities: Sequence[float], others: Sequence[float]) -> list[float] | None:
+    def bias_difference(self, positions: list[float], velocities: list[float], others: list[float]) -> list[float] | None:
         """None: no dynamics."""
         return None
 

@@ -83,12 +83,10 @@ class BulletEngine:
             raise
         p, client, body = self._p, self._client, self._body
         self.read: Callable[[], Sequence[Any]] = partial(p.getJointStates, body, self._indices, client)
-        self._control = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
+        self.apply: Callable[..., None] = partial(
+            p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client
+        )
         self.advance: Callable[[], None] = partial(p.stepSimulation, client)
-
-    def apply(self, torques: list[float]) -> None:
-        """Torques for the next step."""
-        self._control(forces=torques)
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
@@ -251,16 +249,15 @@ class BulletEngine:
         n = len(self.joints)
         return matrix[-n:, -n:]
 
-    def bias_difference(self, velocities: Sequence[float], others: Sequence[float]) -> list[float] | None:
+    def bias_difference(self, positions: list[float], velocities: list[float], others: list[float]) -> list[float] | None:
         """Velocity torques at `velocities` less those at `others`; None for one joint or a floating base."""
         n = len(self.joints)
         if n < 2 or not self._fixed:
             return None
-        positions = self._positions()
         zero = [0.0] * n
-        inverse = self._p.calculateInverseDynamics
-        here = inverse(self._body, positions, list(velocities), zero, physicsClientId=self._client)
-        there = inverse(self._body, positions, list(others), zero, physicsClientId=self._client)
+        inverse, body, client = self._p.calculateInverseDynamics, self._body, self._client
+        here = inverse(body, positions, velocities, zero, client)
+        there = inverse(body, positions, others, zero, client)
         return [a - b for a, b in zip(here, there, strict=True)]
 
     def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
@@ -309,9 +306,7 @@ class BulletEngine:
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
         turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         zero = [0.0] * len(self.joints)
-        linear, angular = p.calculateJacobian(
-            body, index, turned.tolist(), list(positions), zero, zero, physicsClientId=client
-        )
+        linear, angular = p.calculateJacobian(body, index, turned.tolist(), list(positions), zero, zero, physicsClientId=client)
         base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
         jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
         return np.array(state[4]) + rotation @ at, rotation, jacobian[:, -len(self.joints) :]

@@ -76,7 +76,7 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str
         if step not in constants:
             constants[step] = drive.constants(step)
         before = state
-        torque, state, record = advance(state, constants[step], q, v, r_1, r_2)
+        torque, state, record = advance(state, constants[step], q, v, *drive.goals(r_1, r_2))
         rows.append((q, v, r_1, r_2, torque, *_outputs(drive, q, before, record)))
     table = np.array(rows, dtype=float).reshape(len(rows), len(OUTPUTS))
     return {name: table[:, index] for index, name in enumerate(OUTPUTS)}

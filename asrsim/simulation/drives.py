@@ -62,14 +62,19 @@ class Drive:
             return kernels.advance_torque, ()
         if self.mode.number == 1:
             return kernels.advance_link_controller, (0.0,)
-        references: Any = self.actuator.motor_references if self.mode.mapped else kernels.identity_references
         if not self.mode.motor:
-            return kernels.make_advance_ideal(self.actuator.elastic_torques, references), ()
+            return kernels.make_advance_ideal(self.actuator.elastic_torques), ()
         # Motors start where the unloaded link rests, so that a run does not begin with a jerk.
         rest = (self.initial_position, 0.0, self.initial_position, 0.0)
         if self.actuator.motors == 1:
-            return kernels.make_advance_one_motor(self.actuator.elastic_torques, references), rest
-        return kernels.make_advance_two_motors(self.actuator.elastic_torques, references), rest + rest
+            return kernels.make_advance_one_motor(self.actuator.elastic_torques), rest
+        return kernels.make_advance_two_motors(self.actuator.elastic_torques), rest + rest
+
+    def goals(self, reference_1: Any, reference_2: Any) -> tuple[Any, Any]:
+        """What `advance` takes for references (numbers or arrays): through the reference map in modes 3 and 6."""
+        if self.actuator is not None and self.mode is not None and self.mode.mapped:
+            return self.actuator.motor_references(reference_1, reference_2)
+        return reference_1, reference_2
 
     def constants(self, step: float) -> Any:
         """Constants of `advance` for a step of `step` s."""

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
@@ -33,15 +34,17 @@ class Block:
     """Inputs of substeps first..first+n-1."""
 
     first: int
-    reference_1: list[list[float]]
-    reference_2: list[list[float]]
-    external: list[list[float]]
-    events: dict[int, tuple[Piece, ...]]
     arrays: tuple[Array, Array, Array]
-    """The same as (n, joints): references 1 and 2 as logged, external torques."""
+    """References 1 and 2 and external torques, each (n, joints)."""
+    goals: tuple[Array, Array, Array]
+    """The same with references as the joints take them: through the reference map in modes 3 and 6."""
+    events: dict[int, tuple[Piece, ...]]
     sides: dict[int, Array] = field(default_factory=dict)
     """Filled by the loop, by substep with an event: means over the half kicks before and after its time, (2, joints, columns
     of the raw record with the torque after its limit, and the external torque)."""
+
+    def __len__(self) -> int:
+        return len(self.arrays[0])
 
 
 class Inputs:
@@ -50,6 +53,9 @@ class Inputs:
     def __init__(self, scenario: Scenario, drives: Sequence[Drive], *, substep: float, staggered: bool) -> None:
         self.substep = substep
         self.staggered = staggered
+        self._mapped = [
+            (j, drive.actuator) for j, drive in enumerate(drives) if drive.actuator and drive.mode and drive.mode.mapped
+        ]
         self._signals: tuple[list[Signal], list[Signal], list[Signal]] = ([], [], [])
         for index, drive in enumerate(drives):
             references = {**scenario.references.get("*", {}), **scenario.references.get(drive.name, {})}
@@ -81,12 +87,19 @@ class Inputs:
         )
         return first, second, third
 
+    def _goals(self, arrays: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        if not self._mapped:
+            return arrays
+        first, second = arrays[0].copy(), arrays[1].copy()
+        for j, actuator in self._mapped:
+            first[:, j], second[:, j] = references_over_arrays(actuator, arrays[0][:, j], arrays[1][:, j])
+        return first, second, arrays[2]
+
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
         time = grid(first, count, self.substep)
         arrays = self.sample(time)
-        rows = [array.tolist() for array in arrays]
-        return Block(first, rows[0], rows[1], rows[2], self._events(first, count), arrays)
+        return Block(first, arrays, self._goals(arrays), self._events(first, count))
 
     def _events(self, first: int, count: int) -> dict[int, tuple[Piece, ...]]:
         if not self.staggered:
@@ -117,7 +130,7 @@ class Inputs:
         middles = np.array([0.5 * (a + b) for a, b in pairwise(edges)])
         if not step and len(middles) == 1:
             middles = np.array([now])
-        samples = [array.tolist() for array in self.sample(middles)]
+        samples = [array.tolist() for array in self._goals(self.sample(middles))]
         return tuple(
             Piece((edges[i + 1] - edges[i]) / h, (samples[0][i], samples[1][i], samples[2][i]), edges[i] == now)
             for i in range(len(middles))

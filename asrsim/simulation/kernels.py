@@ -4,9 +4,9 @@ One source serves the plain and the compiled loop: floats, tuples and :mod:`math
 
     advance(state, constants, q, v, r_1, r_2) -> (link torque, new state, record)
 
-with q in rad at the whole step, v in rad/s extrapolated to it, references r_1, r_2. A step of a joint with motors is
-drift - kick - drift: with the default stepping's constants the motors' part of a Strang splitting (second order); with
-a first drift of 0 the semi-implicit Euler rule. `record` is what :mod:`asrsim.simulation.record` names.
+with q in rad at the whole step, v in rad/s extrapolated to it, references r_1, r_2 after the reference map. A step of a joint
+with motors is drift - kick - drift: with the default stepping's constants the motors' part of a Strang splitting (second
+order); with a first drift of 0 the semi-implicit Euler rule. `record` is what :data:`RECORD` names.
 """
 
 from __future__ import annotations
@@ -52,20 +52,19 @@ def advance_link_controller(
     return torque, (state[0] + more,), (0.0, 0.0, 0.0, 0.0, torque, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def make_advance_ideal(elastic_torques: Any, motor_references: Any) -> Advance:
-    """Modes 2 and 3: the motors stand at the references (through the reference map in mode 3)."""
+def make_advance_ideal(elastic_torques: Any) -> Advance:
+    """Modes 2 and 3: the motors stand at the references."""
 
     def advance_ideal(
         state: tuple[float, ...], constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-        theta_1, theta_2 = motor_references(r_1, r_2)
-        torque_1, torque_2 = elastic_torques(q, theta_1, theta_2, constants)
-        return torque_1 + torque_2, state, (torque_1, torque_2, theta_1, 0.0, 0.0, 0.0, theta_2, 0.0, 0.0, 0.0)
+        torque_1, torque_2 = elastic_torques(q, r_1, r_2, constants)
+        return torque_1 + torque_2, state, (torque_1, torque_2, r_1, 0.0, 0.0, 0.0, r_2, 0.0, 0.0, 0.0)
 
     return advance_ideal
 
 
-def make_advance_one_motor(elastic_torques: Any, motor_references: Any) -> Advance:
+def make_advance_one_motor(elastic_torques: Any) -> Advance:
     """Modes 4 to 6 with one motor; the second reference, if any, is the adjuster's position."""
 
     def advance_one_motor(
@@ -73,23 +72,22 @@ def make_advance_one_motor(elastic_torques: Any, motor_references: Any) -> Advan
     ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
         before, after, elastic, motor, low, high = constants
         x, v_0, anchor, integral = state
-        goal, theta_2 = motor_references(r_1, r_2)
         x = x + before * v_0
-        torque, rest = elastic_torques(q, x, theta_2, elastic)
-        v_1, anchor, integral, drive, friction = motor_kick(x, v_0, anchor, integral, goal, torque, motor)
+        torque, rest = elastic_torques(q, x, r_2, elastic)
+        v_1, mean, anchor, integral, drive, friction = motor_kick(x, v_0, anchor, integral, r_1, torque, motor)
         x_1 = x + after * v_1
         v_2 = v_1
         if x_1 > high:
             x_1, v_2 = high, 0.0
         elif x_1 < low:
             x_1, v_2 = low, 0.0
-        record = (torque, rest, x, 0.5 * (v_0 + v_1), drive, friction, theta_2, 0.0, 0.0, 0.0)
+        record = (torque, rest, x, mean, drive, friction, r_2, 0.0, 0.0, 0.0)
         return torque + rest, (x_1, v_2, anchor, integral), record
 
     return advance_one_motor
 
 
-def make_advance_two_motors(elastic_torques: Any, motor_references: Any) -> Advance:
+def make_advance_two_motors(elastic_torques: Any) -> Advance:
     """Modes 4 to 6 with two motors against each other."""
 
     def advance_two_motors(
@@ -97,17 +95,16 @@ def make_advance_two_motors(elastic_torques: Any, motor_references: Any) -> Adva
     ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
         before, after, elastic, motor_1, low_1, high_1, motor_2, low_2, high_2 = constants
         x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y = state
-        goal_x, goal_y = motor_references(r_1, r_2)
         x = x + before * v_x
         y = y + before * v_y
         torque_x, torque_y = elastic_torques(q, x, y, elastic)
-        u_x, anchor_x, integral_x, drive_x, friction_x = motor_kick(x, v_x, anchor_x, integral_x, goal_x, torque_x, motor_1)
-        u_y, anchor_y, integral_y, drive_y, friction_y = motor_kick(y, v_y, anchor_y, integral_y, goal_y, torque_y, motor_2)
-        record = (
-            torque_x, torque_y,
-            x, 0.5 * (v_x + u_x), drive_x, friction_x,
-            y, 0.5 * (v_y + u_y), drive_y, friction_y,
-        )  # fmt: skip
+        u_x, mean_x, anchor_x, integral_x, drive_x, friction_x = motor_kick(
+            x, v_x, anchor_x, integral_x, r_1, torque_x, motor_1
+        )
+        u_y, mean_y, anchor_y, integral_y, drive_y, friction_y = motor_kick(
+            y, v_y, anchor_y, integral_y, r_2, torque_y, motor_2
+        )
+        record = (torque_x, torque_y, x, mean_x, drive_x, friction_x, y, mean_y, drive_y, friction_y)
         x = x + after * u_x
         y = y + after * u_y
         if x > high_1:
@@ -121,11 +118,6 @@ def make_advance_two_motors(elastic_torques: Any, motor_references: Any) -> Adva
         return torque_x + torque_y, (x, u_x, anchor_x, integral_x, y, u_y, anchor_y, integral_y), record
 
     return advance_two_motors
-
-
-def identity_references(r_1: float, r_2: float) -> tuple[float, float]:
-    """The reference map of modes 2, 4 and 5: none."""
-    return r_1, r_2
 
 
 def make_substepped(advance: Advance, substeps: int) -> Advance:

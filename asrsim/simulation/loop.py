@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from array import array
+from array import array as floats
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,10 +17,12 @@ from asrsim.simulation.steppings import Stepping
 
 COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
 """Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the effort limit, then the kernels' record."""
-FLUSH = 10_000
-"""Floats after which the record moves to a compact array: a short list stays in the processor's cache."""
-CORIOLIS_EVERY = 4
-"""Substeps between evaluations of the Coriolis correction: of order h itself, it may lag by some h at second order."""
+FLUSH = 8_000
+"""Floats after which inputs are taken from and the record moved to compact arrays: short lists stay in
+the processor's cache."""
+CORIOLIS_PHASE = 1.5
+"""rad of the fastest oscillation, at most, between evaluations of the Coriolis correction: being of order h itself, it may
+lag by some steps at second order."""
 
 Hook = Callable[[int, Sequence[Any], Sequence[Any]], None]
 """Called before each substep with its number, the engine's joint states and the actuators' states."""
@@ -37,6 +39,7 @@ class Loop:
         *,
         substep: float,
         motor_substeps: int,
+        omega_h: float = 1.0,
         before_step: Sequence[Hook] = (),
     ) -> None:
         self.engine = engine
@@ -56,7 +59,10 @@ class Loop:
         self._dampings = [drive.joint.damping for drive in drives]
         self._laws = [make_damping_law(drive) for drive in drives]
         self.correction = [0.0] * len(self.drives)
-        self._correct = stepping.staggered and engine.bias_difference([1.0] * len(drives), [0.0] * len(drives)) is not None
+        zero = [0.0] * len(self.drives)
+        moves = stepping.staggered and engine.bias_difference(zero, zero, zero) is not None
+        self._correct_every = max(1, min(16, int(CORIOLIS_PHASE / max(omega_h, 1e-9)))) if moves else 0
+        """Substeps between Coriolis corrections; 0: none are needed."""
         # v = now * v_engine + before * v_engine of the substep before: extrapolation to the whole step.
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         self.previous = [0.0] * len(self.drives)
@@ -84,7 +90,7 @@ class Loop:
 
     def run(self, block: Block) -> Array:
         """All substeps of `block`; returns (n, joints, columns) raw records, columns as :data:`COLUMNS`."""
-        n = len(block.reference_1)
+        n = len(block)
         self.refresh_response()
         records: list[Array] = []
         position = 0
@@ -106,50 +112,51 @@ class Loop:
         now, before, previous = self._now, self._before, self.previous
         response, last_torque, last_mean = self.response, self.last_torque, self.last_mean
         slow = bool(self.before_step or any(self._laws))
-        correct = self._correct
+        every = self._correct_every
         forces = [0.0] * len(states)
-        chunks: list[array[float]] = []
+        chunks: list[floats[float]] = []
         out: list[float] = []
         append = out.append
-        for k in range(start, end):
-            joints = read()
-            first, second, external = block.reference_1[k], block.reference_2[k], block.external[k]
-            if slow:
-                for hook in self.before_step:
-                    hook(block.first + k, joints, self.states)
-                dampings = self._changed_dampings(joints)
-            if correct and not (block.first + k) % CORIOLIS_EVERY:
-                self._correct_coriolis(joints)
-            for j, (q, lagging, _, _) in enumerate(joints):
-                v = now * lagging + before * previous[j]
-                previous[j] = lagging
-                torque, states[j], record = advances[j](states[j], constants[j], q, v, first[j], second[j])
-                append(q)
-                append(lagging)
-                append(torque)
-                out += record
-                limit = efforts[j]
-                if torque > limit:
-                    torque = limit
-                elif torque < -limit:
-                    torque = -limit
-                damping = dampings[j]
-                if damping:
-                    half = response[j]
-                    drag = half * damping
-                    v = (v + half * (torque - last_torque[j]) + drag * last_mean[j]) / (1.0 + drag)
-                    last_torque[j] = torque
-                    last_mean[j] = v
-                    forces[j] = torque + external[j] - damping * v - correction[j]
-                else:
-                    forces[j] = torque + external[j] - correction[j]
-            apply(forces)
-            advance_engine()
-            if len(out) > FLUSH:
-                chunks.append(array("d", out))
-                out.clear()
-        chunks.append(array("d", out))
-        return np.concatenate([np.frombuffer(chunk) for chunk in chunks if len(chunk)])
+        rows = max(16, FLUSH // (len(states) * len(COLUMNS)))
+        for piece in range(start, end, rows):
+            stop = min(piece + rows, end)
+            inputs = zip(*(array[piece:stop].tolist() for array in block.goals), strict=True)
+            for k, (first, second, external) in enumerate(inputs, block.first + piece):
+                joints = read()
+                if slow:
+                    for hook in self.before_step:
+                        hook(k, joints, states)
+                    dampings = self._changed_dampings(joints)
+                if every and not k % every:
+                    self._correct_coriolis(joints)
+                for j, (q, lagging, _, _) in enumerate(joints):
+                    v = now * lagging + before * previous[j]
+                    previous[j] = lagging
+                    torque, states[j], record = advances[j](states[j], constants[j], q, v, first[j], second[j])
+                    append(q)
+                    append(lagging)
+                    append(torque)
+                    out += record
+                    limit = efforts[j]
+                    if torque > limit:
+                        torque = limit
+                    elif torque < -limit:
+                        torque = -limit
+                    damping = dampings[j]
+                    if damping:
+                        half = response[j]
+                        drag = half * damping
+                        v = (v + half * (torque - last_torque[j]) + drag * last_mean[j]) / (1.0 + drag)
+                        last_torque[j] = torque
+                        last_mean[j] = v
+                        forces[j] = torque + external[j] - damping * v - correction[j]
+                    else:
+                        forces[j] = torque + external[j] - correction[j]
+                apply(forces=forces)
+                advance_engine()
+            chunks.append(floats("d", out))
+            out.clear()
+        return np.concatenate([np.frombuffer(chunk) for chunk in chunks])
 
     def _split(self, block: Block, index: int) -> Array:
         """One substep whose kick is cut in pieces, with the inputs of each; the first of a run has no piece before t = 0."""
@@ -186,7 +193,7 @@ class Loop:
             self.last_torque[j] = mean
             self.last_mean[j] = v if k else velocities[j]
         block.sides[k] = sides
-        self.engine.apply(totals)
+        self.engine.apply(forces=totals)
         if k:
             self.engine.advance()
         else:
@@ -215,7 +222,7 @@ class Loop:
         """The engine evaluates velocity torques at the lagging velocity; make up for it."""
         lagging = [state[1] for state in joints]
         centred = [self._now * v + self._before * u for v, u in zip(lagging, self.previous, strict=True)]
-        difference = self.engine.bias_difference(centred, lagging)
+        difference = self.engine.bias_difference([state[0] for state in joints], centred, lagging)
         if difference is not None:
             self.correction[:] = difference
 

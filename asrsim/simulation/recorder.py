@@ -80,10 +80,10 @@ class Recorder:
     def add(self, block: Block, raw: Array) -> Samples | None:
         """Samples of the rows that `raw` (n, joints, columns) completes, or None where there are none."""
         inputs = block.arrays
+        raw = self._with_held(raw)
         if self._held is not None:
-            raw = np.concatenate([self._held, raw])
             inputs = tuple(np.concatenate([a, b]) for a, b in zip(self._held_inputs, inputs, strict=True))  # type: ignore[assignment]
-        self._held, self._held_inputs = raw[-1:], tuple(a[-1:] for a in inputs)
+        self._held, self._held_inputs = raw[-1:].copy(), tuple(a[-1:] for a in inputs)
         self._sides |= block.sides
         count = min(len(raw) - 1, self.last + 1 - self._next)
         if count < 1:
@@ -100,6 +100,16 @@ class Recorder:
             joints=tuple(drive.name for drive in self.drives),
             values={name: np.ascontiguousarray(column[logged]) for name, column in values.items()},
         )
+
+    def _with_held(self, raw: Array) -> Array:
+        """The row kept back and `raw`, laid out so that each column is contiguous."""
+        held = 0 if self._held is None else 1
+        columns = np.empty((raw.shape[2], held + raw.shape[0], raw.shape[1]))
+        rows = np.moveaxis(columns, 0, 2)
+        if self._held is not None:
+            rows[:1] = self._held
+        rows[held:] = raw
+        return rows
 
     def _values(self, raw: Array, inputs: Sequence[Array], count: int, first: int) -> dict[str, Array]:
         now, after = raw[:count], raw[1 : count + 1]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import time as clock
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -23,7 +24,7 @@ from asrsim.simulation.recorder import Counts, Recorder, has_second_reference, r
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
 
-BLOCK = 2048
+BLOCK = 1024
 """Substeps between samples handed on, checks and progress."""
 CONFIGURATIONS = 8
 """Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
@@ -309,7 +310,20 @@ def simulate(
     prepared = prepare(scenario, robot)
     with closing(prepared.engine):
         ready = sinks(prepared.info) if callable(sinks) else sinks
-        return _run(prepared, ready, keep=keep, progress=progress, stop=stop)
+        with _no_collection():
+            return _run(prepared, ready, keep=keep, progress=progress, stop=stop)
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """The loop makes no reference cycles, and every collection would walk through all that is loaded."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _run(
@@ -381,13 +395,27 @@ def _run(
 
 
 def make_loop(prepared: Prepared, hooks: Sequence[Hook], last: int) -> Loop:
-    """The loop that pays: compiled where it can and the run is long, else plain."""
-    arguments: dict[str, Any] = {
+    """The loop that pays: compiled where it can and the run is long, else plain. `last`: substeps of the run."""
+    scenario = prepared.scenario
+    options: dict[str, Any] = {
         "substep": prepared.substep,
         "motor_substeps": prepared.resolution.motor_substeps,
+        "omega_h": prepared.resolution.omega_h,
         "before_step": hooks,
     }
-    return Loop(prepared.engine, prepared.drives, prepared.stepping, **arguments)
+    if scenario.compiled is not False:
+        from asrsim.simulation import compiled
+
+        wanted = scenario.compiled or compiled.pays(len(prepared.drives), last)
+        if scenario.compiled and not compiled.available():
+            raise SimulationError("the compiled loop needs Numba: pip install 'asrsim[fast]'")
+        if wanted and compiled.available():
+            try:
+                return compiled.CompiledLoop(prepared.engine, prepared.drives, prepared.stepping, **options)
+            except SimulationError:
+                if scenario.compiled:
+                    raise
+    return Loop(prepared.engine, prepared.drives, prepared.stepping, **options)
 
 
 def _faults(prepared: Prepared, block: Block, raw: Array, done: int) -> DivergenceError | None:

@@ -61,21 +61,11 @@ def sensed(drive: Drive, effects: Effects, *, substep: float, index: int, seed: 
             true = joints[index][0] if on_link else states[index][4 * i]
             offsets[i] = sensor.measure(k, true) - true
 
-    original = actuator.motor_references if mode.mapped else None
-
-    def motor_references(first: float, second: float) -> tuple[float, float]:
-        a, b = original(first, second) if original else (first, second)
-        return a - offsets[0], b - (offsets[1] if motors == 2 else 0.0)
-
     changed = replace(drive)
-    if on_link:
-        advance = drive.advance
+    advance = drive.advance
 
-        def advance_sensed(state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float) -> Any:
-            return advance(state, constants, q, v, r_1 - offsets[0], r_2)
+    def advance_sensed(state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float) -> Any:
+        return advance(state, constants, q, v, r_1 - offsets[0], r_2 - offsets[1])
 
-        object.__setattr__(changed, "advance", advance_sensed)
-    else:
-        mapped = type(actuator.__name__, (actuator,), {"motor_references": staticmethod(motor_references)})
-        changed = replace(drive, actuator=mapped, mode=replace(mode, mapped=True))
+    object.__setattr__(changed, "advance", advance_sensed)
     return changed, hook

@@ -83,21 +83,19 @@ def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> 
     if mode.number == 1:
         return _advance_link_controller, (0.0,)
     elastic_torques = actuator.elastic_torques
-    references = actuator.motor_references if mode.mapped else _identity
 
     def advance_ideal(
         state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, Any, tuple[float, ...]]:
-        theta_1, theta_2 = references(r_1, r_2)
-        torque_1, torque_2 = elastic_torques(q, theta_1, theta_2, constants[0])
-        return torque_1 + torque_2, state, (torque_1, torque_2, theta_1, 0.0, 0.0, 0.0, theta_2, 0.0, 0.0, 0.0)
+        torque_1, torque_2 = elastic_torques(q, r_1, r_2, constants[0])
+        return torque_1 + torque_2, state, (torque_1, torque_2, r_1, 0.0, 0.0, 0.0, r_2, 0.0, 0.0, 0.0)
 
     def advance_motors(
         state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, Any, tuple[float, ...]]:
         elastic, step, motor_1, motor_2 = constants
         x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y = state
-        push_x, push_y = references(r_1, r_2)
+        push_x, push_y = r_1, r_2
         torque_x, torque_y = elastic_torques(q, x, y, elastic)
         if mode.controller:
             error_x, error_y = push_x - x, push_y - y
@@ -113,10 +111,6 @@ def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> 
         return torque_x + torque_y, (x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y), record
 
     return (advance_motors, IDLE_MOTOR * 2) if mode.motor else (advance_ideal, ())
-
-
-def _identity(r_1: float, r_2: float) -> tuple[float, float]:
-    return r_1, r_2
 
 
 def _advance_link_controller(
