@@ -100,7 +100,7 @@ def grid_figure(
         axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)
         axes[-1, c].set_xlabel("time (s)")
     figure.align_ylabels()
-    _title(figure, runs, subject, part)
+    figure_title(figure, runs, subject, part)
     variants(figure, [run.label for run in runs])
     return figure
 
@@ -119,7 +119,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             ax.set_visible(False)
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
-        ax.set_title(_short(joints[index], 34), loc="left", fontsize=8)
+        ax.set_title(shorten(joints[index], 34), loc="left", fontsize=8)
         if index % columns:
             ax.set_ylabel("")
         if index + columns >= len(joints):
@@ -131,7 +131,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
         spare.set_visible(True)
         spare.set_axis_off()
     legend(spare or axes[0, -1], [name for name in panel.quantities if name in shown], inside=spare is not None)
-    _title(figure, runs, "all joints", (1, 1))
+    figure_title(figure, runs, "all joints", (1, 1))
     variants(figure, [run.label for run in runs])
     return figure
 
@@ -162,7 +162,7 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
     legend(axes[0, -1], ["dx", "dy", "dz"], words={"dx": "along x", "dy": "along y", "dz": "along z"})
     legend(axes[1, -1], ["force"], words={"force": "magnitude"})
     figure.align_ylabels()
-    _title(figure, runs, "objects", (1, 1))
+    figure_title(figure, runs, "objects", (1, 1))
     variants(figure, [run.label for run in runs])
     return figure
 
@@ -243,7 +243,7 @@ def _empty(axes: Axes) -> None:
 
 def _column_title(runs: Sequence[RunCurves], joint: str) -> str:
     info = next(info for run in runs for info in run.joints if info.name == joint)
-    return f"{_short(joint, 40)}\n{describe(info)}"
+    return f"{shorten(joint, 40)}\n{describe(info)}"
 
 
 def describe(joint: JointInfo) -> str:
@@ -257,14 +257,16 @@ def describe(joint: JointInfo) -> str:
     return f"{actuator}, mode {joint.mode} {MODES[joint.mode].name}"
 
 
-def _short(text: str, length: int) -> str:
+def shorten(text: str, length: int) -> str:
+    """The text, its middle left out where it is longer than `length`."""
     return text if len(text) <= length else f"{text[: length // 2 - 1]}…{text[-(length // 2) + 1 :]}"
 
 
-def _title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int]) -> None:
+def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int]) -> None:
+    """Robot, scenario, variant, subject and page in one line at the top left."""
     robots = ", ".join(dict.fromkeys(run.info.robot for run in runs))
     scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
-    words = [_short(robots, 40), *(_short(name, 40) for name in scenarios if name and len(scenarios) == 1)]
+    words = [shorten(robots, 40), *(shorten(name, 40) for name in scenarios if name and len(scenarios) == 1)]
     if len(runs) == 1 and runs[0].label not in ("default", ""):
         words.append(runs[0].label)
     if runs[0].status not in ("complete",):

@@ -1,0 +1,206 @@
+"""Which recording belongs to which run, and both compared in bounded memory."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem, RecordingError, did_you_mean
+from asrsim.log import LogReader, open_log
+from asrsim.log.derived import DERIVED_SOURCES
+from asrsim.metrics import MetricRow
+from asrsim.plots.curves import Curve, Progress, available
+from asrsim.plots.decimate import BINS, decimate
+from asrsim.recordings import Comparison, Recording, Series, band, compare
+from asrsim.recordings.align import Alignment, LagChoice
+from asrsim.recordings.compare import match_joints
+from asrsim.samples import Array
+
+BUDGET = 128e6
+"""Bytes of samples that are compared at once; a larger log is compared joint by joint."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """One quantity of one joint of one run beside its recordings, thinned for a picture."""
+
+    joint: str
+    quantity: str
+    unit: str
+    simulation: Curve
+    recording: Curve
+    """The recording; of several their mean."""
+    difference: Curve
+    """Simulation minus recording (of several: minus their mean)."""
+    low: Curve | None = None
+    """Of several recordings the smallest, at the times of `high`."""
+    high: Curve | None = None
+    count: int = 1
+    """Recordings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunComparison:
+    """A run beside its recordings."""
+
+    label: str
+    recordings: tuple[Path, ...]
+    pairs: Mapping[tuple[str, str], Pair]
+    """(joint, quantity) -> pair."""
+    alignments: Mapping[str, Alignment]
+    """Name of the recording -> how its clock was moved."""
+    joints: Mapping[str, Mapping[str, str]]
+    """Name of the recording -> its joints -> the run's."""
+    rows: tuple[MetricRow, ...]
+    findings: tuple[Problem, ...] = ()
+
+
+def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int | None, bool]]:
+    """Which run each experiment's file belongs to: (file, number of the run or None for all, whether it was guessed).
+
+    `VARIANT=FILE` says it; else a file whose name has the label of exactly one of several runs as a word belongs to that
+    one; else it belongs to all. Raises InputError for a variant that no run has.
+    """
+    chosen: list[tuple[Path, int | None, bool]] = []
+    for text in files:
+        variant, equals, name = text.partition("=")
+        if equals and variant and not Path(text).exists():
+            if variant not in labels:
+                hint = did_you_mean(variant, tuple(labels))
+                message = f"no log is labelled '{variant}'"
+                problem = Problem(message=message, key="experiment", choices=tuple(labels), hint=hint, code="unknown-variant")
+                raise InputError(problem)
+            chosen.append((Path(name), labels.index(variant), False))
+            continue
+        words = set(re.split(r"[^a-z0-9]+", Path(text).stem.lower()))
+        named = [n for n, label in enumerate(labels) if set(re.split(r"[^a-z0-9]+", label.lower())) <= words]
+        guessed = len(labels) > 1 and len(named) == 1
+        chosen.append((Path(text), named[0] if guessed else None, guessed))
+    return chosen
+
+
+def compare_run(
+    path: Path,
+    recordings: Sequence[Recording],
+    *,
+    label: str,
+    joints: Sequence[str] | None = None,
+    quantities: Sequence[str] | None = None,
+    lags: Mapping[str, LagChoice] | LagChoice = "auto",
+    lag_limit: float | None = None,
+    bins: int = BINS,
+    progress: Progress | None = None,
+) -> RunComparison:
+    """Compares a log with recordings of one experiment, a few joints at a time where it is long.
+
+    joints, quantities: only these. lags: for all, or by the recording's path. lag_limit: s, largest lag that auto may find.
+    Raises RecordingError (no common joint or quantity, no overlap in time) and LogError.
+    """
+    reader = open_log(path)
+    wanted = {joint.name for joint in reader.info.joints if joints is None or joint.name in joints}
+    names = [joint.name for joint in reader.info.joints]
+    known = available(reader)
+    pairings = [match_joints(names, recording)[0] for recording in recordings]
+    paired = [name for name in names if name in wanted and any(name in pairing.values() for pairing in pairings)]
+    common = [
+        name
+        for name in known
+        if (quantities is None or name in quantities)
+        and any(column.quantity == name for recording in recordings for column in recording.channels.values())
+    ]
+    if not paired or not common:
+        # Its own words are the better ones.
+        compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
+        raise RecordingError(Problem(message="no joint and quantity that was asked for is in both", file=recordings[0].path))
+    alignments: dict[str, Alignment] = {}
+    pairs: dict[tuple[str, str], Pair] = {}
+    rows: list[MetricRow] = []
+    findings: dict[str, Problem] = {}
+    groups = list(_groups(reader, paired, common))
+    for number, members in enumerate(groups):
+        compared = []
+        samples = reader.read(quantities=_stored(reader, common), joints=members).samples
+        for recording, pairing in zip(recordings, pairings, strict=True):
+            mine = {a: b for a, b in pairing.items() if b in members}
+            if not mine:
+                continue
+            name = str(recording.path)
+            given = lags.get(name, "auto") if isinstance(lags, Mapping) else lags
+            lag = alignments[name].lag if name in alignments else given
+            one = compare(
+                samples, recording, infos=reader.info.joints, joints=mine, quantities=common, lag=lag, lag_limit=lag_limit
+            )
+            alignments.setdefault(name, one.alignment)
+            compared.append(one)
+            rows += one.rows(label)
+            findings |= {str(problem): problem for problem in one.findings}
+        pairs |= _pairs(compared, bins)
+        if progress is not None:
+            progress((number + 1) / len(groups))
+    return RunComparison(
+        label=label,
+        recordings=tuple(recording.path for recording in recordings),
+        pairs=pairs,
+        alignments=alignments,
+        joints={str(recording.path): pairing for recording, pairing in zip(recordings, pairings, strict=True)},
+        rows=tuple(rows),
+        findings=tuple(findings.values()),
+    )
+
+
+def _groups(reader: LogReader, joints: Sequence[str], quantities: Sequence[str]) -> Iterator[list[str]]:
+    count = reader.duration / (reader.info.step * max(reader.info.log_every, 1)) + 1
+    # Read, compared (time, simulation, recording) and resampled.
+    size = 8.0 * count * len(quantities) * 5
+    each = max(1, int(BUDGET / size))
+    for start in range(0, len(joints), each):
+        yield list(joints[start : start + each])
+
+
+def _stored(reader: LogReader, names: Sequence[str]) -> list[str]:
+    recorded = {name for joint in reader.info.joints for name in joint.quantities}
+    wanted = dict.fromkeys(source for name in names for source in DERIVED_SOURCES.get(name, (name,)))
+    return [name for name in wanted if name in recorded]
+
+
+def _pairs(compared: Sequence[Comparison], bins: int) -> dict[tuple[str, str], Pair]:
+    pairs: dict[tuple[str, str], Pair] = {}
+    for key in dict.fromkeys((s.joint, s.quantity) for one in compared for s in one.series):
+        found = [s for s in (one.find(*key) for one in compared) if s is not None]
+        first = found[0]
+        if len(found) == 1:
+            pairs[key] = _pair(first, first.recording, bins)
+            continue
+        runs = band(compared, *key)
+        if runs is None:
+            continue
+        low, high = _hull(runs.time, runs.low, runs.high, bins)
+        pairs[key] = replace(_pair(first, runs.mean, bins), low=low, high=high, count=runs.count)
+    return pairs
+
+
+def _pair(series: Series, recording: Array, bins: int) -> Pair:
+    def thin(values: Array) -> Curve:
+        time, kept = decimate(series.time, values, bins=bins)
+        return Curve(time=time, values=kept)
+
+    return Pair(
+        joint=series.joint,
+        quantity=series.quantity,
+        unit=series.unit,
+        simulation=thin(series.simulation),
+        recording=thin(recording),
+        difference=thin(series.simulation - recording),
+    )
+
+
+def _hull(time: Array, low: Array, high: Array, bins: int) -> tuple[Curve, Curve]:
+    """Smallest and largest values over short intervals, at common times."""
+    if len(time) > 2 * bins:
+        edges = np.unique(np.linspace(0, len(time), bins + 1).astype(int)[:-1])
+        time, low, high = time[edges], np.fmin.reduceat(low, edges), np.fmax.reduceat(high, edges)
+    return Curve(time=time, values=low), Curve(time=time, values=high)
