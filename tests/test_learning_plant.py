@@ -163,7 +163,7 @@ def command():
 def test_the_command_learns_and_transfers(scenario_file, tmp_path):
     out = tmp_path / "out"
     result = CliRunner().invoke(
-        command(), [str(scenario_file), "--out", str(out), "--transfer", "--processes", "1", "--no-picture"]
+        command(), [str(scenario_file), "--out", str(out), "--transfer", "--processes", "1", "--no-plot"]
     )
     assert result.exit_code == 0, result.output
     assert "converged after" in result.output
@@ -173,7 +173,7 @@ def test_the_command_learns_and_transfers(scenario_file, tmp_path):
 
 def test_the_command_fails_where_learning_does_not_converge(scenario_file, tmp_path):
     result = CliRunner().invoke(
-        command(), [str(scenario_file), "--out", str(tmp_path / "o"), "--set", "ilc.max_iterations=1", "--json", "--no-picture"]
+        command(), [str(scenario_file), "--out", str(tmp_path / "o"), "--set", "ilc.max_iterations=1", "--json", "--no-plot"]
     )
     assert result.exit_code == 1
     assert json.loads(result.output)["outcome"] == "exhausted"

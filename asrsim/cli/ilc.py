@@ -4,175 +4,182 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from asrsim.learning.iterate import Trial
     from asrsim.learning.plant import Prepared
     from asrsim.learning.session import Session
     from asrsim.learning.transfer import TransferReport
-    from asrsim.scenario import Scenario
+    from asrsim.scenario.data import Scenario
+
+INTERRUPTED = 130
+"""Exit code of a command that SIGINT ended, as shells have it."""
 
 
 class KeepLogs(StrEnum):
     """Whose logs are kept."""
 
-    none = "none"
-    last = "last"
-    all = "all"
+    NONE = "none"
+    LAST = "last"
+    ALL = "all"
 
 
 def ilc(
-    scenario: Annotated[Path, typer.Argument(help="Scenario with a block `ilc`.", show_default=False)],
-    variant: Annotated[str | None, typer.Option(help="The variant to learn.", show_default="the only one")] = None,
-    set_: Annotated[
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML) with a block `ilc`.", show_default=False)],
+    variant: Annotated[str | None, typer.Option(help="Learn this variant.", show_default="the only one")] = None,
+    overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder of the results.", show_default="<scenario>_ilc")
+        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on after an interruption, exactly.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on after an interruption, exactly where it was.")] = False,
     transfer: Annotated[
         bool, typer.Option("--transfer", help="Play what was learned to plants that differ, as `ilc.transfer` says.")
     ] = False,
     draws: Annotated[int | None, typer.Option(min=1, help="Plants of the transfer.", show_default="the scenario's")] = None,
-    keep_logs: Annotated[KeepLogs | None, typer.Option(help="Logs to keep.", show_default="the scenario's")] = None,
+    keep_logs: Annotated[
+        KeepLogs | None, typer.Option(help="Trials whose logs are kept.", show_default="the scenario's")
+    ] = None,
     processes: Annotated[int, typer.Option(min=1, help="Processes for transfer and sets of plants.")] = 2,
-    picture: Annotated[bool, typer.Option("--picture/--no-picture", help="Draw error and trajectories.")] = True,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print the outcome only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
 ) -> None:
-    """Learn inputs that make the joints follow `ilc.trajectory`, trial by trial; exit code 1 if that does not converge.
+    """Learn the inputs that make the joints follow `ilc.trajectory`, trial by trial (paper section 4.3).
+
+    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
+    (ilc.png), and the state to resume from. Exit code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.gain=model --transfer
     """
-    from asrsim.errors import InputError, Problem
-    from asrsim.learning.plant import make_plant
-    from asrsim.learning.session import run_session
+    from asrsim.cli.console import complain, json_errors
 
-    chosen = _choose(scenario, variant, set_ or [])
-    if transfer and not chosen.learning.get("transfer"):
-        raise InputError(Problem(message="--transfer needs the block `ilc.transfer`: what differs, by how much", file=scenario))
-    folder = out or Path(f"{scenario.stem}_ilc")
-    show = _Progress(silent=json or quiet)
+    folder: Path | None = None
     try:
-        with show:
-            session = run_session(
-                make_plant(chosen),
-                folder,
-                on_start=show.start,
-                on_trial=show.add,
-                resume=resume,
-                keep_logs=keep_logs.value if keep_logs else None,
-                with_transfer=transfer,
-                draws=draws,
-                processes=processes,
-                picture=picture,
-            )
+        with json_errors(json):
+            chosen = _choose(scenario, variant, overrides or [], plugin or [])
+            folder = out or Path("out") / chosen.name / "ilc"
+            session = _learn(
+                chosen, folder, resume=resume, with_transfer=transfer, draws=draws, keep_logs=keep_logs,
+                processes=processes, plugins=plugin or [], plot=plot, silent=quiet or json,
+            )  # fmt: skip
     except KeyboardInterrupt:
-        typer.echo(f"asrsim: interrupted; the trials so far are in {folder / 'state.npz'}: go on with --resume", err=True)
-        raise typer.Exit(130) from None
+        where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
+        complain(f"\nasrsim: interrupted{where}")
+        raise typer.Exit(INTERRUPTED) from None
     _report(session, folder, json=json)
     if not session.result.converged:
         raise typer.Exit(1)
 
 
-def _choose(path: Path, variant: str | None, overrides: list[str]) -> Scenario:
+def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list[Path]) -> Scenario:
     from asrsim.errors import Problem, ScenarioError
     from asrsim.scenario import load_scenario
 
+    if plugins:
+        from asrsim.actuators.user import load_plugin_file
+
+        for plugin in plugins:
+            load_plugin_file(plugin)
     scenarios = load_scenario(path, variant=variant, overrides=overrides)
     if len(scenarios) > 1:
+        names = tuple(scenario.variant for scenario in scenarios)
         raise ScenarioError(
-            Problem(
-                message="has several variants: choose one with --variant",
-                file=path,
-                choices=tuple(scenario.variant for scenario in scenarios),
-            )
+            Problem(message="has several variants: choose one with --variant", file=path, choices=names, code="variants")
         )
     return scenarios[0]
 
 
-class _Progress:
-    """The live table: a row a trial."""
+def _learn(
+    scenario: Scenario, folder: Path, *, resume: bool, with_transfer: bool, draws: int | None, keep_logs: KeepLogs | None,
+    processes: int, plugins: list[Path], plot: bool, silent: bool,
+) -> Session:  # fmt: skip
+    from asrsim.errors import Problem, ScenarioError
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.session import run_session
 
-    def __init__(self, *, silent: bool) -> None:
-        self.silent = silent
-        self._live: Any = None
-        self._table: Table | None = None
+    if with_transfer and not scenario.learning.get("transfer"):
+        message = "--transfer needs the block `ilc.transfer`: what differs, and by how much"
+        raise ScenarioError(Problem(message=message, file=scenario.path, key="ilc.transfer", code="no-transfer"))
+    table = _Table()
+    return run_session(
+        make_plant(scenario),
+        folder,
+        on_start=None if silent else table.start,
+        on_trial=None if silent else table.row,
+        resume=resume,
+        keep_logs=keep_logs.value if keep_logs else None,
+        with_transfer=with_transfer,
+        draws=draws,
+        processes=processes,
+        plugins=plugins,
+        picture=plot,
+    )
 
-    def __enter__(self) -> _Progress:
-        if not self.silent:
-            from rich.live import Live
 
-            self._live = Live(auto_refresh=False)
-            self._live.__enter__()
-        return self
+class _Table:
+    """The live table: a line a trial, as it ends."""
 
-    def __exit__(self, *exception: Any) -> None:
-        if self._live is not None:
-            self._live.__exit__(*exception)
+    def __init__(self) -> None:
+        self._widths: list[int] = []
 
     def start(self, prepared: Prepared) -> None:
-        """Headings, and what the model says beforehand."""
-        if self.silent:
-            return
-        from rich.table import Table
+        """What the model says beforehand, and the headings."""
+        from asrsim.cli.console import say
 
         gains = ", ".join(f"{gain:.3g}" for gain in prepared.settings.gains)
         advice = ", ".join(f"{gain:.3g}" for gain in prepared.gain_advice())
-        table = Table(
-            title=f"gains {gains} (the model would choose {advice}); errors shrink below {prepared.learnable():.2g} Hz",
-            title_justify="left",
-            title_style="",
-        )
-        for heading in (
-            "iteration",
-            *(f"{joint} [rad]" for joint in prepared.plant.joints),
-            "2-norm [rad]",
-            "ratio",
-            "predicted",
-            "s",
-        ):
-            table.add_column(heading, justify="right")
-        self._table = table
-        self._live.update(table, refresh=True)
+        say(f"gains {gains}; from the model {advice}; errors shrink below {prepared.learnable():.2g} Hz")
+        say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
+        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
+        self._widths = [max(len(heading), 7) for heading in headings]
+        self._say(headings, "bold")
 
-    def add(self, trial: Trial) -> None:
-        """A row."""
-        if self._table is None:
-            return
+    def row(self, trial: Trial) -> None:
+        """A trial."""
         ratio, predicted = ("" if value is None else f"{value:.3f}" for value in (trial.ratio, trial.predicted))
         largest = [f"{value:.4f}" for value in trial.largest]
-        self._table.add_row(str(trial.number), *largest, f"{trial.norm:.4f}", ratio, predicted, f"{trial.seconds:.2f}")
-        self._live.update(self._table, refresh=True)
+        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, predicted, f"{trial.seconds:.2f}"))
+
+    def _say(self, cells: tuple[str, ...], style: str = "") -> None:
+        import sys
+
+        from asrsim.cli.console import say
+
+        say("  ".join(cell.rjust(width) for cell, width in zip(cells, self._widths, strict=True)), style)
+        sys.stdout.flush()
 
 
 def _report(session: Session, folder: Path, *, json: bool) -> None:
+    from asrsim.cli.console import say, say_json
+    from asrsim.learning.session import session_data
+
     if json:
-        typer.echo((folder / "ilc.json").read_text(encoding="utf-8"), nl=False)
+        say_json({"ok": session.result.converged, "folder": str(folder), **session_data(session)})
         return
-    typer.echo(session.result.reason)
+    say(session.result.reason, "green" if session.result.converged else "red")
     if session.transfer is not None:
-        _report_transfer(session.transfer, "transfer")
+        _say_transfer(session.transfer, "transfer")
     if session.nominal_transfer is not None:
-        _report_transfer(session.nominal_transfer, "the same, learned on one plant")
-    typer.echo(f"in {folder}: learned.csv, and learned.yaml for asrsim run")
+        _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
+    say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
 
 
-def _report_transfer(report: TransferReport, title: str) -> None:
-    quantiles = report.quantiles((0.05, 0.5, 0.95))
-    low, middle, high = (f"{value:.3g}" for value in quantiles.values())
-    typer.echo(
+def _say_transfer(report: TransferReport, title: str) -> None:
+    from asrsim.cli.console import say
+
+    low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
+    say(
         f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad; "
-        f"largest error {low} / {middle} / {high} rad (5 / 50 / 95 %)"
+        f"largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
     )
     if report.influences:
         strongest = ", ".join(f"{item.factor} ({item.rank_correlation:+.2f})" for item in report.influences[:3])
-        typer.echo(f"  what matters most (rank correlation): {strongest}")
+        say(f"  what matters most (rank correlation with the error): {strongest}")

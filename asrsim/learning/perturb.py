@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS
@@ -60,10 +61,14 @@ def perturbed(plant: Plant, draw: Draw) -> Plant:
 
 
 class Workers:
-    """Runs drawn plants, side by side in `processes` processes; the same numbers come out with any number of them."""
+    """Runs drawn plants, side by side in `processes` processes that load `plugins` (users' actuators) first.
 
-    def __init__(self, processes: int = 1) -> None:
+    The same numbers come out with any number of processes.
+    """
+
+    def __init__(self, processes: int = 1, plugins: Sequence[Path] = ()) -> None:
         self.processes = processes
+        self.plugins = tuple(plugins)
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Workers:
@@ -83,9 +88,19 @@ class Workers:
             from multiprocessing import get_context
 
             # Fresh interpreters: engines and threads do not survive a fork.
-            self._pool = ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
+            self._pool = ProcessPoolExecutor(
+                self.processes, mp_context=get_context("spawn"), initializer=_load, initargs=(self.plugins,)
+            )
         chunk = math.ceil(len(draws) / (4 * self.processes))
         return list(self._pool.map(partial(_one, plant, inputs), draws, chunksize=chunk))
+
+
+def _load(plugins: tuple[Path, ...]) -> None:
+    """Users' actuators, in a fresh interpreter."""
+    from asrsim.actuators.user import load_plugin_file
+
+    for plugin in plugins:
+        load_plugin_file(plugin)
 
 
 def _one(plant: Plant, inputs: Array, draw: Draw) -> Array:

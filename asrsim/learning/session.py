@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -49,16 +49,18 @@ def run_session(
     with_transfer: bool = False,
     draws: int | None = None,
     processes: int = 1,
+    plugins: Sequence[Path] = (),
     picture: bool = True,
 ) -> Session:
     """Learn, and write into `folder`: state.npz (after each trial), learned.csv, learned.yaml, ilc.json, ilc.png, logs.
 
-    keep_logs, draws: replace the scenario's. Raises InputError, SimulationError or OutputError.
+    keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
+    Raises InputError, SimulationError or OutputError.
     """
     _make_folder(folder)
     block = plant.scenario.learning
     keep = keep_logs or block.get("keep_logs", "last")
-    with learning_model(plant) as model, Workers(processes) as workers:
+    with learning_model(plant) as model, Workers(processes, plugins) as workers:
         prepared = prepare_learning(plant, model)
         if on_start is not None:
             on_start(prepared)
@@ -96,6 +98,18 @@ def run_session(
     return session
 
 
+def session_data(session: Session) -> dict[str, Any]:
+    """A session's numbers as plain values."""
+    plant, result = session.prepared.plant, session.result
+    data: dict[str, Any] = {"scenario": str(plant.scenario.path or plant.scenario.name), "variant": plant.scenario.variant}
+    data |= result_data(result, plant.joints)
+    if session.transfer is not None:
+        data["transfer"] = transfer_data(session.transfer)
+    if session.nominal_transfer is not None:
+        data["transfer_of_one_plant"] = transfer_data(session.nominal_transfer)
+    return data
+
+
 def _transfer(
     plant: Plant, result: LearningResult, prepared: Prepared, block: Any, draws: int | None, workers: Workers
 ) -> TransferReport:
@@ -114,13 +128,7 @@ def _write(session: Session, folder: Path, *, picture: bool) -> None:
     inputs = folder / "learned.csv"
     write_inputs(inputs, plant.time, plant.joints, result.inputs, comment=f"asrsim ilc: {result.reason}")
     write_playback(folder / "learned.yaml", plant, settings, inputs)
-    data: dict[str, Any] = {"scenario": str(plant.scenario.path or plant.scenario.name), "variant": plant.scenario.variant}
-    data |= result_data(result, plant.joints)
-    if session.transfer is not None:
-        data["transfer"] = transfer_data(session.transfer)
-    if session.nominal_transfer is not None:
-        data["transfer_of_one_plant"] = transfer_data(session.nominal_transfer)
-    write_json(folder / "ilc.json", data)
+    write_json(folder / "ilc.json", session_data(session))
     if picture:
         write_figure(folder / "ilc.png", session.prepared.problem, result, settings)
 
