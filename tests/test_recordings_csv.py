@@ -96,6 +96,16 @@ def test_iso_stamps_count_from_the_first_and_keep_its_date(tmp_path: Path) -> No
     assert read_recording(path).epoch == pytest.approx(1714989600.0)
 
 
+def test_a_ros_stamp_in_two_columns_is_one_time(tmp_path: Path) -> None:
+    nanoseconds = [round(t * 1e9) + 1_700_000_000_900_000_000 for t in TIME]
+    lines = [f"{ns // 10**9},{ns % 10**9},{row.partition(',')[2]}" for ns, row in zip(nanoseconds, rows(), strict=True)]
+    path = write(tmp_path / "lab.csv", ["header.stamp.sec,header.stamp.nanosec,q1,q2", *lines])
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.time - recording.time[0], TIME, atol=1e-9)
+    assert recording.epoch == 1.7e9
+    assert "split-time" in codes(recording.findings)
+
+
 @pytest.mark.parametrize(
     "pattern", ["2024-05-06 10:00:{:06.3f}", "10:00:{:06.3f}", "06.05.2024 10:00:{:06.3f}", "2024-05-06 10:00:{:06.3f}+02:00"]
 )
@@ -297,9 +307,13 @@ def test_guesses_by_name(tmp_path: Path, names: list[str], expected: list[str | 
         (["Elbow [deg]", "shoulder_vel"], ["shoulder", "elbow"], ["elbow", "shoulder"]),
         (["position"], ["elbow"], ["elbow"]),
         (["position"], ["shoulder", "elbow"], [None]),
+        (["theta1", "theta2", "tau_m2"], None, ["joint_1", "joint_2", "joint_2"]),
+        (["hip_pos", "knee_pos_ref"], ["left_knee_joint", "left_hip_joint"], ["left_hip_joint", "left_knee_joint"]),
+        (["hip_pos_meas", "knee_pos_meas"], None, ["hip", "knee"]),
+        (["filtered_pos", "filtered_vel"], None, ["joint_1", "joint_1"]),
     ],
 )
-def test_guesses_of_joints(tmp_path: Path, names: list[str], joints: list[str], expected: list[str | None]) -> None:
+def test_guesses_of_joints(tmp_path: Path, names: list[str], joints: list[str] | None, expected: list[str | None]) -> None:
     lines = [",".join(["time", *names]), *[",".join([f"{t}", *[f"{t * t + i}" for i in range(len(names))]]) for t in TIME]]
     recording = read_recording(write(tmp_path / "lab.csv", lines), joints=joints)
     assert [recording.channels[name].joint for name in names] == expected

@@ -12,7 +12,7 @@ from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import guess, joint_numbers, tokens_of
+from asrsim.recordings.names import guess, has_positions, joint_numbers, tokens_of
 from asrsim.recordings.read_csv import find_column
 from asrsim.recordings.units import Unit, find_unit, fits, split_header
 from asrsim.samples import Array
@@ -87,9 +87,18 @@ def _columns(
 ) -> list[Column]:
     plain = [split_header(series.name)[0] for series in raw.series]
     counted = joint_numbers(plain)
-    has_q = any(set(tokens_of(name)) & {"q", "link", "pos", "position"} for name in plain)
+    has_q = has_positions(tokens_of(name) for name in plain)
     named = tuple(dict.fromkeys(series.joint for series in raw.series if series.joint is not None))
     known = tuple(joints) if joints is not None else named
+    meanings = {
+        index: guess(_plain_name(plain[index]), find_unit(series.unit) or split_header(series.name)[1], joints=known,
+                     counted=counted, has_q=has_q)
+        for index, series in enumerate(raw.series)
+        if index not in explicit and series.quantity is None
+    }  # fmt: skip
+    # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
+    words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
+    named_by_words = len(words) > 1 or (bool(words) and bool(known))
     columns: list[Column] = []
     homeless: list[str] = []
     for index, series in enumerate(raw.series):
@@ -111,12 +120,11 @@ def _columns(
                 _column(series, unit, joint, quantity, "named in the file" if quantity else "not used: no joint named")
             )
             continue
-        name = plain[index].rpartition("/")[0] if plain[index].endswith("/data") else plain[index]
-        meaning = guess(name, unit, joints=known, counted=counted, has_q=has_q)
+        meaning = meanings[index]
         if meaning.quantity is None:
             columns.append(_column(series, unit, series.joint, None, f"not used: {meaning.reason}"))
             continue
-        joint = series.joint or meaning.joint or _joint(meaning.number, known, counted)
+        joint = series.joint or meaning.joint or _joint(meaning.number, known, counted, meaning.words if named_by_words else ())
         if joint is None:
             homeless.append(series.name)
             columns.append(_column(series, unit, None, None, "not used: which joint it is of is unclear"))
@@ -130,8 +138,19 @@ def _columns(
     return columns
 
 
-def _joint(number: int | None, known: Sequence[str], counted: set[int]) -> str | None:
-    """The joint of a number: of that ending, else by its place; without a number the only joint."""
+def _plain_name(name: str) -> str:
+    """Without the field of a message that holds nothing else."""
+    return name.removesuffix("/data")
+
+
+def _joint(number: int | None, known: Sequence[str], counted: set[int], words: Sequence[str]) -> str | None:
+    """The joint of a number: of that ending, else by its place; of words in its name; without either the only joint."""
+    if number is None and words:
+        if not known:
+            return "_".join(words)
+        fitting = [joint for joint in known if set(words) <= set(tokens_of(joint))]
+        if len(fitting) == 1:
+            return fitting[0]
     if not known:
         return f"joint_{1 if number is None else number}"
     if number is None:

@@ -24,6 +24,12 @@ _FOREIGN = {
     "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
     "covariance", "id", "seq", "flag", "strain", "gauge",
 }  # fmt: skip
+_VOCABULARY = {
+    *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
+    "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m", "field",
+    "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis", "in", "of",
+    "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
+}  # fmt: skip
 _SUFFIXES = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
 
@@ -37,6 +43,8 @@ class Guess:
     """Number in the name that counts joints."""
     joint: str | None = None
     """Joint whose name is in the column's name."""
+    words: tuple[str, ...] = ()
+    """Words of the name that say nothing of the quantity: perhaps a joint's name."""
     reason: str = ""
 
 
@@ -57,15 +65,24 @@ def tokens_of(name: str) -> list[str]:
 
 
 def joint_numbers(names: Iterable[str]) -> set[int]:
-    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1)."""
+    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1).
+
+    Of angles called theta only where the file has no other positions: beside a q they are motors.
+    """
+    listed = [tokens_of(name) for name in names]
+    plain = _PLAIN if has_positions(listed) else _PLAIN | {"theta", "th"}
     found = set()
-    for name in names:
-        words = tokens_of(name)
-        plain = [word for word in words if not word.isdigit()]
+    for words in listed:
+        rest = [word for word in words if not word.isdigit()]
         numbers = [int(word) for word in words if word.isdigit()]
-        if len(numbers) == 1 and plain and all(word in _PLAIN for word in plain):
+        if len(numbers) == 1 and rest and all(word in plain for word in rest):
             found.add(numbers[0])
     return found
+
+
+def has_positions(listed: Iterable[Sequence[str]]) -> bool:
+    """Whether any of the names (as tokens) is a position that is not called theta."""
+    return any(set(words) & {"q", "link", "pos", "position"} for words in listed)
 
 
 def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[int], has_q: bool) -> Guess:
@@ -91,7 +108,8 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     number = numbers[0] if len(numbers) == 1 and joint is None else None
     if len(numbers) > 1:
         return Guess(quantity=None, reason="more than one number in its name")
-    return Guess(quantity=quantity, number=number, joint=joint, reason=f"'{name}' reads as {quantity}")
+    spare = tuple(word for word in plain if word not in _VOCABULARY)
+    return Guess(quantity=quantity, number=number, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}")
 
 
 def _find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import tokens_of
-from asrsim.recordings.timebase import clean_time, scale_time
+from asrsim.recordings.timebase import EPOCH, clean_time, scale_time
 from asrsim.recordings.units import Unit, find_unit, split_header
 from asrsim.samples import Array
 
@@ -24,7 +25,10 @@ _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     """The series of a text file on clean times. Raises RecordingError with what was found and expected."""
     table = read_table(path)
+    table, merged = _merge_seconds(table)
     findings = list(table.findings)
+    if merged is not None:
+        findings.append(Problem(message=merged, file=path, code="split-time"))
     names, stated = zip(*(_name_and_unit(table, i) for i in range(len(table.layout.names))), strict=True)
     if rate is not None:
         time = np.arange(len(table.values)) / rate
@@ -34,7 +38,10 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         bases, epoch = _bases(path, table, names, stated, maps, findings)
     series: list[RawSeries] = []
     owner: int | None = None
-    times = {column: (time[keep], keep) for column, time, keep in bases}
+    times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
+    for column, time, keep in bases:
+        same = next((times[c] for c, t, k in bases if c in times and t is time and k is keep), None)
+        times[column] = same if same is not None else (time[keep], keep)
     for column, label in enumerate(table.layout.names):
         if column in times:
             owner = column
@@ -52,6 +59,32 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
                     file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
         )  # fmt: skip
     return Raw(format="csv", series=tuple(series), findings=tuple(findings), epoch=epoch)
+
+
+def _merge_seconds(table: Table) -> tuple[Table, str | None]:
+    """Whole seconds and nanoseconds in two columns (a ROS stamp) as one time; and what was done."""
+    ends = [tokens_of(name)[-1:] for name in table.layout.names]
+    for whole, part in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
+        if [whole] in ends and [part] in ends:
+            i, j = ends.index([whole]), ends.index([part])
+            seconds, rest = table.values[:, i], table.values[:, j] * 1e-9
+            # From the first whole second: a float of 1.7e9 s resolves 2.4e-7 s only.
+            finite = seconds[np.isfinite(seconds)]
+            zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0
+            values = table.values.copy()
+            values[:, i] = seconds - zero + rest
+            names = list(table.layout.names)
+            said = f"'{names[i]}' and '{names[j]}' are read as one time in s"
+            names[i] = "time [s]"
+            keep = [k for k in range(len(names)) if k != j]
+            index = {old: new for new, old in enumerate(keep)}
+            layout = replace(
+                table.layout, names=tuple(names[k] for k in keep), units=tuple(table.layout.units[k] for k in keep),
+                stamps=tuple(index[k] for k in table.layout.stamps if k in index),
+                text=tuple(index[k] for k in table.layout.text if k in index),
+            )  # fmt: skip
+            return replace(table, layout=layout, values=values[:, keep], epoch=zero or table.epoch), said
+    return table, None
 
 
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
@@ -84,6 +117,7 @@ def _bases(
             time, start = values, table.epoch
         else:
             time, start, found = scale_time(values, factors.get(column), path=path, name=label)
+            start = table.epoch if start is None else start
             findings += found
         lines = table.lines
         if bases:

@@ -23,7 +23,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     # SI unit, factor, spellings (compared without spaces; case matters only where two units differ by it)
     ("rad", 1.0, ("rad", "rads", "radian", "radians")),
     ("rad", 1e-3, ("mrad",)),
-    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "grad°")),
+    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "Grad")),
     ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
     ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "radps", "rads-1", "rad*s-1", "rad.s-1")),
     ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
