@@ -90,3 +90,12 @@ def test_the_stiff_awas_ii_is_resolved_at_one_millisecond():
     scenario = load_scenario(EXAMPLES / "scenarios" / "step_1dof_awas_ii.yaml", variant="stiff")[0]
     assert scenario.step == 1e-3
     assert simulate(scenario).resolution.substeps >= 16
+
+
+def test_the_documentation_lists_every_example_and_variant():
+    text = (EXAMPLES.parent / "docs" / "examples.md").read_text()
+    for path in (*ROBOTS, *SCENARIOS):
+        assert f"`{path.name}`" in text
+    for path in SCENARIOS:
+        (row,) = [line for line in text.splitlines() if line.startswith(f"| `{path.name}`")]
+        assert row.split("|")[3].strip() == ", ".join(scenario.variant for scenario in load_scenario(path))
