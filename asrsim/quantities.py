@@ -46,7 +46,6 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity(
             "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: closes to the scheme's order"
         ),
-        Quantity("numerical_error", "rad", r"$\epsilon_q$", "Richardson estimate of the link position's numerical error"),
     )
 }
 """Every quantity that a run may record, by name. Absent ones (motor 2 of an SEA) are left out of a log, never zero."""
