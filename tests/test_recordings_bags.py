@@ -95,9 +95,10 @@ def test_ros2_bag_with_messages_of_its_own(tmp_path: Path, storage: StoragePlugi
     np.testing.assert_allclose(recording.channels["/lab/angle/pair[1]"].values, np.arange(N))
 
 
-def test_a_single_mcap_file_of_a_ros2_bag(tmp_path: Path) -> None:
-    path = write_ros2(tmp_path / "bag", StoragePlugin.MCAP)
-    check(next(path.glob("*.mcap")))
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_a_single_file_of_a_ros2_bag(tmp_path: Path, storage: StoragePlugin) -> None:
+    path = write_ros2(tmp_path / "bag", storage)
+    check(next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3")))
 
 
 def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from asrsim.metrics.measures import MEASURES, measure, option_problems
 from asrsim.metrics.motion import AXES
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.samples import Array, Samples
-from asrsim.scenario.data import Expectation
+
+if TYPE_CHECKING:
+    from asrsim.scenario.data import Expectation
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 BODY_QUANTITIES = ("position", "x", "y", "z", "contact_force")

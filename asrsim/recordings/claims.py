@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem, RecordingError, ScenarioError
 from asrsim.metrics.expect import ExpectationResult, body_columns, evaluate_expectation
@@ -12,7 +13,9 @@ from asrsim.recordings.compare import compare, simulated
 from asrsim.recordings.data import Recording
 from asrsim.recordings.read import read_recording
 from asrsim.samples import Array, JointInfo, Samples
-from asrsim.scenario.data import Expectation
+
+if TYPE_CHECKING:
+    from asrsim.scenario.data import Expectation
 
 
 def evaluate_claims(

@@ -26,9 +26,9 @@ _FOREIGN = {
 }  # fmt: skip
 _VOCABULARY = {
     *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
-    "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m", "field",
-    "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis", "in", "of",
-    "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
+    "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
+    "field", "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis",
+    "in", "of", "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
 }  # fmt: skip
 _SUFFIXES = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
