@@ -59,7 +59,7 @@ def overlay_figure(
 ) -> Figure:
     """For every joint (column) and quantity: simulation over experiment, and their difference below."""
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 1.0)
-    figure = new_figure(wide * len(joints) + style.LEGEND_WIDTH + 0.3, 2.6 * len(quantities) + 0.9)
+    figure = new_figure(wide * len(joints) + style.LEGEND_WIDTH + 0.3, 2.9 * len(quantities) + 0.9)
     ratios = [ratio for _ in quantities for ratio in (2.1, 1.0)]
     axes = figure.subplots(2 * len(quantities), len(joints), squeeze=False, sharex="col", gridspec_kw={"height_ratios": ratios})
     for c, joint in enumerate(joints):
@@ -113,7 +113,7 @@ def draw_difference(
         if pair is None:
             continue
         axes.plot(
-            pair.difference.time, pair.difference.values, color=style.colour(quantity), linestyle=style.line_style(number),
+            pair.difference.time, pair.difference.values, color=style.tint(style.colour(quantity), number), linestyle=style.line_style(number),
             linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}",
         )  # fmt: skip
         drawn.append(pair.difference)

@@ -155,7 +155,8 @@ def frame(axes: Axes, curves: Sequence[Curve]) -> None:
         return
     start, end = min(t[0] for t in times), max(t[1] for t in times)
     if end > start:
-        axes.set_xlim(start, end)
+        # A start that misses 0 by the rounding of a lag would take the 0 off the axis.
+        axes.set_xlim(0.0 if abs(start) < 1e-4 * (end - start) else start, end)
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
     low = min((float(v.min()) for v in finite if len(v)), default=0.0)
     high = max((float(v.max()) for v in finite if len(v)), default=0.0)

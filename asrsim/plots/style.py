@@ -123,6 +123,13 @@ def line_style(index: int) -> Any:
     return LINE_STYLES[index % len(LINE_STYLES)]
 
 
+def tint(colour_text: str, index: int) -> str:
+    """A lighter colour for later variants, where noise hides the line style."""
+    share = min(0.45 * index, 0.7)
+    parts = [int(colour_text[i : i + 2], 16) for i in (1, 3, 5)]
+    return "#" + "".join(f"{round(part + share * (255 - part)):02x}" for part in parts)
+
+
 def symbol(quantity: str) -> str:
     """The short label of a quantity for legends, in mathtext."""
     known = KNOWN.get(quantity)

@@ -1,0 +1,211 @@
+"""`asrsim plot`: pictures of logs, alone or beside experiments; metrics and verdicts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from asrsim.metrics import MetricRow
+    from asrsim.plots.job import PlotResult
+    from asrsim.recordings.align import LagChoice
+    from asrsim.recordings.checks import GuessRow
+
+
+def plot(
+    logs: Annotated[list[Path], typer.Argument(help="Logs (MCAP) of runs; several are drawn as variants by line style.")],
+    experiment: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--experiment",
+            "-e",
+            metavar="[VARIANT=]FILE",
+            help="Recording to lay over (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
+        ),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
+    ] = None,
+    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.")] = None,
+    quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity; may be repeated.")] = None,
+    align: Annotated[
+        str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
+    ] = "auto",
+    max_lag: Annotated[
+        float | None, typer.Option(help="s, largest lag that auto may find.", show_default="a quarter of the record")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
+    layout: Annotated[
+        str, typer.Option(metavar="overlay|side|both", help="Simulation and experiment on top of or beside each other.")
+    ] = "overlay",
+    bode: Annotated[bool, typer.Option("--bode", help="Draw frequency responses with coherence.")] = False,
+    band: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Hz, of the Bode plot.", show_default="what is excited"),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
+    ] = None,
+    formats: Annotated[list[str] | None, typer.Option("--format", metavar="png|pdf|svg", help="May be repeated.")] = None,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failed claims and problems only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Draw runs, alone or beside experiments, and judge them by what their scenario expects.
+
+    Exit code: 0, or 1 if a claim of the scenario does not hold.
+
+    Example: asrsim plot out/step/soft/log.mcap out/step/stiff/log.mcap --format pdf
+
+    Example: asrsim plot log.mcap --experiment lab.csv --map 'q1=joint_1.link_position [deg]' --out compared
+    """  # fmt: skip
+    from asrsim.cli.console import json_errors, say_json
+
+    with json_errors(json):
+        from asrsim.cli.fraction import FractionProgress
+        from asrsim.plots.job import PlotJob
+        from asrsim.plots.job import plot as draw
+
+        if plugin:
+            from asrsim.actuators.user import load_plugin_file
+
+            for path in plugin:
+                load_plugin_file(path)
+        job = PlotJob(
+            logs=tuple(logs),
+            folder=out or _folder(logs, alone=not experiment and not bode),
+            experiments=tuple(experiment or ()),
+            mapping=_mapping(mapping),
+            rate=rate,
+            joints=tuple(joint) if joint else None,
+            quantities=tuple(quantity) if quantity else None,
+            lag=_lag(align),
+            lag_limit=max_lag,
+            layout=layout,
+            formats=tuple(formats or ("png",)),
+            bode=bode,
+            band=band,
+        )
+        with FractionProgress(show=not quiet and not json) as progress:
+            result = draw(job, progress.update)
+    if json:
+        say_json(result.as_dict())
+    else:
+        _print(result, quiet=quiet)
+    if not result.ok:
+        raise typer.Exit(1)
+
+
+def _folder(logs: list[Path], *, alone: bool) -> Path:
+    """Where the pictures go by default: beside the one log, else in a folder of their own beside all."""
+    if len(logs) == 1:
+        return logs[0].parent if alone else logs[0].parent / "compared"
+    return Path(os.path.commonpath([path.absolute().parent for path in logs])) / ("variants" if alone else "compared")
+
+
+def _mapping(texts: list[str] | None) -> tuple[str, ...] | Path | None:
+    if texts and len(texts) == 1 and Path(texts[0]).suffix.lower() in (".yaml", ".yml") and Path(texts[0]).is_file():
+        return Path(texts[0])
+    return tuple(texts) if texts else None
+
+
+def _lag(text: str) -> LagChoice:
+    if text in ("auto", "off", "start"):
+        return text  # type: ignore[return-value]
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(
+            f"'{text}' is none of auto, off, start and no number of seconds", param_hint="--align"
+        ) from None
+
+
+def _print(result: PlotResult, *, quiet: bool) -> None:
+    from asrsim.cli.console import complain, say, say_problems, styled
+
+    if not quiet:
+        _print_experiments(result)
+        if result.rows:
+            _print_rows(result)
+    say_problems(result.findings, "note", "yellow")
+    for label, claim in result.claims:
+        who = f"{label}: " if len(result.runs) > 1 else ""
+        if not claim.holds:
+            complain(f"FAIL {who}{claim.text}", "red")
+        elif not quiet:
+            say(f"{styled('pass', 'green')} {who}{claim.text}")
+    for run in result.runs:
+        if run.status != "complete":
+            said = "" if run.status == "truncated" else "; its claims are not judged"
+            complain(f"{run.path}: the run is {run.status}, drawn as far as it goes{said}", "yellow")
+    if not quiet and result.files:
+        folder = result.files[0].parent
+        replaced = f" ({result.replaced} replaced)" if result.replaced else ""
+        say(f"wrote {folder}{os.sep}: {', '.join(path.name for path in result.files)}{replaced}")
+
+
+def _print_experiments(result: PlotResult) -> None:
+    from asrsim.cli.console import say, say_table
+    from asrsim.recordings import guess_rows
+
+    shown: list[GuessRow] = []
+    for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
+        whose = "" if len(result.runs) == 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
+        say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
+        rows = [row for row in guess_rows(recording) if row.meaning != "-"]
+        if rows == shown:
+            say("  columns as above", "dim")
+        elif rows:
+            headings = ("column", "read as", "unit", "conversion", "why")
+            cells = [[r.column, r.meaning, r.unit, r.conversion, r.origin] for r in rows]
+            say_table([(h, [line[i] for line in cells], False) for i, h in enumerate(headings)])
+        shown = rows
+        unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
+        if unused:
+            say(f"  not used: {', '.join(unused)}", "dim")
+    for one in result.compared:
+        for name, alignment in one.alignments.items():
+            found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
+            say(f"{Path(name).name} beside {one.label}: {alignment.lag:+.4f} s late ({alignment.how}{found})")
+
+
+def _print_rows(result: PlotResult) -> None:
+    """One line a series, one column a measure; what the files have and nobody asks of this motion is left out."""
+    from asrsim.cli.console import say_table
+
+    groups: dict[tuple[str, ...], dict[tuple[str, str, str], dict[str, str]]] = {}
+    kinds: dict[tuple[str, str, str], dict[str, str]] = {}
+    for row in _worth_saying(result.rows):
+        kinds.setdefault((row.source, row.joint, row.quantity), {})[row.measure] = _cell(row.value, row.unit)
+    for key, values in kinds.items():
+        groups.setdefault(tuple(values), {})[key] = values
+    for measures, lines in groups.items():
+        head = [(name, [key[i] for key in lines], False) for i, name in enumerate(("of", "joint", "quantity"))]
+        say_table([*head, *((name, [values[name] for values in lines.values()], True) for name in measures)])
+
+
+def _cell(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".rstrip() if math.isfinite(value) else "-"
+
+
+def _worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
+    """Without references that are the same in both, and without step measures of motions that are no steps."""
+    from asrsim.metrics.measures import STEP_MEASURES
+
+    same = {
+        (row.joint, row.quantity)
+        for row in rows
+        if row.quantity.startswith("reference") and row.measure == "nrmse" and not row.value > 0.01
+    }
+    settled = {(row.joint, row.quantity) for row in rows if row.measure == "settling" and math.isfinite(row.value)}
+    return [
+        row
+        for row in rows
+        if (row.joint, row.quantity) not in same and (row.measure not in STEP_MEASURES or (row.joint, row.quantity) in settled)
+    ]

@@ -1,0 +1,238 @@
+"""What `asrsim plot` does: runs drawn, alone or beside experiments, with metrics and verdicts. Prints nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from asrsim.errors import InputError, Problem
+from asrsim.log import open_log
+from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.plots.bode import bode_pages
+from asrsim.plots.claims import judge
+from asrsim.plots.curves import RunCurves, distinct_labels, read_curves
+from asrsim.plots.figures import run_pages
+from asrsim.plots.output import check_formats, make_folder, save_figure, styled
+from asrsim.plots.overlay import LAYOUTS, comparison_pages
+from asrsim.plots.pairing import RunComparison, assign, compare_run
+from asrsim.plots.responses import Experiment, Response, responses
+from asrsim.recordings import Recording, read_recording
+from asrsim.recordings.align import LagChoice
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlotJob:
+    """What is to be drawn."""
+
+    logs: tuple[Path, ...]
+    folder: Path
+    experiments: tuple[str, ...] = ()
+    """Files, or VARIANT=FILE."""
+    mapping: tuple[str, ...] | Path | None = None
+    """Columns of the experiments: items COLUMN=JOINT.QUANTITY, or a file."""
+    rate: float | None = None
+    """Hz, for experiments without time."""
+    joints: tuple[str, ...] | None = None
+    quantities: tuple[str, ...] | None = None
+    lag: LagChoice = "auto"
+    lag_limit: float | None = None
+    """s, largest lag that auto may find."""
+    layout: str = "overlay"
+    formats: tuple[str, ...] = ("png",)
+    bode: bool = False
+    band: tuple[float, float] | None = None
+    """Hz, of the Bode plot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlotResult:
+    """What came of it."""
+
+    runs: tuple[RunCurves, ...]
+    recordings: tuple[Recording, ...] = ()
+    assigned: tuple[tuple[Path, str, bool], ...] = ()
+    """(recording, label of the run or `all`, whether that was guessed)."""
+    compared: tuple[RunComparison, ...] = ()
+    responses: tuple[Response, ...] = ()
+    rows: tuple[MetricRow, ...] = ()
+    claims: tuple[tuple[str, ExpectationResult], ...] = ()
+    """(label of the run, verdict)."""
+    findings: tuple[Problem, ...] = ()
+    files: tuple[Path, ...] = ()
+    replaced: int = 0
+    """Files of these that were there before."""
+
+    @property
+    def ok(self) -> bool:
+        """Every claim holds."""
+        return all(result.holds for _, result in self.claims)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        import math
+
+        return {
+            "ok": self.ok,
+            "runs": [
+                {"log": str(run.path), "label": run.label, "status": run.status, "samples": run.samples} for run in self.runs
+            ],
+            "experiments": [
+                {
+                    "file": str(path),
+                    "run": label,
+                    "guessed": guessed,
+                    "columns": {c.source: f"{c.joint}.{c.quantity}" for c in recording.channels.values() if c.quantity},
+                }
+                for (path, label, guessed), recording in zip(self.assigned, self.recordings, strict=True)
+            ],
+            "alignment": [
+                {"run": one.label, "experiment": name, "lag": a.lag, "how": a.how,
+                 "correlation": a.found.correlation if a.found else None}
+                for one in self.compared for name, a in one.alignments.items()
+            ],
+            "metrics": [
+                {**row.__dict__, "value": row.value if math.isfinite(row.value) else None} for row in self.rows
+            ],
+            "expect": [
+                {"run": label, "holds": r.holds, "measured": r.measured if math.isfinite(r.measured) else None, "text": r.text}
+                for label, r in self.claims
+            ],
+            "findings": [problem.as_dict() for problem in self.findings],
+            "files": [str(path) for path in self.files],
+        }  # fmt: skip
+
+
+def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> PlotResult:
+    """Does the job. progress: told what is being done and which fraction of it is.
+
+    Raises InputError (logs, recordings, options) before anything is written, and OutputError.
+    """
+    formats = check_formats(job.formats)
+    if job.layout not in LAYOUTS:
+        raise InputError(Problem(message=f"no layout is called '{job.layout}'", key="layout", choices=LAYOUTS))
+
+    def told(what: str, number: int, count: int) -> Callable[[float], None] | None:
+        return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
+
+    _no_own_output(job)
+    alone = not job.experiments and not job.bode
+    runs = distinct_labels(
+        [
+            read_curves(
+                path, joints=job.joints, quantities=job.quantities if alone else None,
+                bodies=alone and job.quantities is None, progress=told("reading", n, len(job.logs)),
+            )
+            for n, path in enumerate(job.logs)
+        ]
+    )  # fmt: skip
+    labels = [run.label for run in runs]
+    result = PlotResult(runs=tuple(runs))
+    if job.experiments:
+        result = _with_recordings(job, result, labels)
+        result = _compared(job, result, told)
+    if job.bode:
+        result = _with_responses(job, result)
+    result = _judged(job, result, labels)
+    return _written(job, result, formats)
+
+
+def _no_own_output(job: PlotJob) -> None:
+    if not job.logs:
+        raise InputError(Problem(message="no log was named", key="logs"))
+
+
+def _with_recordings(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
+    assigned = assign(labels, job.experiments)
+    joints = [joint.name for joint in result.runs[0].info.joints]
+    mapping = job.mapping if isinstance(job.mapping, Path) else list(job.mapping) if job.mapping else None
+    recordings: list[Recording] = []
+    problems: list[Problem] = []
+    for path, _, _ in assigned:
+        try:
+            recordings.append(read_recording(path, mapping=mapping, joints=joints, rate=job.rate))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return replace(
+        result,
+        recordings=tuple(recordings),
+        assigned=tuple((path, "all" if n is None else labels[n], guessed) for path, n, guessed in assigned),
+        findings=tuple(replace(p, file=p.file or r.path) for r in recordings for p in r.findings),
+    )
+
+
+def _compared(job: PlotJob, result: PlotResult, told: Callable[[str, int, int], Callable[[float], None] | None]) -> PlotResult:
+    compared: list[RunComparison] = []
+    runs: list[RunCurves] = []
+    lags: dict[str, LagChoice] = {}
+    for number, run in enumerate(result.runs):
+        mine = [r for r, (_, label, _) in zip(result.recordings, result.assigned, strict=True) if label in ("all", run.label)]
+        if not mine:
+            continue
+        one = compare_run(
+            run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
+            # A recording has one clock: what the first run says of it holds for the others.
+            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, lag_limit=job.lag_limit,
+            progress=told("comparing", number, len(result.runs)),
+        )  # fmt: skip
+        for name, alignment in one.alignments.items():
+            lags.setdefault(name, alignment.lag)
+        compared.append(one)
+        runs.append(run)
+    rows = tuple(row for one in compared for row in one.rows)
+    findings = {str(p): p for p in (*result.findings, *(p for one in compared for p in one.findings))}
+    return replace(result, compared=tuple(compared), rows=rows, findings=tuple(findings.values()))
+
+
+def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
+    found: list[Response] = []
+    problems: list[Problem] = []
+    for number, run in enumerate(result.runs):
+        one = next((c for c in result.compared if c.label == run.label), None)
+        experiments = [
+            Experiment(recording=r, joints=one.joints[str(r.path)], lag=one.alignments[str(r.path)].lag)
+            for r in result.recordings
+            if one is not None and str(r.path) in one.alignments
+        ]
+        more, said = responses(
+            run.path, label=run.label, variant=number, joints=job.joints, experiments=experiments, band=job.band
+        )
+        found += more
+        problems += said
+    if not found:
+        raise InputError(problems)
+    rows = [*result.rows, *(row for one in found for row in one.rows())]
+    said = [replace(p, file=p.file or Path(one.source), key=p.key or one.joint.name) for one in found for p in one.findings]
+    return replace(result, responses=tuple(found), rows=tuple(rows), findings=(*result.findings, *problems, *said))
+
+
+def _judged(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
+    claims = [(label, verdict) for label, path in zip(labels, job.logs, strict=True) for verdict in judge(open_log(path))]
+    return replace(result, claims=tuple(claims))
+
+
+def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> PlotResult:
+    folder = make_folder(job.folder)
+    before = {path.name for path in folder.iterdir()}
+    files: list[Path] = []
+    with styled():
+        if result.compared:
+            runs = [next(run for run in result.runs if run.label == one.label) for one in result.compared]
+            references = any(name.startswith("reference") for name in job.quantities or ())
+            for page in comparison_pages(runs, result.compared, layout=job.layout, references=references):
+                files += save_figure(page.figure, folder, page.name, formats)
+        if result.responses:
+            robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs))
+            for page in bode_pages(result.responses, title=f"{robots} · link position to its reference"):
+                files += save_figure(page.figure, folder, page.name, formats)
+        if not result.compared and not result.responses:
+            for page in run_pages(result.runs, quantities=job.quantities):
+                files += save_figure(page.figure, folder, page.name, formats)
+    if result.rows:
+        write_metrics_json(folder / "metrics.json", result.rows)
+        write_metrics_csv(folder / "metrics.csv", result.rows)
+        files += [folder / "metrics.json", folder / "metrics.csv"]
+    return replace(result, files=tuple(files), replaced=sum(path.name in before for path in files))
