@@ -341,6 +341,28 @@ def test_an_unknown_quantity_names_what_there_is(tmp_path: Path) -> None:
         recording.column("joint_1", "stiffness")
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_damaged_text_is_read_or_refused_and_nothing_else(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    junk = [b",", b"\n", b";", b'"', b" ", b"nan", b"1e999", b"-", b"2024-01-01", b"12:00", b"\xff", b"inf"]
+    path = tmp_path / "lab.csv"
+    for _ in range(20):
+        data = bytearray("\n".join(LAYOUTS[rng.choice(list(LAYOUTS))]).encode())
+        for _ in range(4):
+            at = int(rng.integers(len(data)))
+            if rng.random() < 0.5:
+                del data[at : at + int(rng.integers(1, 40))]
+            else:
+                data[at:at] = junk[rng.integers(len(junk))]
+        path.write_bytes(data)
+        try:
+            recording = read_recording(path)
+        except RecordingError:
+            continue
+        assert np.all(np.diff(recording.time) > 0)
+        assert all(len(column.time) == len(column.values) for column in recording.channels.values())
+
+
 @pytest.mark.slow
 def test_a_hundred_megabytes_are_read_in_seconds(tmp_path: Path) -> None:
     import time

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -18,6 +19,8 @@ from asrsim.recordings.timebase import EPOCH, clean_time
 from asrsim.samples import Array
 
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "Diagnostic")
+_NO_TIME = 2**63
+"""ns beyond which a stamp is damage, not a time."""
 _SAME_CLOCK = 1.0
 """s by which a header's stamp may differ from the time of recording and still be of the same clock."""
 
@@ -76,14 +79,12 @@ def _open(
     if path.suffix == ".mcap":
         return _open_mcap(path, stack, findings)
     from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag1 import ReaderError as ReaderError1
     from rosbags.rosbag2 import Reader as Reader2
-    from rosbags.rosbag2 import ReaderError as ReaderError2
 
     ros1 = path.suffix == ".bag"
     try:
         reader: Any = stack.enter_context(Reader1(path) if ros1 else Reader2(path))
-    except (ReaderError1, ReaderError2, OSError, ValueError) as error:
+    except Exception as error:  # on damaged files rosbags lets errors of many kinds through (struct, sqlite, KeyError, ...)
         raise RecordingError(
             Problem(message=f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", file=path, code="bad-bag",
                     hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`")
@@ -98,9 +99,15 @@ def _open(
 
     def messages() -> Iterator[tuple[int, int, bytes]]:
         wanted = [c for c in reader.connections if topics[c.id].decode is not None]
-        if wanted:
+        if not wanted:
+            return
+        try:
             for connection, stamp, data in reader.messages(connections=wanted):
                 yield connection.id, stamp, data
+        except Exception as error:  # as above
+            findings.append(
+                Problem(message=f"the file is damaged ({str(error)[:80]}); read up to there", file=path, code="truncated")
+            )
 
     return ("rosbag1" if ros1 else "rosbag2"), topics, messages()
 
@@ -124,9 +131,9 @@ def _open_mcap(
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.id not in topics:
                     topics[record.id] = _mcap_topic(record, schemas.get(record.schema_id), types)
-                elif isinstance(record, Message):
+                elif isinstance(record, Message) and record.channel_id in topics and record.log_time < _NO_TIME:
                     yield record.channel_id, record.log_time, record.data
-        except (McapError, MemoryError, OverflowError, EOFError, ValueError) as error:
+        except (McapError, MemoryError, OverflowError, EOFError, ValueError, struct.error) as error:
             if not topics:
                 raise RecordingError(
                     Problem(message=f"cannot be read as MCAP: {type(error).__name__} {error}", file=path, code="bad-bag")

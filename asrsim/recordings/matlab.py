@@ -22,7 +22,6 @@ _TIME_NAMES = {"time", "t", "timestamp", "stamp", "tout", "zeit"}
 def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     """All series of a .mat file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
         content = loadmat(path, simplify_cells=True)
@@ -31,7 +30,7 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             Problem(message="is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
                     hint="Save it in MATLAB with save('file.mat', 'name', '-v7')")
         ) from None  # fmt: skip
-    except (MatReadError, ValueError, TypeError, OSError, EOFError) as error:
+    except Exception as error:  # on damaged files scipy lets errors of many kinds through
         raise RecordingError(Problem(message=f"cannot be read as a MATLAB file: {error}", file=path, code="bad-mat")) from None
     findings: list[Problem] = []
     series: list[RawSeries] = []
