@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -136,6 +136,7 @@ def run(
     out: str | Path | None = None,
     overwrite: bool = False,
     keep: bool = True,
+    certify: bool = False,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Result:
@@ -150,6 +151,7 @@ def run(
         out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
         overwrite: Replace the results of another run there.
         keep: Keep all samples in memory; without (and with `out`), they are read from the log when asked for.
+        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`.
         progress: Told the simulated time in s.
         stop: Asked about every 2000 substeps; True ends the run cleanly.
 
@@ -169,7 +171,7 @@ def run(
         message = "the scenario has several variants"
         raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
     given = None if robot is None or isinstance(robot, str | Path) else robot
-    return _run_one(loaded[0], given, out, overwrite=overwrite, keep=keep, progress=progress, stop=stop)
+    return _run_one(loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop)
 
 
 def run_variants(
@@ -213,12 +215,12 @@ def _load(
 
 
 def _run_one(
-    scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool,
+    scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
     progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
     if out is not None:
         executed: Executed = execute(
-            scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, progress=progress, stop=stop
+            scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop
         )
         executed = write_summary(executed)
         if executed.error is not None:
@@ -234,4 +236,9 @@ def _run_one(
     claims: tuple[ExpectationResult, ...] = ()
     if done.status == "complete" and scenario.expect:
         claims = claim_results(scenario.expect, done.info.joints, lambda *_: chunks[0], file=scenario.path)
-    return Result(done, make_summary(done, chunks, claims=claims))
+    summary = make_summary(done, chunks, claims=claims)
+    if certify and done.status == "complete":
+        from asrsim.simulation.certify import certify as certify_run
+
+        summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
+    return Result(done, summary)

@@ -4,14 +4,43 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from asrsim.cli import actuators, bench, check, ilc, init, rerun, run
+COMMANDS = {
+    "run": "asrsim.cli.run",
+    "plot": "asrsim.cli.plot",
+    "rerun": "asrsim.cli.rerun",
+    "ilc": "asrsim.cli.ilc",
+    "check": "asrsim.cli.check",
+    "actuators": "asrsim.cli.actuators",
+    "bench": "asrsim.cli.bench",
+    "init": "asrsim.cli.init",
+}
+"""Command -> module that holds a function of the command's name; imported when the command is used or listed."""
+
+
+class LazyGroup(TyperGroup):
+    """Imports a command's module only when it is asked for: a run need not read the options of all others."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return [*COMMANDS, *(name for name in super().list_commands(ctx) if name not in COMMANDS)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in COMMANDS:
+            return super().get_command(ctx, cmd_name)
+        single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False)
+        single.command(name=cmd_name)(getattr(import_module(COMMANDS[cmd_name]), cmd_name))
+        return typer.main.get_command(single)
+
 
 # Without rich's markup, help comes in half the time.
-app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(
+    cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None
+)
 
 
 def _version(wanted: bool) -> None:
@@ -35,15 +64,6 @@ def root(
     """
     if debug:
         os.environ["ASRSIM_DEBUG"] = "1"
-
-
-app.command()(run.run)
-app.command()(rerun.rerun)
-app.command()(ilc.ilc)
-app.command()(check.check)
-app.command()(actuators.actuators)
-app.command()(bench.bench)
-app.command()(init.init)
 
 
 def main() -> None:

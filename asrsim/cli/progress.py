@@ -27,6 +27,7 @@ class RunProgress:
         self._began = clock.perf_counter()
         self._bar: Any = None
         self._task: Any = None
+        self._part = ""
 
     def __enter__(self) -> RunProgress:
         return self
@@ -51,6 +52,15 @@ class RunProgress:
             self._open()
         speed = simulated / elapsed if elapsed > 0 else 0.0
         self._bar.update(self._task, completed=simulated, speed=f"{speed:.3g} x real time")
+
+    def update_part(self, part: str, simulated: float) -> None:
+        """Another run of the same scenario, named `part`, has reached `simulated` s."""
+        if part != self._part:
+            self._part = part
+            self.start()
+            if self._bar is not None:
+                self._bar.update(self._task, description=f"{self._title}, {part}")
+        self.update(simulated)
 
     def _open(self) -> None:
         from rich.console import Console

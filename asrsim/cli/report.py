@@ -9,9 +9,6 @@ from asrsim.cli.console import complain, say, say_problems, say_table, styled
 from asrsim.summary.data import RunSummary
 from asrsim.summary.table import headline, joint_columns, limit_note
 
-WARNINGS = 12
-"""Kinds of warnings printed without -v."""
-
 
 def print_run(summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False) -> None:
     """Summary, claims, warnings and files of one run; quiet: failed claims and a divergence only; silent: nothing."""
@@ -30,6 +27,7 @@ def print_run(summary: RunSummary, *, quiet: bool, silent: bool = False, verbose
             complain(f"FAIL {where}{title if quiet else ''}{': ' if quiet else ''}{claim.text}", "red")
         elif not quiet:
             say(f"{styled('pass', 'green')} {claim.text}")
+    _print_certificate(summary, quiet=quiet)
     if quiet:
         return
     _print_warnings(summary, verbose=verbose)
@@ -39,12 +37,33 @@ def print_run(summary: RunSummary, *, quiet: bool, silent: bool = False, verbose
     say()
 
 
-def _print_warnings(summary: RunSummary, *, verbose: bool) -> None:
-    if verbose:
-        for warning in summary.warnings:
-            say_problems([warning], "warning", "yellow")
+def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
+    if not summary.certificate:
         return
-    say_problems(summary.warnings[:], "warning", "yellow")
+    joints = summary.certificate["joints"]
+    if not quiet:
+        say("  numerical error, estimated from runs at finer steps (maximum, RMS)", "dim")
+        columns = [("joint", list(joints), False)]
+        for heading, key in (
+            ("position\nmax", "position_max"),
+            ("position\nRMS", "position_rms"),
+            ("torque\nmax", "torque_max"),
+            ("torque\nRMS", "torque_rms"),
+            ("order", "order"),
+        ):
+            cells = [entry[key] for entry in joints.values()]
+            columns.append((heading, ["-" if cell is None else f"{cell:.2g}" for cell in cells], True))
+        say_table(columns)
+    for warning in summary.certificate["warnings"]:
+        complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
+
+
+def _print_warnings(summary: RunSummary, *, verbose: bool) -> None:
+    if not verbose:
+        say_problems(summary.warnings, "warning", "yellow")
+        return
+    for warning in summary.warnings:
+        say_problems([warning], "warning", "yellow")
 
 
 def _print_files(summary: RunSummary) -> None:

@@ -20,7 +20,8 @@ def rerun(
         Path | None, typer.Option("--out", "-o", help="Folder for the repeated run's log.", show_default="not written")
     ] = None,
     plugin: Annotated[
-        list[Path] | None, typer.Option(help="Python file with your own actuators, instead of the log's; may be repeated.")
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."),
     ] = None,
     trust_plugins: Annotated[
         bool, typer.Option("--trust-plugins", help="Run the Python code of actuators that the log carries.")

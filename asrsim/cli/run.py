@@ -10,7 +10,6 @@ import typer
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import Executed
-    from asrsim.scenario.data import Scenario
 
 INTERRUPTED = 130
 """Exit code of a command that SIGINT ended, as shells have it."""
@@ -31,7 +30,9 @@ def run(
             help="Folder for the results; of several variants each gets its own folder in it.",
         ),
     ] = None,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plugin: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE", help="Python file with your own actuators; may be repeated.")
+    ] = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the runs.")] = True,
     report: Annotated[bool, typer.Option("--report", help="Also write a page for the browser.")] = False,
     certify: Annotated[
@@ -92,11 +93,9 @@ def _run(
 
                 with RunProgress(title, one.duration, show=not quiet) as progress:
                     executed = execute(
-                        one, folder, overwrite=overwrite, keep=certify, started=progress.start, progress=progress.update,
-                        stop=interruption.stop,
+                        one, folder, overwrite=overwrite, certify=certify, started=progress.start,
+                        progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
                     )  # fmt: skip
-                if certify and executed.run.status == "complete":
-                    executed = _certified(one, executed)
                 if plot and executed.run.status != "interrupted":
                     executed = _drawn(executed)
                 executed = write_summary(executed)
@@ -108,7 +107,7 @@ def _run(
                 break
             done.append(executed)
             print_run(executed.summary, quiet=quiet, silent=json, verbose=verbose)
-            if executed.run.status == "interrupted":
+            if interruption.requested:
                 break
     if json:
         errors = [] if failure is None else [{"variant": failure[0], **error_as_dict(failure[1])}]
@@ -116,7 +115,7 @@ def _run(
         say_json({"ok": ok, "runs": [entry.summary.as_dict() for entry in done], "errors": errors})
     elif failure is not None:
         _complain_of(failure[0], failure[1], alone=len(scenarios) == 1)
-    if any(entry.run.status == "interrupted" for entry in done):
+    if interruption.requested:
         return INTERRUPTED
     return 0 if failure is None and all(entry.summary.ok for entry in done) else 1
 
@@ -138,8 +137,9 @@ def _with_files(executed: Executed, **files: Any) -> Executed:
 
 
 def _drawn(executed: Executed) -> Executed:
-    draw_run = _late("asrsim.plots", "draw_run")
-    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder))) if draw_run else executed
+    from asrsim.plots import draw_run
+
+    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder)))
 
 
 def _reported(executed: Executed) -> Executed:
@@ -149,17 +149,6 @@ def _reported(executed: Executed) -> Executed:
     if write_report is None:
         return executed
     return write_summary(_with_files(executed, report=write_report(executed.folder, executed.folder / "report.html")))
-
-
-def _certified(scenario: Scenario, executed: Executed) -> Executed:
-    """The run with its numerical error: see :mod:`asrsim.simulation.certify`."""
-    from dataclasses import replace
-
-    certify = _late("asrsim.simulation.certify", "certify")
-    if certify is None:
-        return executed
-    certificate = certify(scenario, executed.run)
-    return replace(executed, summary=replace(executed.summary, certificate=certificate.as_dict()))
 
 
 def _late(module: str, name: str) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter, open_log
@@ -20,6 +21,9 @@ from asrsim.summary.collect import QUANTITIES
 from asrsim.summary.data import RunSummary
 from asrsim.summary.make import make_summary
 
+if TYPE_CHECKING:
+    from asrsim.simulation.certify import Certificate
+
 PLUGINS = "plugins/"
 """Folder among a log's attachments for users' actuator files."""
 
@@ -32,6 +36,8 @@ class Executed:
     summary: RunSummary
     folder: Path
     log: Path
+    certificate: Certificate | None = None
+    """Numerical error, if it was asked for and the run came to its end."""
     error: DivergenceError | None = None
     """Why the run ended early, if it diverged."""
 
@@ -43,15 +49,18 @@ def execute(
     robot: Robot | None = None,
     overwrite: bool = False,
     keep: bool = False,
+    certify: bool = False,
     started: Callable[[RunInfo], None] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    certifying: Callable[[str, float], None] | None = None,
 ) -> Executed:
     """Simulate one variant into `folder`: `log.mcap`, and `summary.json` by :func:`write_summary`.
 
     A run that diverges or is stopped gives a closed log and a summary like any other; its status says so. What the folder
-    held of an earlier run goes only once this one is built. keep: keep all samples in `.run.samples` too; started: told
-    the run's description when it is built; progress, stop: see :func:`asrsim.simulation.run.simulate`.
+    held of an earlier run goes only once this one is built. keep: keep all samples in `.run.samples` too; certify: run
+    again with finer steps for the numerical error, which goes into log and summary; started: told the run's description
+    when it is built; progress, stop: see :func:`asrsim.simulation.run.simulate`; certifying: progress of the finer runs.
 
     Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
     then stays readable.
@@ -59,6 +68,7 @@ def execute(
     earlier = open_folder(folder, scenario, overwrite=overwrite)
     log = folder / LOG
     error: DivergenceError | None = None
+    certificate: Certificate | None = None
     with ExitStack() as stack:
         writer: LogWriter | None = None
 
@@ -72,13 +82,17 @@ def execute(
             return [writer]
 
         try:
-            run = simulate(scenario, robot, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
+            run = simulate(scenario, robot, sinks=open_sinks, keep=keep or certify, progress=progress, stop=stop)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise
             error, run = caught, caught.run
+        if certify and run.status == "complete":
+            from asrsim.simulation.certify import certify as certify_run
+
+            certificate = certify_run(scenario, run, robot, progress=certifying)
         if writer is not None:
-            writer.close(result_metadata(run, error))
+            writer.close(result_metadata(run, error, certificate))
     reader = open_log(log)
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
@@ -88,7 +102,9 @@ def execute(
     recorded = {name for joint in run.info.joints for name in joint.quantities}
     chunks = reader.iter_samples(quantities=[name for name in QUANTITIES if name in recorded])
     summary = make_summary(run, chunks, claims=claims, files={"log": log}, replaced=earlier)
-    return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
+    if certificate is not None:
+        summary = replace(summary, certificate=certificate.as_dict())
+    return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
 
 def write_summary(executed: Executed) -> Executed:
@@ -99,7 +115,7 @@ def write_summary(executed: Executed) -> Executed:
     return replace(executed, summary=summary)
 
 
-def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
+def result_metadata(run: Run, error: DivergenceError | None = None, certificate: Certificate | None = None) -> dict[str, str]:
     """What the log says of how the run ended. No wall-clock times: equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
     if error is not None:
@@ -110,6 +126,8 @@ def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str,
         counted = {name: int(count) for name, count in zip(names, getattr(counts, kind), strict=True) if count}
         if counted:
             metadata[f"limit_{kind}"] = json.dumps(counted)
+    if certificate is not None:
+        metadata["certificate"] = json.dumps(certificate.as_dict())
     return metadata
 
 
