@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def extremes(values: Array) -> Array:
 
 def orders(errors: Sequence[float], ratio: float = 2.0) -> list[float]:
     """Order of convergence between neighbours of errors at steps that fall by `ratio`."""
-    return [math.log(a / b) / math.log(ratio) for a, b in zip(errors, errors[1:], strict=False)]
+    return [math.log(a / b) / math.log(ratio) for a, b in pairwise(errors)]
 
 
 def leapfrog_frequency(omega: float, step: float) -> float:
