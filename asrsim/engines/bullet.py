@@ -92,7 +92,7 @@ class BulletEngine:
 
     def _load(self, urdf: str, position: Vector, rpy: Vector, visuals: bool) -> int:
         p = self._p
-        flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_MAINTAIN_LINK_ORDER
+        flags = p.URDF_USE_INERTIA_FROM_FILE
         if not visuals:
             flags |= p.URDF_IGNORE_VISUAL_SHAPES
         with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
@@ -211,31 +211,27 @@ class BulletEngine:
     ) -> None:
         """A force and torque on a link for the next step."""
         p, client, body, index = self._p, self._client, self._body, self._link_index[link]
-        position, orientation, local = self._inertial_frame(index)
-        if frame == "world":
-            _, back = p.invertTransform([0, 0, 0], orientation)
-            force = p.rotateVector(back, force)
-            torque = p.rotateVector(back, torque)
+        position, rotation, local = self._inertial_frame(index)
+        push, turn = np.asarray(force, dtype=float), np.asarray(torque, dtype=float)
+        if frame != "world":
+            push, turn = rotation @ push, rotation @ turn
         # Bullet's link frame sits in the centre of mass; ours in the joint.
-        offset = [a - b for a, b in zip(point, local, strict=True)]
-        lever = np.cross(offset, force)
-        world_force = p.rotateVector(orientation, force)
-        world_torque = p.rotateVector(orientation, [a + float(b) for a, b in zip(torque, lever, strict=True)])
-        p.applyExternalForce(body, index, world_force, position, p.WORLD_FRAME, physicsClientId=client)
-        p.applyExternalTorque(body, index, world_torque, p.WORLD_FRAME, physicsClientId=client)
+        turn = turn + np.cross(rotation @ (np.asarray(point, dtype=float) - np.asarray(local)), push)
+        p.applyExternalForce(body, index, push.tolist(), position, p.WORLD_FRAME, physicsClientId=client)
+        p.applyExternalTorque(body, index, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
 
-    def _inertial_frame(self, index: int) -> tuple[Any, Any, Any]:
-        """World position of a link's centre of mass, world orientation of its URDF frame, centre of mass in that frame."""
+    def _inertial_frame(self, index: int) -> tuple[Any, Array, Any]:
+        """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
+
+        With matrices: Bullet's own transforms of vectors and quaternions work in single precision.
+        """
         p, client, body = self._p, self._client, self._body
-        local = p.getDynamicsInfo(body, index, client)[3]
+        dynamics = p.getDynamicsInfo(body, index, client)
         if index == -1:
             position, inertial = p.getBasePositionAndOrientation(body, client)
-            turn = p.getDynamicsInfo(body, index, client)[4]
-            _, back = p.invertTransform([0, 0, 0], turn)
-            _, orientation = p.multiplyTransforms([0, 0, 0], inertial, [0, 0, 0], back)
-            return position, orientation, local
+            return position, self._matrix(inertial) @ self._matrix(dynamics[4]).T, dynamics[3]
         state = p.getLinkState(body, index, 0, 1, client)
-        return state[0], state[5], state[2]
+        return state[0], self._matrix(state[5]), state[2]
 
     # -- the model --------------------------------------------------------------------------------------------------
 
@@ -265,10 +261,9 @@ class BulletEngine:
         """(n,) torques that hold the robot still; Bullet's routine ignores the base's orientation, so gravity is turned."""
         p, client = self._p, self._client
         values = list(self._positions() if positions is None else positions)
-        _, orientation, _ = self._inertial_frame(-1)
-        _, back = p.invertTransform([0, 0, 0], orientation)
+        turned = self._inertial_frame(-1)[1].T @ np.array(self.gravity)
         zero = [0.0] * len(values)
-        p.setGravity(*p.rotateVector(back, self.gravity), physicsClientId=client)
+        p.setGravity(*turned.tolist(), physicsClientId=client)
         try:
             return np.array(p.calculateInverseDynamics(self._body, values, zero, zero, physicsClientId=client), dtype=float)
         finally:
@@ -298,8 +293,7 @@ class BulletEngine:
         index = self._link_index[link]
         at = np.asarray(point, dtype=float)
         if index == -1:
-            centre, orientation, local = self._inertial_frame(index)
-            rotation = self._matrix(orientation)
+            centre, rotation, local = self._inertial_frame(index)
             return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation, np.zeros((6, len(self.joints)))
         state = p.getLinkState(body, index, 0, 1, client)
         rotation = self._matrix(state[5])

@@ -1,0 +1,42 @@
+"""Engines side by side do not see each other's robots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from asrsim.engines.bullet import BulletEngine
+from asrsim.robot import engine_urdf, load_robot
+
+LINK = """<link name="l{i}"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/>
+<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{i}" type="revolute"><origin xyz="0 0 0.2"/><parent link="l{before}"/><child link="l{i}"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="100" velocity="100"/></joint>"""
+
+
+def make(folder: Path, joints: int, mass: float) -> BulletEngine:
+    path = folder / f"robot_{joints}_{mass}.urdf"
+    links = "".join(LINK.format(i=i, before=i - 1, mass=mass) for i in range(1, joints + 1))
+    path.write_text(f'<robot name="chain"><link name="l0"/>{links}</robot>')
+    robot = load_robot(path)
+    return BulletEngine(robot, engine_urdf(robot, visuals=False, package_paths={})[0], step=1e-3)
+
+
+def coriolis(engine: BulletEngine) -> list[float] | None:
+    n = len(engine.joints)
+    return engine.bias_difference([0.3] * n, [1.0, -2.0, 0.5][:n], [0.0] * n)
+
+
+def test_velocity_torques_are_those_of_the_engines_own_robot(tmp_path: Path) -> None:
+    alone = make(tmp_path, 3, 0.5)
+    expected = coriolis(alone)
+    alone.close()
+    other = make(tmp_path, 2, 0.7)
+    second = make(tmp_path, 3, 0.5)
+    try:
+        assert coriolis(second) == pytest.approx(expected, abs=1e-14)
+        assert len(coriolis(other) or []) == 2
+    finally:
+        second.close()
+        other.close()
