@@ -20,9 +20,10 @@ COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
 FLUSH = 8_000
 """Floats after which inputs are taken from and the record moved to compact arrays: short lists stay in
 the processor's cache."""
-CORIOLIS_PHASE = 1.5
-"""rad of the fastest oscillation, at most, between evaluations of the Coriolis correction: being of order h itself, it may
-lag by some steps at second order."""
+CORIOLIS_EVERY = 8
+"""Substeps, at most, between evaluations of the Coriolis correction; in between it is what it will be half-way there."""
+CORIOLIS_PHASE = 1.0
+"""rad of the fastest oscillation, at most, between them."""
 
 Hook = Callable[[int, Sequence[Any], Sequence[Any]], None]
 """Called before each substep with its number, the engine's joint states and the actuators' states."""
@@ -61,8 +62,9 @@ class Loop:
         self.correction = [0.0] * len(self.drives)
         zero = [0.0] * len(self.drives)
         moves = stepping.staggered and engine.bias_difference(zero, zero, zero) is not None
-        self._correct_every = max(1, min(16, int(CORIOLIS_PHASE / max(omega_h, 1e-9)))) if moves else 0
+        self._correct_every = max(1, min(CORIOLIS_EVERY, int(CORIOLIS_PHASE / max(omega_h, 1e-9)))) if moves else 0
         """Substeps between Coriolis corrections; 0: none are needed."""
+        self._bias_difference: list[float] | None = None
         # v = now * v_engine + before * v_engine of the substep before: extrapolation to the whole step.
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         self.previous = [0.0] * len(self.drives)
@@ -224,7 +226,11 @@ class Loop:
         centred = [self._now * v + self._before * u for v, u in zip(lagging, self.previous, strict=True)]
         difference = self.engine.bias_difference([state[0] for state in joints], centred, lagging)
         if difference is not None:
-            self.correction[:] = difference
+            # Held for a while: its value in the middle of that time keeps the second order.
+            ahead = 0.5 * (self._correct_every - 1) / max(self._correct_every, 1)
+            before = self._bias_difference or difference
+            self.correction[:] = [new + ahead * (new - old) for new, old in zip(difference, before, strict=True)]
+            self._bias_difference = difference
 
     def _changed_dampings(self, joints: Sequence[Any]) -> list[float]:
         return [
