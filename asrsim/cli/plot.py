@@ -172,7 +172,7 @@ def _print_experiments(result: PlotResult) -> None:
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
-            say(f"{Path(name).name} beside {one.label}: {alignment.lag:+.4f} s late ({alignment.how}{found})")
+            say(f"{Path(name).name} beside {one.label}: {round(alignment.lag, 4) + 0.0:.4g} s late ({alignment.how}{found})")
 
 
 def _print_rows(result: PlotResult) -> None:

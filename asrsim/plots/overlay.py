@@ -9,7 +9,7 @@ from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, Curve, RunCurves
 from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, legend, new_figure, shorten, variants
 from asrsim.plots.pairing import Pair, RunComparison
-from asrsim.plots.panels import PANELS, frame
+from asrsim.plots.panels import frame
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 LAYOUTS = ("overlay", "side", "both")
 QUANTITIES_PER_PAGE = 3
+_BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
 
 
@@ -71,7 +72,7 @@ def overlay_figure(
         axes[-1, c].set_xlabel("time (s)")
     banded = max((pair.count for one in compared for pair in one.pairs.values()), default=1)
     for r, quantity in enumerate(quantities):
-        reference = [REFERENCE] if quantity in PANELS["position"].quantities and _has_reference(runs, joints) else []
+        reference = [REFERENCE] if quantity in _BESIDE_REFERENCE and _has_reference(runs, joints) else []
         words = {quantity: f"simulation {style.symbol(quantity)}"}
         legend(axes[2 * r, -1], [quantity, *reference], words=words, extra=_experiment_handles(banded))
     figure.align_ylabels()
@@ -81,7 +82,7 @@ def overlay_figure(
 
 
 def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str) -> None:
-    """Simulations (colour, variants by line style) over experiments (black; several as a band) on the given axes."""
+    """Simulations (colour, variants by line style) under experiments (thin, black; several as a band) on the given axes."""
     drawn: list[Curve] = []
     shared = len({one.recordings for one in compared}) == 1
     for number, (run, one) in enumerate(zip(runs, compared, strict=True)):
@@ -92,10 +93,12 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
         if not (shared and number):
             drawn += _experiment(axes, pair, "-" if shared else line, f"{joint}.{quantity}.experiment.{number}")
         reference = run.get(joint, REFERENCE)
-        if number == 0 and reference is not None and quantity in PANELS["position"].quantities:
+        if number == 0 and reference is not None and quantity in _BESIDE_REFERENCE:
             axes.plot(reference.time, reference.values, color=style.colour(REFERENCE), linewidth=2.6, zorder=1.4)
+            drawn.append(_within(reference, pair.simulation))
         axes.plot(
-            pair.simulation.time, pair.simulation.values, color=style.colour(quantity), linestyle=line, zorder=3.0,
+            pair.simulation.time, pair.simulation.values, color=style.colour(quantity), linestyle=line, zorder=2.3,
+            linewidth=1.9,
             gid=f"{joint}.{quantity}.simulation.{number}",
         )  # fmt: skip
         drawn.append(pair.simulation)
@@ -113,8 +116,8 @@ def draw_difference(
         if pair is None:
             continue
         axes.plot(
-            pair.difference.time, pair.difference.values, color=style.tint(style.colour(quantity), number), linestyle=style.line_style(number),
-            linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}",
+            pair.difference.time, pair.difference.values, color=style.tint(style.colour(quantity), number),
+            linestyle=style.line_style(number), linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}",
         )  # fmt: skip
         drawn.append(pair.difference)
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1.0)
@@ -124,13 +127,19 @@ def draw_difference(
     axes.set_ylabel(f"difference\n({style.unit(quantity, _info(runs, joint)) or '-'})")
 
 
+def _within(curve: Curve, other: Curve) -> Curve:
+    """The part of a curve in the other's time."""
+    inside = (curve.time >= other.time[0]) & (curve.time <= other.time[-1])
+    return Curve(time=curve.time[inside], values=curve.values[inside])
+
+
 def _experiment(axes: Axes, pair: Pair, line: Any, gid: str) -> list[Curve]:
     curves = [pair.recording]
     if pair.low is not None and pair.high is not None:
         axes.fill_between(pair.low.time, pair.low.values, pair.high.values, color=style.EXPERIMENT, alpha=0.18, linewidth=0)
         curves += [pair.low, pair.high]
     axes.plot(
-        pair.recording.time, pair.recording.values, color=style.EXPERIMENT, linestyle=line, linewidth=1.0, zorder=2.5, gid=gid
+        pair.recording.time, pair.recording.values, color=style.EXPERIMENT, linestyle=line, linewidth=0.8, zorder=2.5, gid=gid
     )
     return curves
 
