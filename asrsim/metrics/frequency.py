@@ -45,7 +45,8 @@ class FrequencyResponse:
     coherence: Array
     """(m,) 0 to 1: share of the output that the input explains, corrected for the number of averages."""
     gain_low: Array
-    """(m,) lower edge of the gain's confidence band, not below 0."""
+    """(m,) lower edge of the gain's confidence band, not below 0. For random errors only: the estimator's own bias, about
+    0.1 %, is not in it."""
     gain_high: Array
     """(m,) upper edge."""
     phase_margin: Array

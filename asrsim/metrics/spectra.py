@@ -14,6 +14,9 @@ from asrsim.samples import Array
 
 _HALF = (8, 16)
 """Fewest and most bins on either side of a frequency in the local fit: 17 to 33 complex equations for 7 unknowns."""
+_AS_GOOD = 1.2
+"""Residual of the fit without a denominator, over that of the fit with one, up to which the former is taken: about the
+99 % point of the F test with 33 equations."""
 _MOST = 2000
 """Frequencies at which the local fit is made; longer records are thinned evenly."""
 
@@ -67,8 +70,9 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
 
     At bin k + r, with r scaled to -1 ... 1:  (1 + d1 r + d2 r^2) Y = (g0 + g1 r + g2 r^2) U + t0 + t1 r; g0 is the response.
     The numerator over the denominator holds one lightly damped resonance exactly, and t0 + t1 r what the record's start and
-    end leave (leakage). Least squares, twice repeated with the denominator's weight (Sanathanan and Koerner). The residual
-    gives the response's variance, stated as the coherence that has this variance with as many averages.
+    end leave (leakage). Least squares, twice repeated with the denominator's weight (Sanathanan and Koerner). Where the fit
+    without denominator is as good, that one is taken. The residual gives the response's variance, stated as the coherence
+    that has this variance with as many averages.
     """
     n = len(u)
     transform_u = np.fft.rfft(u - np.mean(u)) / n
@@ -87,23 +91,50 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
     powers = np.stack([np.ones_like(r), r, r**2], axis=-1)
     local_u, size_u = _scaled(transform_u[index])
     local_y, size_y = _scaled(transform_y[index])
-    unknowns = (powers * local_u[..., None], powers[..., :2] + 0j, -powers[..., 1:] * local_y[..., None])
-    matrix = np.concatenate(unknowns, axis=-1)
-    weight = np.ones_like(r)
-    for _ in range(3):
+    gain, leak, poles = powers * local_u[..., None], powers[..., :2] + 0j, -powers[..., 1:] * local_y[..., None]
+    rational = _fit(np.concatenate([gain, leak, poles], axis=-1), local_y, powers)
+    smooth = _fit(np.concatenate([gain, leak], axis=-1), local_y, None)
+    # Without a resonance nearby the denominator only fits noise, and is biased by it: then the polynomial is better.
+    plain = smooth.noise <= _AS_GOOD * rational.noise
+    response = np.where(plain, smooth.response, rational.response)
+    variance = np.where(plain, smooth.variance, rational.variance)
+    relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
+    freedom = 2 * half + 1 - 7
+    return Spectra(
+        frequency=np.asarray(f[bins], dtype=np.float64), response=np.asarray(response * (size_y / size_u)[:, 0], dtype=np.complex128),
+        coherence=1 / (1 + freedom * relative), averages=float(freedom), resolution=1.0 / (n * step),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    """Local fits at k frequencies."""
+
+    response: NDArray[np.complex128]
+    """(k,)."""
+    variance: Array
+    """(k,) of the response."""
+    noise: Array
+    """(k,) residual power of the output a degree of freedom."""
+
+
+def _fit(matrix: NDArray[np.complex128], output: NDArray[np.complex128], powers: Array | None) -> _Fit:
+    """Least squares of the output (k, w) on the columns of the matrix (k, w, p), whose first one is the response.
+
+    powers: (k, w, 3); the last two columns then are a denominator's, and the fit is repeated with its weight.
+    """
+    weight = np.ones(output.shape)
+    for _ in range(1 if powers is None else 3):
         # By singular values, which drop what an unexcited neighbourhood leaves open.
         inverse = np.linalg.pinv(matrix * weight[..., None], rcond=1e-10)
-        solution = np.einsum("kpw,kw->kp", inverse, local_y * weight)
-        denominator = np.abs(1 + np.einsum("kwp,kp->kw", powers[..., 1:], solution[:, -2:]))
-        used, weight = weight, 1 / np.maximum(denominator, 1e-3)
-    residual = (local_y - np.einsum("kwp,kp->kw", matrix, solution)) * used
-    freedom = 2 * half + 1 - matrix.shape[-1]
-    noise = np.sum(np.abs(residual) ** 2, axis=1) / freedom
-    variance = np.sum(np.abs(inverse[:, 0]) ** 2, axis=1) * noise / np.maximum(np.abs(solution[:, 0]) ** 2, 1e-300)
-    return Spectra(
-        frequency=np.asarray(f[bins], dtype=np.float64), response=solution[:, 0] * (size_y / size_u)[:, 0],
-        coherence=1 / (1 + freedom * variance), averages=float(freedom), resolution=1.0 / (n * step),
-    )  # fmt: skip
+        solution = np.einsum("kpw,kw->kp", inverse, output * weight)
+        used = weight
+        if powers is not None:
+            denominator = np.abs(1 + np.einsum("kwp,kp->kw", powers[..., 1:], solution[:, -2:]))
+            weight = 1 / np.maximum(denominator, 1e-3)
+    residual = (output - np.einsum("kwp,kp->kw", matrix, solution)) * used
+    noise = np.sum(np.abs(residual) ** 2, axis=1) / (matrix.shape[1] - matrix.shape[2])
+    return _Fit(response=solution[:, 0], variance=np.sum(np.abs(inverse[:, 0]) ** 2, axis=1) * noise, noise=noise)
 
 
 def _scaled(values: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], Array]:
