@@ -101,7 +101,8 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
     freedom = 2 * half + 1 - 7
     return Spectra(
-        frequency=np.asarray(f[bins], dtype=np.float64), response=np.asarray(response * (size_y / size_u)[:, 0], dtype=np.complex128),
+        frequency=np.asarray(f[bins], dtype=np.float64),
+        response=np.asarray(response * (size_y / size_u)[:, 0], dtype=np.complex128),
         coherence=1 / (1 + freedom * relative), averages=float(freedom), resolution=1.0 / (n * step),
     )  # fmt: skip
 
