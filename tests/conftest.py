@@ -1,0 +1,98 @@
+"""Fixtures that several tests share: a tiny robot with its scenario, and the command line as a user meets it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+PENDULUM = """<?xml version="1.0"?>
+<robot name="pendulum">
+  <link name="world"/>
+  <joint name="elbow" type="revolute">
+    <parent link="world"/>
+    <child link="arm"/>
+    <axis xyz="0 1 0"/>
+    <limit effort="50" velocity="100" lower="-3" upper="3"/>
+    <dynamics damping="0.02" friction="0"/>
+  </joint>
+  <link name="arm">
+    <inertial>
+      <origin xyz="0 0 -0.1"/>
+      <mass value="0.5"/>
+      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>
+    </inertial>
+  </link>
+  <gazebo>
+    <plugin name="elbow_drive" filename="libsea_plugin.so">
+      <joint>elbow</joint>
+      <operation_mode>3</operation_mode>
+      <pub_eltau>true</pub_eltau>
+      <pub_state>true</pub_state>
+      <sub_ext_tau>false</sub_ext_tau>
+      <spring_k>10</spring_k>
+    </plugin>
+  </gazebo>
+</robot>
+"""
+"""One joint with an SEA of 10 N m/rad: I = 6e-3 kg m^2, 0.5 kg at 0.1 m, which hangs at 0."""
+
+SCENARIO = """\
+robot: pendulum.urdf
+duration: 1.5
+references:
+  elbow:
+    equilibrium_position: {step: {at: 0.1, to: 0.5}}
+"""
+
+
+@dataclass(frozen=True)
+class Tiny:
+    """A folder with a robot and a scenario."""
+
+    folder: Path
+    robot: Path
+    scenario: Path
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Tiny:
+    """A pendulum with a step of its equilibrium position."""
+    robot, scenario = tmp_path / "pendulum.urdf", tmp_path / "step.yaml"
+    robot.write_text(PENDULUM)
+    scenario.write_text(SCENARIO)
+    return Tiny(tmp_path, robot, scenario)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command gave."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Command:
+    """Runs `asrsim` with arguments, in this process, from `tmp_path`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*arguments: object) -> Outcome:
+        from asrsim.cli.app import main
+
+        monkeypatch.setattr(sys, "argv", ["asrsim", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main()
+        captured = capsys.readouterr()
+        return Outcome(int(end.value.code or 0), captured.out, captured.err)
+
+    return call

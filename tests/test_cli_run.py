@@ -1,0 +1,356 @@
+"""`asrsim run` and `asrsim rerun`, as a user and a shell meet them."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.cli.app import COMMANDS
+from asrsim.log import LogWriter, read_log
+
+FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
+LOAD = "external_torques={elbow: {step: {at: 0.5, to: 1e9}}}"
+"""A torque that no joint bears."""
+LIMIT = 60.0
+"""s in which a subprocess must come to something, on a slow machine."""
+
+
+def start(tiny, *arguments: object, **options: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "asrsim.cli.app", *map(str, arguments)],
+        cwd=tiny.folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+        **options,
+    )
+
+
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def log_of(tiny, variant: str = "default") -> Path:
+    return tiny.folder / "out" / "step" / variant / "log.mcap"
+
+
+def test_a_run_leaves_log_summary_and_table(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 0
+    assert outcome.err == ""
+    log = read_log(log_of(tiny))
+    assert log.status == "complete"
+    assert log.samples.time[-1] == 1.5
+    assert len(log.samples.time) == 1501
+    row = next(line for line in outcome.out.splitlines() if line.split()[:1] == ["elbow"])
+    steady = log.samples.joint("elbow")["link_position"][-150:].mean()
+    assert f"{steady:.4f}"[:5] in row
+    assert "out/step/default" in outcome.out
+    assert "\x1b[" not in outcome.out
+
+
+def test_json_is_the_only_output_and_the_summary_file_holds_the_same(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json", "--set", "duration=0.3")
+    document = json.loads(outcome.out)
+    assert outcome.err == ""
+    assert document["ok"] is True
+    run = document["runs"][0]
+    assert run["status"] == "complete"
+    assert run["samples"] == 301
+    assert [joint["name"] for joint in run["joints"]] == ["elbow"]
+    assert json.loads(Path(run["files"]["summary"]).read_text()) == run
+
+
+def test_json_of_a_bad_scenario_names_every_problem(tiny, asrsim_command) -> None:
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("duration: 1.5", "duraton: 1.5\nstep: -1"))
+    outcome = asrsim_command("run", tiny.scenario, "--json")
+    assert outcome.code == 1
+    problems = json.loads(outcome.out)["errors"][0]["problems"]
+    assert {problem.get("key") for problem in problems} >= {"duraton", "step"}
+    assert {problem.get("line") for problem in problems} >= {2, 3}
+
+
+def test_quiet_says_nothing_when_all_is_well(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--quiet")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
+
+
+def test_pictures_are_drawn_unless_told_not_to(tiny, asrsim_command) -> None:
+    assert asrsim_command("run", tiny.scenario, "--set", "duration=0.2").code == 0
+    pictures = list(log_of(tiny).parent.glob("*.png"))
+    assert pictures
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert sorted(summary["files"]["plots"]) == sorted(f"out/step/default/{path.name}" for path in pictures)
+
+
+def test_variants_each_in_their_folder(tiny, asrsim_command) -> None:
+    soft_and_stiff = "variants:\n  soft: {parameters: {elbow: {spring_k: 5}}}\n  stiff: {parameters: {elbow: {spring_k: 50}}}\n"
+    tiny.scenario.write_text(tiny.scenario.read_text() + soft_and_stiff)
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 0
+    soft, stiff = (read_log(log_of(tiny, name)).samples.joint("elbow")["stiffness"][0] for name in ("soft", "stiff"))
+    assert (soft, stiff) == (5.0, 50.0)
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "both").code == 0
+    assert (tiny.folder / "both" / "soft" / "log.mcap").is_file()
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--variant", "stiff", "--out", "one").code == 0
+    assert read_log(tiny.folder / "one" / "log.mcap").info.variant == "stiff"
+
+
+@pytest.mark.parametrize(("value", "code"), [(0.45, 0), (0.3, 1)])
+def test_expectations_decide_the_exit_code(tiny, asrsim_command, value: float, code: int) -> None:
+    claim = f"{{joint: elbow, quantity: link_position, measure: steady_state, value: {value}, tolerance: 0.05}}"
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", f"expect=[{claim}]")
+    assert outcome.code == code
+    assert ("pass" in outcome.out) == (code == 0)
+    assert ("FAIL" in outcome.err) == (code == 1)
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["expect"][0]["holds"] is (code == 0)
+    assert summary["ok"] is (code == 0)
+
+
+def test_a_claim_that_cannot_be_evaluated_is_told_before_the_run(tiny, asrsim_command) -> None:
+    claim = "{joint: elbow, quantity: motor_2_position, measure: final, value: 0}"
+    outcome = asrsim_command("run", tiny.scenario, "--set", f"expect=[{claim}]", *FOREVER)
+    assert outcome.code == 1
+    assert "motor_2_position" in outcome.err
+    assert not log_of(tiny).exists()
+
+
+def test_the_same_scenario_replaces_its_results_and_says_so(tiny, asrsim_command) -> None:
+    assert "replaced" not in asrsim_command("run", tiny.scenario, "--no-plot").out
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2")
+    assert outcome.code == 0
+    assert "replaced 2 files" in outcome.out
+    assert read_log(log_of(tiny)).samples.time[-1] == 0.2
+
+
+def test_another_scenarios_results_are_kept(tiny, asrsim_command) -> None:
+    other = tiny.folder / "other.yaml"
+    shutil.copy(tiny.scenario, other)
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "results").code == 0
+    before = (tiny.folder / "results" / "log.mcap").read_bytes()
+    outcome = asrsim_command("run", other, "--no-plot", "--out", "results")
+    assert outcome.code == 1
+    assert "step.yaml" in outcome.err
+    assert "--overwrite" in outcome.err
+    assert (tiny.folder / "results" / "log.mcap").read_bytes() == before
+    assert asrsim_command("run", other, "--no-plot", "--out", "results", "--overwrite").code == 0
+    assert read_log(tiny.folder / "results" / "log.mcap").info.scenario_path.endswith("other.yaml")
+
+
+def test_a_file_that_is_no_log_of_ours_is_kept(tiny, asrsim_command) -> None:
+    (tiny.folder / "results").mkdir()
+    (tiny.folder / "results" / "log.mcap").write_text("my diary")
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "results").code == 1
+    assert (tiny.folder / "results" / "log.mcap").read_text() == "my diary"
+
+
+def test_a_run_that_cannot_be_built_leaves_the_earlier_results(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot")
+    before = log_of(tiny).read_bytes()
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", "initial={elbow: 9}")
+    assert outcome.code == 1
+    assert "initial" in outcome.err
+    assert log_of(tiny).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "changes", [("stepping=toolbox", "parameters={elbow: {spring_k: 1e5}}"), ("stepping=toolbox", LOAD), (LOAD,)]
+)
+def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes: tuple[str, ...]) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace('effort="50"', 'effort="1e9"').replace("revolute", "continuous"))
+    settings = [part for change in changes for part in ("--set", change)]
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", *settings)
+    assert outcome.code == 1
+    assert "joint 'elbow' diverged at t = " in outcome.err
+    log = read_log(log_of(tiny))
+    assert log.status == "diverged"
+    assert not log.truncated
+    assert len(log.samples.time) > 0
+    assert log.metadata["joint"] == "elbow"
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["status"] == "diverged"
+    assert "elbow" in summary["message"]
+
+
+def test_ctrl_c_ends_a_run_cleanly(tiny) -> None:
+    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
+    wait_for(lambda: log_of(tiny).exists() and log_of(tiny).stat().st_size > 200_000, process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=LIMIT)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert "interrupted" in out
+    log = read_log(log_of(tiny))
+    assert log.status == "interrupted"
+    assert not log.truncated
+    assert np.all(np.diff(log.samples.time) > 0)
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["status"] == "interrupted"
+    assert summary["samples"] == len(log.samples.time)
+
+
+def test_a_killed_run_leaves_a_readable_log_that_can_be_repeated(tiny, asrsim_command) -> None:
+    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
+    wait_for(lambda: log_of(tiny).exists() and log_of(tiny).stat().st_size > 200_000, process)
+    process.kill()
+    process.communicate(timeout=LIMIT)
+    log = read_log(log_of(tiny))
+    assert log.truncated
+    assert len(log.samples.time) > 1000
+    outcome = asrsim_command("rerun", log_of(tiny), "--json")
+    assert outcome.code == 0
+    document = json.loads(outcome.out)
+    assert document["identical"] is True
+    assert document["samples"] == len(log.samples.time)
+
+
+def test_a_full_disk_ends_with_one_error_and_a_readable_log(tiny) -> None:
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+
+    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER, preexec_fn=little_room)
+    _, err = process.communicate(timeout=LIMIT)
+    assert process.returncode == 1
+    assert "cannot write the log" in err
+    assert "Traceback" not in err
+    assert len(read_log(log_of(tiny)).samples.time) > 1000
+
+
+def test_output_that_cannot_be_written(tiny, asrsim_command) -> None:
+    (tiny.folder / "taken").write_text("a file")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--out", "taken")
+    assert outcome.code == 1
+    assert "cannot make the folder" in outcome.err
+    (tiny.folder / "full").mkdir()
+    (tiny.folder / "full" / "log.mcap").symlink_to("/dev/full")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--out", "full")
+    assert outcome.code == 1
+    assert "No space left" in outcome.err
+
+
+def test_a_missing_scenario_is_one_line(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", "nowhere.yaml")
+    assert outcome.code == 1
+    assert len(outcome.err.splitlines()) == 1
+    assert "nowhere.yaml" in outcome.err
+
+
+def test_certify_reports_the_numerical_error(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--certify", "--json", "--set", "duration=0.5")
+    certificate = json.loads(outcome.out)["runs"][0]["certificate"]
+    assert 0.0 < certificate["joints"]["elbow"]["position_max"] < 1e-3
+    assert json.loads(read_log(log_of(tiny)).metadata["certificate"])["joints"] == certificate["joints"]
+
+
+def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4", "--set", "step=5e-4")
+    log = tiny.folder / "alone.mcap"
+    shutil.move(log_of(tiny), log)
+    tiny.scenario.unlink()
+    tiny.robot.unlink()
+    outcome = asrsim_command("rerun", log, "--out", "again")
+    assert outcome.code == 0
+    assert "identical" in outcome.out
+    again = read_log(tiny.folder / "again" / "log.mcap")
+    assert again.samples.time[-1] == 0.4
+    assert asrsim_command("rerun", tiny.folder / "again" / "log.mcap").code == 0
+
+
+def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4")
+    log = read_log(log_of(tiny))
+    velocity = log.samples.values["link_velocity"].copy()
+    velocity[123, 0] = np.nextafter(velocity[123, 0], np.inf)
+    tampered = tiny.folder / "tampered.mcap"
+    with LogWriter(tampered, log.info) as writer:
+        writer.write(replace(log.samples, values={**log.samples.values, "link_velocity": velocity}))
+    outcome = asrsim_command("rerun", tampered)
+    assert outcome.code == 1
+    assert "link_velocity of elbow" in outcome.err
+    assert "t = 0.123 s" in outcome.err
+    document = json.loads(asrsim_command("rerun", tampered, "--json").out)
+    assert [(one["name"], one["joint"], one["sample"], one["count"]) for one in document["differences"]] == [
+        ("link_velocity", "elbow", 123, 1)
+    ]
+
+
+def test_rerun_of_a_diverged_run(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", LOAD)
+    outcome = asrsim_command("rerun", log_of(tiny), "--json")
+    assert outcome.code == 0
+    assert json.loads(outcome.out)["status"] == "diverged"
+
+
+def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
+    plugin = tiny.folder / "my_drive.py"
+    plugin.write_text(
+        "from asrsim.actuators.sea import Sea\n\nclass MyDrive(Sea):\n    name = 'my_drive'\n    title = 'My drive'\n"
+    )
+    tiny.robot.write_text(tiny.robot.read_text().replace("libsea", "libmy_drive"))
+    run = start(tiny, "run", tiny.scenario, "--no-plot", "--plugin", plugin, "--set", "duration=0.1")
+    _, err = run.communicate(timeout=LIMIT)
+    assert run.returncode == 0, err
+    plugin.unlink()
+    refused = start(tiny, "rerun", log_of(tiny))
+    _, err = refused.communicate(timeout=LIMIT)
+    assert refused.returncode == 1
+    assert "--trust-plugins" in err
+    trusted = start(tiny, "rerun", log_of(tiny), "--trust-plugins")
+    out, err = trusted.communicate(timeout=LIMIT)
+    assert trusted.returncode == 0, err
+    assert "identical" in out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_an_example(asrsim_command, name: str) -> None:
+    outcome = asrsim_command(name, "--help")
+    assert outcome.code == 0
+    assert f"Example: asrsim {name}" in outcome.out
+
+
+def test_version_and_unknown_commands(asrsim_command) -> None:
+    assert asrsim_command("--version").out.startswith("asrsim ")
+    assert asrsim_command("rum").code == 2
+
+
+def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_options: object) -> None:
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr("asrsim.scenario.load_scenario", fail)
+    outcome = asrsim_command("run", "any.yaml")
+    assert outcome.code == 1
+    assert "ZeroDivisionError" in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_start_imports_nothing_heavy(tiny) -> None:
+    code = (
+        "import sys; sys.argv = ['asrsim', 'run', 'step.yaml', '--no-plot', '--set', 'duration=1e-3']\n"
+        "from asrsim.cli.app import main\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "heavy = {'matplotlib', 'scipy', 'yourdfpy', 'numba', 'rosbags', 'xacro', 'rich', 'pandas', 'mcap_ros2'}\n"
+        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+    )  # fmt: skip
+    assert done.stderr.strip() == "[]"
