@@ -153,7 +153,13 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
     gravity = np.max([np.abs(engine.gravity_torques(position)) for position in configurations], axis=0)
     external = np.max(np.abs(sampled[2]), axis=0)
     stiffness = [
-        reachable_stiffness(drive, sampled[0][:, j], sampled[1][:, j], float(gravity[j] + external[j]))
+        reachable_stiffness(
+            drive,
+            sampled[0][:, j],
+            sampled[1][:, j],
+            load=float(gravity[j] + external[j]),
+            inertia=max(float(mass[j, j]) for mass in masses),
+        )
         for j, drive in enumerate(drives)
     ]
     if STEPPINGS.get(scenario.stepping).released:

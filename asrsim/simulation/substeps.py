@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
@@ -24,7 +25,7 @@ MOTOR_TARGET = 0.3
 DAMPING_TARGET = 0.5
 """c h / I that it keeps: the extrapolated damping is stable below 1."""
 OVERSHOOT = 2.0
-"""A spring behind a motor is loaded to at most this multiple of the motor's torque: a step load on an undamped spring."""
+"""A step load deflects an undamped spring twice as far as a slow one; the same margin is given to speeds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,49 +44,63 @@ class Resolution:
     """Largest reachable stiffness of each joint in N m/rad."""
 
 
-def reachable_stiffness(drive: Drive, reference_1: Array, reference_2: Array, load: float) -> float:
-    """Largest stiffness in N m/rad that the joint's spring can reach in this run.
+def reachable_stiffness(drive: Drive, reference_1: Array, reference_2: Array, *, load: float, inertia: float) -> float:
+    """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds it is told so.
 
-    Its deflections are bounded by max_deflection; by the references (ideal motors: the largest jump or first offset, the
-    preset, and what the load deflects); and by the motors' torque (motors with dynamics). load: N m, bound of the
-    torque at the link from gravity and inputs.
+    reference_1, reference_2: sampled over the run; load: N m, bound of gravity's and external torques on the link; inertia:
+    kg m^2, the most that the joint can carry. A spring is deflected at most to max_deflection, and by no more than
+    its pretension (the references' spread) plus what load and motion add: ideal motors jump as the references do; motors
+    with dynamics move the link's inertia at their largest speed against the spring, and hold no more than their torque.
     """
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     elastic = drive.elastic
     limit = drive.values.get("max_deflection", math.pi)
-    second = reference_2 if actuator.adjuster else np.zeros(1)
-    sigmas = (float(second[np.argmax(np.abs(second))]),)
+    sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster else 0.0
 
     def torque_at(deflection: float) -> float:
-        theta_2 = sigmas[0] if actuator.adjuster else deflection
-        return max(abs(part) for sign in (1.0, -1.0) for part in _torques(drive, sign * deflection, sign * theta_2, elastic))
+        pairs = [(d, sigma if actuator.adjuster else d) for d in (deflection, -deflection)]
+        return max(abs(part) for pair in pairs for part in _torques(drive, *pair, elastic))
 
+    goals = np.column_stack(drive.goals(reference_1, reference_2))[:, : 1 if actuator.motors == 1 else 2]
+    spread = float(np.max(np.abs(goals - goals.mean(axis=1, keepdims=True)))) if mode.number != 4 else 0.0
+    loaded = _largest_below(torque_at, OVERSHOOT * load, limit)
     if mode.motor:
-        bound = OVERSHOOT * max(drive.values[f"motor_{i}_max_torque"] for i in range(1, actuator.motors + 1)) + load
-        reach = _largest_below(torque_at, bound, limit)
+        motors = range(1, actuator.motors + 1)
+        pull = max(drive.values[f"motor_{i}_max_torque"] for i in motors)
+        if mode.number == 4:
+            pull = min(pull, float(np.max(np.abs(goals))))
+            spread = _largest_below(torque_at, pull, limit)
+        speed = OVERSHOOT * max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
+        moved = _caught(drive, spread, sigma, 0.5 * inertia * speed * speed, limit)
+        reach = min(spread + loaded + moved, _largest_below(torque_at, OVERSHOOT * pull + load, limit), limit)
     else:
-        thetas = [
-            np.array([actuator.motor_references(a, b) if mode.mapped else (a, b)]) for a, b in _pairs(reference_1, reference_2)
-        ]
-        path = np.concatenate(thetas) if thetas else np.zeros((1, 2))
-        motors = path[:, :1] if actuator.adjuster or actuator.motors == 1 else path
-        offset = float(np.max(np.abs(motors[0] - drive.initial_position)))
-        jump = float(np.max(np.abs(np.diff(motors, axis=0)))) if len(motors) > 1 else 0.0
-        spread = float(np.max(np.abs(motors - motors.mean(axis=1, keepdims=True))))
-        reach = min(limit, spread + max(offset, jump) + _largest_below(torque_at, OVERSHOOT * load, limit))
-    grid = np.linspace(-reach, reach, 9)
+        offset = float(np.max(np.abs(goals[0] - drive.initial_position)))
+        jump = float(np.max(np.abs(np.diff(goals, axis=0)))) if len(goals) > 1 else 0.0
+        reach = min(limit, spread + max(offset, jump) + loaded)
+    grid = np.linspace(-reach, reach, 9).tolist()
     best = 0.0
     for d_1 in grid:
-        for d_2 in sigmas if actuator.adjuster else (grid if actuator.motors == 2 else (0.0,)):
-            value = actuator.stiffness(0.0, float(d_1), float(d_2), elastic)
-            best = max(best, abs(value)) if math.isfinite(value) else math.inf
+        for d_2 in [sigma] if actuator.adjuster else (grid if actuator.motors == 2 else [0.0]):
+            value = abs(actuator.stiffness(0.0, d_1, d_2, elastic))
+            best = max(best, value) if math.isfinite(value) else math.inf
     return best
 
 
-def _pairs(reference_1: Array, reference_2: Array) -> list[tuple[float, float]]:
-    return list(zip(reference_1.tolist(), reference_2.tolist(), strict=True))
+def _caught(drive: Drive, spread: float, sigma: float, energy: float, limit: float) -> float:
+    """Deflection from pretension `spread` at which the springs have taken `energy` J."""
+    if drive.actuator is None or not math.isfinite(energy):
+        return limit
+    law = energy_over_arrays(drive.actuator)
+    second = sigma if drive.actuator.adjuster else -spread
+
+    def taken(deflection: float) -> float:
+        points = np.array([-deflection, 0.0])
+        stored = law(points, np.full(2, spread), np.full(2, second), drive.elastic)
+        return float(stored[0] - stored[1])
+
+    return _largest_below(taken, energy, limit)
 
 
 def _torques(drive: Drive, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
@@ -97,6 +112,8 @@ def _torques(drive: Drive, d_1: float, d_2: float, elastic: tuple[float, ...]) -
 
 def _largest_below(law: Callable[[float], float], bound: float, limit: float) -> float:
     """Largest deflection up to `limit` whose torque stays below `bound`, by bisection on a monotone law."""
+    if bound <= 0.0:
+        return 0.0
     if law(limit) <= bound:
         return limit
     low, high = 0.0, limit
