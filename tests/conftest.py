@@ -17,7 +17,7 @@ PENDULUM = """<?xml version="1.0"?>
     <child link="arm"/>
     <axis xyz="0 1 0"/>
     <limit effort="50" velocity="100" lower="-3" upper="3"/>
-    <dynamics damping="0.02" friction="0"/>
+    <dynamics damping="0.2" friction="0"/>
   </joint>
   <link name="arm">
     <inertial>

@@ -200,10 +200,10 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     # Meshes are sought where they were when the log was written.
     robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
     # What the run should have given is no part of it, and may name recordings that are not here.
-    data = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
-    named = data["robot"]["file"] if isinstance(data["robot"], Mapping) else data["robot"]
+    keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
+    named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
     scenario = scenario_from_data(
-        data,
+        keys,
         base_dir=Path(info.scenario_path).parent if info.scenario_path else folder,
         files={**files, str(named): urdf},
         name=Path(info.scenario_path).stem if info.scenario_path else "scenario",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.metrics import JointSummary, summarise
+from asrsim.metrics import JointSummary, measure, summarise
 from asrsim.samples import Array, JointInfo, Samples
 
 KEPT = 2_000_000
@@ -24,6 +25,9 @@ def joint_measures(chunks: Iterable[Samples], joints: Sequence[JointInfo], *, sa
         chunks: The run's samples in their order; at least the quantities of :data:`QUANTITIES`.
         joints: Those of the run's description.
         samples: How many samples the chunks have together, or more.
+
+    Returns:
+        Of each joint; overshoot and settling count from where its reference begins to move, see :func:`step_start`.
     """
     stride = max(1, -(-samples * len(joints) // KEPT))
     times: list[Array] = []
@@ -44,13 +48,35 @@ def joint_measures(chunks: Iterable[Samples], joints: Sequence[JointInfo], *, sa
         return tuple(summarise(np.empty(0), {}) for _ in joints)
     time, position, error = np.concatenate(times), np.concatenate(positions), np.concatenate(errors)
     return tuple(
-        replace(summarise(time, _columns(position[:, j], error[:, j])), peak_deflection=float(peaks[j]))
-        for j in range(len(joints))
+        replace(_summary(time, position[:, j], error[:, j]), peak_deflection=float(peaks[j])) for j in range(len(joints))
     )
 
 
-def _columns(position: Array, error: Array) -> dict[str, Array]:
-    columns = {"link_position": position}
-    if np.isfinite(error).all():
-        columns["position_error"] = error
-    return columns
+def _summary(time: Array, position: Array, error: Array) -> JointSummary:
+    if not np.isfinite(error).all():
+        return summarise(time, {"link_position": position})
+    whole = summarise(time, {"link_position": position, "position_error": error})
+    start = step_start(position + error)
+    if start is None:
+        return replace(whole, overshoot=math.nan, settling=math.nan)
+    if not start:
+        return whole
+    return replace(
+        whole,
+        overshoot=measure("overshoot", time[start:], position[start:]),
+        settling=measure("settling", time[start:], position[start:]),
+    )
+
+
+def step_start(reference: Array) -> int | None:
+    """Sample at which a reference (n,) that goes one way and then rests begins to move; 0 if it never does.
+
+    None where it goes to and fro, or still moves in the last tenth: such a motion has no overshoot and does not settle.
+    """
+    changes = np.diff(reference)
+    floor = 1e-9 * max(1.0, float(np.max(np.abs(reference))))
+    moves = np.flatnonzero(np.abs(changes) > floor)
+    if not len(moves):
+        return 0
+    one_way = bool(np.all(changes[moves] > 0) or np.all(changes[moves] < 0))
+    return int(moves[0]) + 1 if one_way and moves[-1] < 0.9 * len(changes) else None

@@ -1,0 +1,118 @@
+"""The summary of a run: its numbers against the samples, its limits, its JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.samples import Samples
+from asrsim.summary import collect, joint_measures
+from asrsim.summary.table import headline, joint_columns, limit_note
+
+
+def test_numbers_are_those_of_the_samples(tiny) -> None:
+    result = asrsim.run(tiny.scenario, overrides=["duration=3"])
+    q, time = result["elbow"].link_position, result.time
+    measures = result.summary.joint("elbow").measures
+    last = time >= 2.7 - 1e-9
+    assert measures.steady_state == pytest.approx(q[last].mean(), abs=1e-5)
+    assert measures.steady_state_error == pytest.approx(0.5 - q[last].mean(), abs=1e-5)
+    # Spring and gravity balance: k (0.5 - q) = m g l sin q.
+    assert 10.0 * measures.steady_state_error == pytest.approx(0.5 * 9.81 * 0.1 * math.sin(measures.steady_state), abs=2e-3)
+    assert measures.overshoot == pytest.approx(q.max() / measures.steady_state - 1.0, abs=1e-3)
+    assert measures.peak_deflection == np.abs(0.5 * (time >= 0.1) - q).max()
+    outside = np.flatnonzero(np.abs(q - measures.steady_state) > 0.02 * measures.steady_state)
+    assert measures.settling == pytest.approx(time[outside[-1]] - 0.1, abs=0.002)
+
+
+@pytest.mark.parametrize("signal", ["{sinusoid: {amplitude: 0.3, frequency: 2}}", "{waypoints: [[0, 0], [0.5, 0.4], [1, 0]]}"])
+def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
+    result = asrsim.run(tiny.scenario, overrides=[f"references={{elbow: {{equilibrium_position: {signal}}}}}"])
+    measures = result.summary.joint("elbow").measures
+    assert math.isnan(measures.overshoot)
+    assert math.isnan(measures.settling)
+    assert math.isfinite(measures.steady_state_error)
+
+
+def test_limits_are_counted_in_substeps(tiny) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace('effort="50" velocity="100"', 'effort="2" velocity="1"'))
+    result = asrsim.run(tiny.scenario, overrides=["substeps=1"])
+    joint = result.summary.joint("elbow")
+    torque, velocity = result["elbow"].link_torque, result["elbow"].link_velocity
+    assert joint.effort == np.count_nonzero(np.abs(torque) >= 2.0) > 0
+    assert joint.velocity == np.count_nonzero(np.abs(velocity) > 1.0) > 0
+    assert joint.saturation == 0
+    headings = [column.heading for column in joint_columns(result.summary)]
+    assert "effort\nlimit" in headings
+    assert "motor\nlimit" not in headings
+    assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
+
+
+def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:
+    result = asrsim.run(tiny.scenario, overrides=["modes=0", "references={elbow: {link_torque: 0}}", "duration=0.1"])
+    joint = result.summary.as_dict()["joints"][0]
+    assert joint["steady_state_error"] is None
+    assert joint["overshoot"] is None
+    json.dumps(result.summary.as_dict(), allow_nan=False)
+    cells = {column.heading: column.cells for column in joint_columns(result.summary)}
+    assert cells["error\nrad"] == ("-",)
+
+
+def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = asrsim.run(tiny.scenario)
+    samples, joints = result.samples, result.run.info.joints
+    n = len(samples.time)
+    chunks = [_rows(samples, slice(start, start + 97)) for start in range(0, n, 97)]
+    whole = joint_measures(chunks, joints, samples=n)[0]
+    monkeypatch.setattr(collect, "KEPT", 400)
+    thin = joint_measures(chunks, joints, samples=n)[0]
+    assert thin.peak_deflection == whole.peak_deflection
+    assert thin != whole
+    assert thin.steady_state == pytest.approx(whole.steady_state, abs=1e-3)
+    assert thin.settling == pytest.approx(whole.settling, abs=0.01)
+
+
+def test_headline_says_how_far_a_run_came(tiny) -> None:
+    result = asrsim.run(tiny.scenario, overrides=["duration=0.2"])
+    assert headline(result.summary).startswith("0.2 s simulated")
+    cut = replace(result.summary, status="interrupted", simulated_time=0.1)
+    assert headline(cut).startswith("interrupted, 0.1 s of 0.2 s simulated")
+    assert not cut.ok
+
+
+def test_arrays_in_another_order_keep_their_joints(tiny) -> None:
+    """A manager's joint order changes the description; the numbers must follow."""
+    tiny.robot.write_text(TWO_JOINTS)
+    (tiny.folder / "manager.yaml").write_text("joints_name: [second, first]\n")
+    tiny.scenario.write_text(
+        "robot: pendulum.urdf\nduration: 0.5\nmanager: manager.yaml\ngravity: [0, 0, 0]\n"
+        "references:\n  first: {equilibrium_position: 0}\n  second: {equilibrium_position: {step: {at: 0, to: 0.3}}}\n"
+    )
+    result = asrsim.run(tiny.scenario)
+    assert result.joints == ("second", "first")
+    for name in result.joints:
+        assert result.summary.joint(name).measures.peak_deflection == np.abs(result[name].deflection).max()
+    assert result.summary.joint("second").effort > 0
+    assert result.summary.joint("first").effort == 0
+
+
+def _rows(samples: Samples, rows: slice) -> Samples:
+    return replace(samples, time=samples.time[rows], values={name: values[rows] for name, values in samples.values.items()})
+
+
+def _joint(name: str, parent: str, effort: float) -> str:
+    return f"""<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 1 0"/>
+<limit effort="{effort}" velocity="100"/></joint>
+<link name="{name}_link"><inertial><mass value="0.5"/><inertia ixx="1e-2" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/>
+</inertial></link>
+<gazebo><plugin name="{name}_drive" filename="libsea_plugin.so"><joint>{name}</joint><operation_mode>3</operation_mode>
+<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau><spring_k>10</spring_k></plugin></gazebo>
+"""
+
+
+TWO_JOINTS = f"<robot name='two'><link name='world'/>{_joint('first', 'world', 100)}{_joint('second', 'first_link', 1)}</robot>"
