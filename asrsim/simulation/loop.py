@@ -128,7 +128,7 @@ class Loop:
                 if slow:
                     for hook in self.before_step:
                         hook(k, joints, states)
-                    dampings = self._changed_dampings(joints)
+                    dampings = self._changed_dampings(joints, first, second)
                 if every and not k % every:
                     self._correct_coriolis(joints)
                 for j, (q, lagging, _, _) in enumerate(joints):
@@ -171,7 +171,8 @@ class Loop:
         if k == 0:
             velocities = [state[1] for state in joints]
         self.previous[:] = [state[1] for state in joints]
-        dampings = self._changed_dampings(joints) if any(self._laws) else self._dampings
+        last = pieces[-1].rows
+        dampings = self._changed_dampings(joints, last[0], last[1]) if any(self._laws) else self._dampings
         length = sum(piece.fraction for piece in pieces)
         means = [0.0] * len(joints)
         totals = [0.0] * len(joints)
@@ -232,27 +233,29 @@ class Loop:
             self.correction[:] = [new + ahead * (new - old) for new, old in zip(difference, before, strict=True)]
             self._bias_difference = difference
 
-    def _changed_dampings(self, joints: Sequence[Any]) -> list[float]:
+    def _changed_dampings(self, joints: Sequence[Any], first: Sequence[float], second: Sequence[float]) -> list[float]:
         return [
-            damping if law is None else damping + law(state[0], actuator_state)
-            for damping, law, state, actuator_state in zip(self._dampings, self._laws, joints, self.states, strict=True)
+            damping if law is None else damping + law(joints[j][0], self.states[j], first[j], second[j])
+            for j, (damping, law) in enumerate(zip(self._dampings, self._laws, strict=True))
         ]
 
 
-def make_damping_law(drive: Drive) -> Callable[[float, Any], float] | None:
-    """Additional link damping in N m s/rad as a function of link position and motor state, or None (the default).
+def make_damping_law(drive: Drive) -> Callable[[float, Any, float, float], float] | None:
+    """Additional link damping in N m s/rad as a function of link position, motor state and references, or None (the default).
 
     c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness
     preset (paper section 4.2.2); the toolbox keeps it fixed.
     """
     law, actuator = drive.link_damping, drive.actuator
-    if law is None or actuator is None or not drive.dynamic_motors:
-        return None if law is None or not law.constant else lambda q, state: law.constant
-    elastic = drive.elastic
+    if law is None or actuator is None or not (drive.mode and drive.mode.spring):
+        return None if law is None or not law.constant else lambda q, state, first, second: law.constant
+    elastic, motors = drive.elastic, drive.dynamic_motors
 
-    def damping(q: float, state: Any) -> float:
-        theta_2 = state[4] if len(state) > 4 else 0.0
-        stiffness = actuator.stiffness(q, state[0], theta_2, elastic)
+    def damping(q: float, state: Any, first: float, second: float) -> float:
+        # Ideal motors and an adjuster stand at their references.
+        theta_1 = state[0] if motors else first
+        theta_2 = state[4] if motors > 1 else second
+        stiffness = actuator.stiffness(q, theta_1, theta_2, elastic)
         return float(law.constant + 2.0 * law.ratio * max(law.inertia * stiffness, 0.0) ** 0.5)
 
     return damping

@@ -168,7 +168,7 @@ class Recorder:
             law = drive.link_damping
             if law is not None and drive.actuator is not None:
                 damping[:, j] += law.constant
-                if drive.dynamic_motors:
+                if drive.mode is not None and drive.mode.spring:
                     damping[:, j] += 2.0 * law.ratio * np.sqrt(np.maximum(law.inertia * stiffness[:, j], 0.0))
         return damping
 
