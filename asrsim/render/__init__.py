@@ -1,0 +1,8 @@
+"""Pictures in motion: film strip, GIF and MP4 of what a log holds, without a display."""
+
+from __future__ import annotations
+
+from asrsim.render.files import film_strip, write_gif, write_mp4, write_strip
+from asrsim.render.motion import Film, Frame, even_times
+
+__all__ = ["Film", "Frame", "even_times", "film_strip", "write_gif", "write_mp4", "write_strip"]

@@ -1,0 +1,92 @@
+"""Where the camera stands: so that all of the motion is in the picture, seen from where it shows most."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.samples import Array
+
+FIELD = 32.0
+"""Degrees, vertical angle of view: long enough a lens that nothing looks bent."""
+MARGIN = 1.08
+PLANAR = 0.97
+"""Share of the motion about one direction from which on a robot counts as planar."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A camera that looks at `target` (m) from `eye` (m)."""
+
+    eye: Array
+    target: Array
+    up: Array
+    field: float = FIELD
+
+
+def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array | None:
+    """(3,) the one direction about which a robot moves, None if there are several.
+
+    axes: joint -> (3,) axis in the world; travel: joint -> how far it moves, rad.
+    """
+    total = np.zeros((3, 3))
+    for name, axis in axes.items():
+        total += max(travel.get(name, 0.0), 1e-6) * np.outer(axis, axis)
+    values, vectors = np.linalg.eigh(total)
+    if not values.sum() > 0 or values[-1] < PLANAR * values.sum():
+        return None
+    return np.asarray(vectors[:, -1])
+
+
+def viewpoint(axis: Array | None) -> Array:
+    """(3,) direction from the scene to the camera: along the axis of a planar motion, raised a little; else from a corner."""
+    if axis is None:
+        side, rise = np.array([np.cos(np.radians(-52.0)), np.sin(np.radians(-52.0)), 0.0]), 24.0
+    elif abs(axis[2]) > 0.8:
+        # A motion in the horizontal plane is seen from above.
+        side, rise = np.array([np.cos(np.radians(-75.0)), np.sin(np.radians(-75.0)), 0.0]), 58.0
+    else:
+        flat = np.array([axis[0], axis[1], 0.0])
+        flat /= np.linalg.norm(flat)
+        # Of both sides the one from which x runs to the right, or y where x runs away.
+        right = np.cross([0.0, 0.0, 1.0], flat)
+        if right[0] < -1e-9 or (abs(right[0]) <= 1e-9 and right[1] < 0):
+            flat = -flat
+        turn = np.radians(18.0)
+        side = np.array([flat[0] * np.cos(turn) - flat[1] * np.sin(turn), flat[0] * np.sin(turn) + flat[1] * np.cos(turn), 0.0])
+        rise = 14.0
+    return np.asarray(side * np.cos(np.radians(rise)) + np.array([0.0, 0.0, np.sin(np.radians(rise))]))
+
+
+def fitting_aspect(points: Array, towards: Array) -> float:
+    """Width / height of what is seen of the points from far away, between 0.7 and 1.6."""
+    forward = -towards / np.linalg.norm(towards)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    width, height = np.ptp(points @ right), np.ptp(points @ np.cross(right, forward))
+    return float(np.clip(width / max(float(height), 1e-9), 0.7, 1.6))
+
+
+def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
+    """The nearest camera in a direction that sees all points.
+
+    points: (k, 3) m; towards: (3,) from the scene to the camera; aspect: width / height of the picture.
+    """
+    forward = -towards / np.linalg.norm(towards)
+    up = np.array([0.0, 0.0, 1.0])
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    tangent = np.tan(np.radians(FIELD / 2)) / MARGIN
+    target = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    # In the camera's frame the middle of what is seen, not of the box in the world.
+    for _ in range(4):
+        seen = points - target
+        x, y, depth = seen @ right, seen @ up, seen @ forward
+        distance = max(float(np.max(np.abs(x) / (tangent * aspect) - depth)), float(np.max(np.abs(y) / tangent - depth)), 1e-3)
+        far = distance + depth
+        a, b = x / far, y / far
+        target = target + distance * (0.5 * (a.min() + a.max()) * right + 0.5 * (b.min() + b.max()) * up)
+    return Camera(eye=target - distance * forward, target=target, up=up)
