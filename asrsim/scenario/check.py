@@ -150,7 +150,7 @@ def _made_elsewhere(scenario: Scenario, joint: str) -> bool:
 
 def _grid(scenario: Scenario, signal: Signal) -> Array:
     end = scenario.duration
-    return np.union1d(np.linspace(0.0, end, GRID + 1), signal.jumps(0.0, end))
+    return np.sort(np.concatenate([np.linspace(0.0, end, GRID + 1), signal.jumps(0.0, end)]))
 
 
 def _values(

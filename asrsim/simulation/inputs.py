@@ -109,15 +109,16 @@ class Inputs:
         jumps = [
             signal.jumps(max(start, 0.0), end) for column in self._signals for signal in column if type(signal) is not Constant
         ]
-        times = np.unique(np.concatenate([*jumps, np.empty(0)]))
+        # Sets, not np.unique: that imports numpy.ma, which a short run has no other use for.
+        times = np.array(sorted(set(np.concatenate([*jumps, np.empty(0)]).tolist())))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
         owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
         events: dict[int, tuple[Piece, ...]] = {}
         if first == 0:
             events[0] = self._pieces(0, times[owners == 0])
-        for owner in np.unique(owners):
+        for owner in sorted(set(owners.tolist())):
             if first <= owner < first + count:
-                events[int(owner)] = self._pieces(int(owner), times[owners == owner])
+                events[owner] = self._pieces(owner, times[owners == owner])
         return events
 
     def _pieces(self, step: int, jumps: Array) -> tuple[Piece, ...]:

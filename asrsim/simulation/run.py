@@ -222,9 +222,8 @@ def _wrenches(scenario: Scenario, engine: Engine, substep: float) -> list[Hook]:
 
 def describe(scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping: Stepping, resolution: Resolution) -> RunInfo:
     """The run's description, for its log."""
-    from importlib.metadata import version
-
     from asrsim import __version__
+    from asrsim.versions import version
 
     joints = tuple(
         JointInfo(
