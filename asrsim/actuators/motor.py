@@ -25,7 +25,7 @@ def motor_kick(
     torque in N m, mode 4); load: torque of the spring on the motor in N m. Coefficients: :func:`motor_coefficients`.
     Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
     """
-    p, feed, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit, fastest = coefficients
+    p, hold, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit, fastest = coefficients
     stretch = position - anchor
     if stretch > slip:
         stretch = slip
@@ -35,9 +35,8 @@ def motor_kick(
         anchor = position + slip
     friction = FRICTION_STIFFNESS * stretch
     load = load + friction
-    error = reference - position
-    more = i_step * error
-    push = p * error + feed * reference + integral + 0.5 * more
+    error = reference - hold * position
+    push = p * error + integral
     after = keep * velocity + gain * (push - load)
     torque = push - d_old * velocity - d_new * after
     if torque > limit:
@@ -50,7 +49,7 @@ def motor_kick(
         after = fastest
     elif after < -fastest:
         after = -fastest
-    return after, 0.5 * (velocity + after), anchor, integral + more, torque, friction
+    return after, 0.5 * (velocity + after), anchor, integral + i_step * error, torque, friction
 
 
 def motor_coefficients(
@@ -73,8 +72,9 @@ def motor_coefficients(
     denominator = inertia + implicitness * step * total
     denominator_limited = inertia + implicitness * step * damping
     return (
-        p,
-        0.0 if controlled else 1.0,
+        # Half of what the integral gains in the kick acts in it; in mode 4 the reference itself is the push.
+        p + 0.5 * i * step if controlled else 1.0,
+        1.0 if controlled else 0.0,
         i * step,
         explicitness * d,
         implicitness * d,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from array import array as floats
 from collections.abc import Callable, Sequence
+from struct import pack
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from asrsim.simulation.steppings import Stepping
 
 COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
 """Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the effort limit, then the kernels' record."""
-FLUSH = 8_000
+FLUSH = 1_000
 """Floats after which inputs are taken from and the record moved to compact arrays: short lists stay in
 the processor's cache."""
 CORIOLIS_EVERY = 8
@@ -108,18 +108,17 @@ class Loop:
         """Substeps `start` to `end` of the block, none of which an input jumps in. The hot loop."""
         engine = self.engine
         read, apply, advance_engine = engine.read, engine.apply, engine.advance
-        advances, states = self._advances, self.states
         constants = self.constants(self.substep / self.motor_substeps)
-        efforts, dampings, correction = self._efforts, self._dampings, self.correction
+        fixed = list(zip(self._advances, constants, self._efforts, range(len(self.drives)), strict=True))
+        states, dampings, correction = self.states, self._dampings, self.correction
         now, before, previous = self._now, self._before, self.previous
         response, last_torque, last_mean = self.response, self.last_torque, self.last_mean
         slow = bool(self.before_step or any(self._laws))
         every = self._correct_every
-        forces = [0.0] * len(states)
-        chunks: list[floats[float]] = []
+        chunks: list[bytes] = []
         out: list[float] = []
         append = out.append
-        rows = max(16, FLUSH // (len(states) * len(COLUMNS)))
+        rows = max(4, FLUSH // (len(states) * len(COLUMNS)))
         for piece in range(start, end, rows):
             stop = min(piece + rows, end)
             inputs = zip(*(array[piece:stop].tolist() for array in block.goals), strict=True)
@@ -131,15 +130,17 @@ class Loop:
                     dampings = self._changed_dampings(joints, first, second)
                 if every and not k % every:
                     self._correct_coriolis(joints)
-                for j, (q, lagging, _, _) in enumerate(joints):
-                    v = now * lagging + before * previous[j]
+                forces = []
+                each = zip(joints, fixed, first, second, external, strict=True)
+                for (q, lagging, _, _), (advance, constant, limit, j), r_1, r_2, push in each:
+                    past = previous[j]
+                    v = now * lagging + before * past
                     previous[j] = lagging
-                    torque, states[j], record = advances[j](states[j], constants[j], q, v, first[j], second[j])
+                    torque, states[j], record = advance(states[j], constant, q, v, r_1, r_2)
                     append(q)
                     append(lagging)
                     append(torque)
                     out += record
-                    limit = efforts[j]
                     if torque > limit:
                         torque = limit
                     elif torque < -limit:
@@ -151,14 +152,14 @@ class Loop:
                         v = (v + half * (torque - last_torque[j]) + drag * last_mean[j]) / (1.0 + drag)
                         last_torque[j] = torque
                         last_mean[j] = v
-                        forces[j] = torque + external[j] - damping * v - correction[j]
+                        forces.append(torque + push - damping * v - correction[j])
                     else:
-                        forces[j] = torque + external[j] - correction[j]
+                        forces.append(torque + push - correction[j])
                 apply(forces=forces)
                 advance_engine()
-            chunks.append(floats("d", out))
+            chunks.append(pack(f"{len(out)}d", *out))
             out.clear()
-        return np.concatenate([np.frombuffer(chunk) for chunk in chunks])
+        return np.frombuffer(b"".join(chunks))
 
     def _split(self, block: Block, index: int) -> Array:
         """One substep whose kick is cut in pieces, with the inputs of each; the first of a run has no piece before t = 0."""
@@ -223,15 +224,12 @@ class Loop:
 
     def _correct_coriolis(self, joints: Sequence[Any]) -> None:
         """The engine evaluates velocity torques at the lagging velocity; make up for it."""
-        lagging = [state[1] for state in joints]
-        centred = [self._now * v + self._before * u for v, u in zip(lagging, self.previous, strict=True)]
-        difference = self.engine.bias_difference([state[0] for state in joints], centred, lagging)
+        positions, lagging, _, _ = zip(*joints, strict=True)
+        now, before = self._now, self._before
+        centred = [now * v + before * u for v, u in zip(lagging, self.previous, strict=True)]
+        difference = self.engine.bias_difference(positions, centred, lagging)
         if difference is not None:
-            # Held for a while: its value in the middle of that time keeps the second order.
-            ahead = 0.5 * (self._correct_every - 1) / max(self._correct_every, 1)
-            before = self._bias_difference or difference
-            self.correction[:] = [new + ahead * (new - old) for new, old in zip(difference, before, strict=True)]
-            self._bias_difference = difference
+            self.correction[:] = difference
 
     def _changed_dampings(self, joints: Sequence[Any], first: Sequence[float], second: Sequence[float]) -> list[float]:
         return [
