@@ -24,11 +24,14 @@ class EnergyMeter:
     def __init__(self, drives: Sequence[Drive], substep: float) -> None:
         self.drives = tuple(drives)
         self.substep = substep
+        self._staggered = all(drive.stepping.staggered for drive in drives)
         self._laws = [energy_over_arrays(d.actuator) if d.actuator and d.mode and d.mode.spring else None for d in drives]
         self._totals = np.zeros((4, len(self.drives)))
         self._start: Array | None = None
         self.turnover = np.zeros(len(self.drives))
         """J: energy that went through each joint, the scale of a residual."""
+        self.residual = np.zeros(len(self.drives))
+        """J that vanished in each actuator, at the last row; negative where a spring gave more than it held."""
         self.given = np.zeros(len(self.drives))
         """J: work of actuators and external torques on the links, less what their damping took, up to the last row."""
 
@@ -39,9 +42,9 @@ class EnergyMeter:
             return ()
         names = ["motor_work", "link_work"]
         if drive.mode.spring:
-            names += ["spring_energy"]
+            names += ["spring_energy", "energy_residual"]
         if drive.dynamic_motors:
-            names += ["friction_loss", "energy_residual"]
+            names += ["friction_loss"]
         if drive.joint.damping or drive.link_damping:
             names += ["damping_loss"]
         return tuple(names)
@@ -78,12 +81,14 @@ class EnergyMeter:
 
         efforts = np.array([np.inf if drive.joint.effort is None else drive.joint.effort for drive in self.drives])
         torque = mean(np.concatenate([clipped, np.clip(raw[n:, :, 2], -efforts, efforts)]), 2)
+        limited = np.abs(raw[:, :, 2]) > efforts
         pushed = {column: mean(raw[:, :, column], column) for column in (3, 4, 7, 8, 11, 12)} if any(self._laws) else {}
         q = raw[:, :, 0]
-        speed = raw[1:, :, 1]
         moved = np.diff(q, axis=0)
         link = torque * moved
-        dissipated = damping * speed * speed * self.substep
+        # An explicit scheme damps by the velocity before the kick; else the velocity over the step is the middle one.
+        speed = raw[1:, :, 1] if self._staggered else 0.5 * (raw[:-1, :, 1] + raw[1:, :, 1])
+        dissipated = damping * speed * moved
         pushed_in = mean(external, -1) * moved
         self.given += (link + pushed_in - dissipated).sum(axis=0)
         work = link.copy()
@@ -96,9 +101,12 @@ class EnergyMeter:
                 continue
             energy = law(q[:, j], raw[:, j, 5], raw[:, j, 9], drive.elastic)
             stored[:, j] = energy[:-1]
+            released = link[:, j]
+            if limited[:, j].any():
+                released = (pushed[3][:, j] + pushed[4][:, j]) * moved[:, j]
+                lost[:, j] = released - link[:, j]
             if not drive.dynamic_motors:
-                # Ideal motors have no other law than to be where they should: they give what link and spring take.
-                work[:, j] = link[:, j] + np.diff(energy)
+                work[:, j] = self._ideal(law, drive, raw[:, j], cut, released + np.diff(energy))
                 continue
             work[:, j] = 0.0
             for i in range(1, drive.dynamic_motors + 1):
@@ -109,7 +117,7 @@ class EnergyMeter:
                 lost[:, j] += taken
                 kinetic[:, j] += fast
             if drive.actuator is not None and drive.actuator.adjuster:
-                work[:, j] += self._adjuster(law, drive, raw[:, j], cut, torque[:, j], pushed[3][:, j])
+                work[:, j] += self._adjuster(law, drive, raw[:, j], cut, pushed[3][:, j])
         flows = np.stack([work, lost, dissipated, link])
         running = self._totals[:, None, :] + np.concatenate([np.zeros((4, 1, joints)), np.cumsum(flows, axis=1)], axis=1)
         self._totals = running[:, -1]
@@ -117,13 +125,15 @@ class EnergyMeter:
         at = running[:, :-1]
         if self._start is None:
             self._start = stored[0] + kinetic[0]
+        residual = at[0] - at[1] - at[3] - (stored + kinetic - self._start)
+        self.residual = residual[-1]
         return {
             "motor_work": at[0],
             "friction_loss": at[1],
             "damping_loss": at[2],
             "link_work": at[3],
             "spring_energy": stored,
-            "energy_residual": at[0] - at[1] - at[3] - (stored + kinetic - self._start),
+            "energy_residual": residual,
         }
 
     def _motor(self, drive: Drive, index: int, raw: Array, pushed: Mapping[int, Array]) -> tuple[Array, Array, Array]:
@@ -144,11 +154,20 @@ class EnergyMeter:
         lost = np.where(ends, work - spring - np.diff(kinetic), lost)
         return work, lost, kinetic[:-1]
 
-    def _adjuster(self, law: Any, drive: Drive, raw: Array, cut: Array, link: Array, spring: Array) -> Array:
+    def _ideal(self, law: Any, drive: Drive, raw: Array, cut: Array, taken: Array) -> Array:
+        """Work (n,) in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
+
+        Where they jump the link's place at that moment counts: they give what is taken.
+        """
+        middle = 0.5 * (raw[:-1, 0] + raw[1:, 0])
+        after = law(middle, raw[1:, 5], raw[1:, 9], drive.elastic)
+        return np.asarray(np.where(cut, taken, after - law(middle, raw[:-1, 5], raw[:-1, 9], drive.elastic)))
+
+    def _adjuster(self, law: Any, drive: Drive, raw: Array, cut: Array, spring: Array) -> Array:
         """Work (n,) in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
         middle, motor = 0.5 * (raw[:-1, 0] + raw[1:, 0]), 0.5 * (raw[:-1, 5] + raw[1:, 5])
         work = law(middle, motor, raw[1:, 9], drive.elastic) - law(middle, motor, raw[:-1, 9], drive.elastic)
         # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
         change = np.diff(law(raw[:, 0], raw[:, 5], raw[:, 9], drive.elastic))
-        taken = change + link * np.diff(raw[:, 0]) - spring * np.diff(raw[:, 5])
+        taken = change + spring * (np.diff(raw[:, 0]) - np.diff(raw[:, 5]))
         return np.asarray(np.where(cut, taken, work))

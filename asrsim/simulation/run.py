@@ -164,12 +164,9 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
     ]
     if STEPPINGS.get(scenario.stepping).released:
         # The released code knows no substeps, and runs springs that it does not resolve.
-        return replace(
-            resolve(
-                drives, masses, np.minimum(stiffness, 0.0).tolist(), step=scenario.step, substeps=1, motor_substeps=1, cap=1
-            ),
-            stiffness=tuple(stiffness),
-        )
+        finite = np.minimum(stiffness, 1e12).tolist()
+        found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15)
+        return replace(found, substeps=1, motor_substeps=1, omega_h=found.frequency * scenario.step, stiffness=tuple(stiffness))
     return resolve(
         drives,
         masses,
@@ -372,7 +369,7 @@ def _run(
             if keep:
                 kept.append(samples)
         if error is None and guard is not None:
-            error = _energy_fault(prepared, guard, recorder, raw, done + len(raw))
+            error = _energy_fault(prepared, guard, recorder, done + len(raw))
         done += len(raw)
         if error is not None:
             status = "diverged"
@@ -432,21 +429,21 @@ def _faults(prepared: Prepared, block: Block, raw: Array, done: int) -> Divergen
     return runaway(joint, time, "its motion is no longer finite or sane", prepared.resolution.omega_h)
 
 
-def _energy_fault(prepared: Prepared, guard: EnergyGuard, recorder: Recorder, raw: Array, done: int) -> DivergenceError | None:
-    """Energy of the links beyond what actuators and external torques gave; contacts and wrenches do work of their own."""
-    if not prepared.scenario.world.empty or prepared.scenario.wrenches or not prepared.scenario.fixed_base:
-        return None
-    surplus = guard.excess(
-        prepared.engine.mechanical_energy(),
-        given=float(np.sum(recorder.meter.given)),
-        turnover=float(np.sum(recorder.meter.turnover)),
+def _energy_fault(prepared: Prepared, guard: EnergyGuard, recorder: Recorder, done: int) -> DivergenceError | None:
+    """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
+    scenario, meter = prepared.scenario, recorder.meter
+    alone = scenario.world.empty and not scenario.wrenches and scenario.fixed_base
+    fault = guard.fault(
+        prepared.engine.mechanical_energy() if alone else None,
+        given=meter.given,
+        residual=meter.residual,
+        turnover=meter.turnover,
+        names=prepared.engine.joints,
     )
-    if not surplus:
+    if fault is None:
         return None
-    joint = blame(raw, len(raw) - 1, prepared.drives)
-    return runaway(
-        joint, done * prepared.substep, f"the links hold {surplus:.3g} J that nothing gave them", prepared.resolution.omega_h
-    )
+    joint, what = fault
+    return runaway(joint, done * prepared.substep, what, prepared.resolution.omega_h)
 
 
 def join(chunks: Sequence[Samples]) -> Samples:
