@@ -68,6 +68,43 @@ class RunCurves:
         return self.curves.get((joint, quantity))
 
 
+class CurveSource:
+    """A log's joints and quantities, derived ones too, chunk by chunk.
+
+    joints, quantities: all by default. Raises LogError for unknown names and for files that are no logs.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        joints: Sequence[str] | None = None,
+        quantities: Sequence[str] | None = None,
+    ) -> None:
+        self.reader = open_log(path)
+        self.joints = _members(self.reader, joints)
+        self._names = _names(self.reader, self.joints, quantities)
+        self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
+        """(joint, quantity) of each column."""
+        recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
+        self._stored = [name for name in _stored(self._names) if name in recorded]
+
+    def span(self, first: float) -> tuple[float, float]:
+        """Start and end of the log in s, the time of its first sample given."""
+        return first, first + self.reader.duration
+
+    def chunks(self, progress: Progress | None = None) -> Iterator[tuple[Samples, Array]]:
+        """Samples, and their columns as a matrix (n, columns)."""
+        duration, start = self.reader.duration, None
+        samples = self.reader.iter_samples(quantities=self._stored, joints=[joint.name for joint in self.joints])
+        for part in _ordered(samples, self.reader.path):
+            table = _table(part, self._names, self.reader.info.joints)
+            yield part, np.concatenate([table[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
+            start = float(part.time[0]) if start is None else start
+            if progress is not None and duration > 0:
+                progress((float(part.time[-1]) - start) / duration)
+
+
 def read_curves(
     path: str | os.PathLike[str],
     *,
@@ -82,27 +119,18 @@ def read_curves(
     joints, quantities: all by default; quantities may be derived ones. Raises LogError for unknown names and for files that
     are no logs.
     """
-    reader = open_log(path)
-    members = _members(reader, joints)
-    names = _names(reader, members, quantities)
-    stored = [name for name in _stored(names) if any(name in joint.quantities for joint in reader.info.joints)]
-    columns = [(joint.name, name) for name in names for joint in members]
+    source = CurveSource(path, joints=joints, quantities=quantities)
+    reader, columns = source.reader, source.columns
     envelope: Envelope | None = None
     world: _World | None = None
-    start = 0.0
-    duration = reader.duration
-    samples = reader.iter_samples(quantities=stored, joints=[joint.name for joint in members])
-    for part in _ordered(samples, reader.path):
+    for part, matrix in source.chunks(progress):
         if envelope is None:
-            start = float(part.time[0])
-            envelope = Envelope(len(columns), start=start, end=start + duration, bins=bins)
-            world = _World(part, start=start, end=start + duration, bins=bins) if bodies else None
-        table = _table(part, names, reader.info.joints)
-        envelope.add(part.time, np.concatenate([table[name] for name in names], axis=1) if names else np.empty((0, 0)))
+            start, end = source.span(float(part.time[0]))
+            envelope = Envelope(len(columns), start=start, end=end, bins=bins)
+            world = _World(part, start=start, end=end, bins=bins) if bodies else None
+        envelope.add(part.time, matrix)
         if world is not None:
             world.add(part)
-        if progress is not None and duration > 0:
-            progress((float(part.time[-1]) - start) / duration)
     if envelope is None:
         raise LogError(
             Problem(
@@ -121,12 +149,12 @@ def read_curves(
         path=reader.path,
         info=reader.info,
         label=reader.info.variant or reader.path.stem,
-        joints=members,
+        joints=source.joints,
         curves=curves,
         bodies=world.curves() if world is not None else {},
         metadata=reader.metadata,
         status=reader.status,
-        duration=duration,
+        duration=reader.duration,
         samples=envelope.samples,
     )
 

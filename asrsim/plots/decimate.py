@@ -75,6 +75,19 @@ class Envelope:
         keep[1:] = np.diff(times) > 0
         return times[keep], values[keep]
 
+    def pairs(self, j: int) -> Array:
+        """(2 * intervals,) of series j: of every interval the smallest and largest value, in the order in which they came.
+
+        For series that share one axis: the k-th pair belongs to a quarter and three quarters of interval k. NaN where an
+        interval has no sample.
+        """
+        low, high = self._low[:, j], self._high[:, j]
+        empty = ~np.isfinite(low)
+        rising = self._low_time[:, j] <= self._high_time[:, j]
+        result = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1)
+        result[empty] = np.nan
+        return result.ravel()
+
 
 def decimate(time: Array, values: Array, *, bins: int = BINS) -> tuple[Array, Array]:
     """One series (n,), thinned to at most `4 * bins` samples; a shorter one is given back as it is."""
