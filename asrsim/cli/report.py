@@ -10,8 +10,14 @@ from asrsim.summary.data import RunSummary
 from asrsim.summary.table import headline, joint_columns, limit_note
 
 
-def print_run(summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False) -> None:
-    """Summary, claims, warnings and files of one run; quiet: failed claims and a divergence only; silent: nothing."""
+def print_run(
+    summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False, told: set[str] | None = None
+) -> None:
+    """Summary, claims, warnings and files of one run.
+
+    quiet: failed claims and a divergence only; silent: nothing; verbose: warnings one by one, and those again that stand
+    in `told`, which takes up what is printed.
+    """
     if silent:
         return
     title = f"{summary.scenario} / {summary.variant}"
@@ -30,7 +36,7 @@ def print_run(summary: RunSummary, *, quiet: bool, silent: bool = False, verbose
     _print_certificate(summary, quiet=quiet)
     if quiet:
         return
-    _print_warnings(summary, verbose=verbose)
+    _print_warnings(summary, verbose=verbose, told=set() if told is None else told)
     if summary.replaced:
         say(f"replaced {len(summary.replaced)} file{'s' * (len(summary.replaced) != 1)} of an earlier run of this scenario")
     _print_files(summary)
@@ -58,12 +64,17 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
         complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
 
 
-def _print_warnings(summary: RunSummary, *, verbose: bool) -> None:
-    if not verbose:
-        say_problems(summary.warnings, "warning", "yellow")
+def _print_warnings(summary: RunSummary, *, verbose: bool, told: set[str]) -> None:
+    if verbose:
+        for warning in summary.warnings:
+            say_problems([warning], "warning", "yellow")
         return
-    for warning in summary.warnings:
-        say_problems([warning], "warning", "yellow")
+    fresh = [warning for warning in summary.warnings if str(warning) not in told]
+    say_problems(fresh, "warning", "yellow")
+    again = len(summary.warnings) - len(fresh)
+    if again:
+        say(f"{again} warning{'s' * (again != 1)} as above", "yellow")
+    told.update(map(str, fresh))
 
 
 def _print_files(summary: RunSummary) -> None:

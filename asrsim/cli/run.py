@@ -40,7 +40,7 @@ def run(
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more: warnings one by one, where time went.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every warning on its own line.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
 ) -> None:
     """Simulate a scenario: a log, a summary and plots of every variant; checks what the scenario expects.
@@ -83,6 +83,7 @@ def _run(
             load_plugin_file(plugin)
     scenarios = [with_plugins(one, plugins) for one in load_scenario(path, variant=variant, overrides=overrides)]
     done: list[Executed] = []
+    told: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
     with Interruption() as interruption:
         for one in scenarios:
@@ -96,9 +97,10 @@ def _run(
                         one, folder, overwrite=overwrite, certify=certify, started=progress.start,
                         progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
                     )  # fmt: skip
-                if plot and executed.run.status != "interrupted":
-                    executed = _drawn(executed)
+                # Written at once, so that nothing is lost if drawing fails.
                 executed = write_summary(executed)
+                if plot and executed.run.status != "interrupted":
+                    executed = write_summary(_drawn(executed))
                 if report and executed.run.status != "interrupted":
                     executed = _reported(executed)
             except AsrsimError as error:
@@ -106,7 +108,7 @@ def _run(
                 failure = (title, error)
                 break
             done.append(executed)
-            print_run(executed.summary, quiet=quiet, silent=json, verbose=verbose)
+            print_run(executed.summary, quiet=quiet, silent=json, verbose=verbose, told=told)
             if interruption.requested:
                 break
     if json:

@@ -11,13 +11,11 @@ from rich.table import Table
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.actuators.checker import CheckReport
+from asrsim.cli.console import SHOWN, problem_lines
 from asrsim.cli.findings import FileReport
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
 from asrsim.robot.tags import parameter_tags
-
-SHOWN = 6
-"""Names listed of a problem that many parts share."""
 
 
 def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None:
@@ -41,21 +39,8 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None
 
 def print_problems(console: Console, problems: Sequence[Problem], word: str, style: str) -> None:
     """One line a problem; problems that differ in their place only share a line."""
-    groups: dict[tuple[object, ...], list[Problem]] = {}
-    for problem in problems:
-        groups.setdefault((problem.code, problem.message, problem.hint, problem.choices, problem.file), []).append(problem)
-    for group in groups.values():
-        console.print(f"[{style}]{word}[/] {escape(_line(group))}", soft_wrap=True)
-
-
-def _line(group: list[Problem]) -> str:
-    first = group[0]
-    if len(group) == 1:
-        return str(first)
-    places = [f"{problem.key}" + (f" (line {problem.line})" if problem.line else "") for problem in group[:SHOWN]]
-    more = f" and {len(group) - SHOWN} more" if len(group) > SHOWN else ""
-    text = f"{first.file}: {len(group)} times: {first.message}: {', '.join(places)}{more}"
-    return text + (f". {first.hint}" if first.hint else "")
+    for line in problem_lines(problems):
+        console.print(f"[{style}]{word}[/] {escape(line)}", soft_wrap=True)
 
 
 def _print_head(console: Console, report: FileReport) -> None:
