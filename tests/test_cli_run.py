@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from asrsim.cli.app import COMMANDS
+from asrsim.errors import OutputError
 from asrsim.log import LogWriter, read_log
 
 FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
@@ -110,6 +111,47 @@ def test_variants_each_in_their_folder(tiny, asrsim_command) -> None:
     assert (tiny.folder / "both" / "soft" / "log.mcap").is_file()
     assert asrsim_command("run", tiny.scenario, "--no-plot", "--variant", "stiff", "--out", "one").code == 0
     assert read_log(tiny.folder / "one" / "log.mcap").info.variant == "stiff"
+
+
+def test_a_variant_that_cannot_be_built_is_named_and_ends_the_command(tiny, asrsim_command) -> None:
+    variants = "variants:\n  a: {duration: 0.1}\n  b: {parameters: {elbow: {spring_k: 1e12}}}\n  c: {duration: 0.1}\n"
+    tiny.scenario.write_text(tiny.scenario.read_text() + variants)
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 1
+    assert "step / b: " in outcome.err
+    assert read_log(log_of(tiny, "a")).status == "complete"
+    assert not log_of(tiny, "b").exists()
+    assert not log_of(tiny, "c").exists()
+
+
+def test_a_failed_claim_does_not_keep_the_other_variants_from_running(tiny, asrsim_command) -> None:
+    claim = "{variant: a, joint: elbow, quantity: link_position, measure: final, comparison: '>', value: 9}"
+    tiny.scenario.write_text(tiny.scenario.read_text() + f"variants: {{a: {{}}, b: {{}}}}\nexpect: [{claim}]\n")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json")
+    assert outcome.code == 1
+    assert [(run["variant"], run["ok"]) for run in json.loads(outcome.out)["runs"]] == [("a", False), ("b", True)]
+
+
+def test_nothing_is_lost_if_drawing_fails(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object) -> None:
+        raise OutputError("joints.png: cannot write: disk full")
+
+    monkeypatch.setattr("asrsim.plots.draw_run", fail)
+    outcome = asrsim_command("run", tiny.scenario)
+    assert outcome.code == 1
+    assert "disk full" in outcome.err
+    assert read_log(log_of(tiny)).status == "complete"
+    assert json.loads((log_of(tiny).parent / "summary.json").read_text())["status"] == "complete"
+
+
+def test_warnings_of_all_variants_are_told_once(tiny, asrsim_command) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace("<spring_k>", "<sprang>1</sprang><spring_k>"))
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {}}\n")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 0
+    warnings = [line for line in outcome.out.splitlines() if line.startswith("warning ")]
+    assert len(warnings) == 1
+    assert "pendulum.urdf:25: " in warnings[0]
 
 
 @pytest.mark.parametrize(("value", "code"), [(0.45, 0), (0.3, 1)])
