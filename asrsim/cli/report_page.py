@@ -1,0 +1,43 @@
+"""`asrsim report`: a page about the runs of a folder. (`asrsim.cli.report` is what `asrsim run` says on the terminal.)"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run, or of a scenario's variants; or a log.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page to write.", show_default="report.html in the folder")
+    ] = None,
+    film: Annotated[bool, typer.Option("--film/--no-film", help="Draw film strips too.")] = True,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Write one HTML page about runs: interactive plots, measures, parameters with their sources. It needs no network.
+
+    A comparison that `asrsim plot` left in the folder (metrics.json and its pictures) is shown too.
+
+    Example: asrsim report out/step_2dof
+    """
+    from asrsim.cli.console import json_errors, say, say_json
+
+    with json_errors(json):
+        from asrsim.cli.fraction import FractionProgress
+        from asrsim.report import write_report
+
+        if plugin:
+            from asrsim.actuators.user import load_plugin_file
+
+            for path in plugin:
+                load_plugin_file(path)
+        with FractionProgress(show=not quiet and not json) as progress:
+            page = write_report(folder, out, film=film, progress=progress.update)
+    if json:
+        say_json({"ok": True, "report": str(page), "bytes": page.stat().st_size})
+    elif not quiet:
+        say(f"wrote {page} ({page.stat().st_size / 1e6:.2f} MB)")

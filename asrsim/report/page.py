@@ -1,0 +1,294 @@
+"""The page itself: one HTML file with everything in it, and a policy that lets it load nothing from anywhere."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from asrsim.report.content import Compared, RunContent, picture
+
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+
+
+def asset(name: str) -> str:
+    """The text of a file that comes with this package."""
+    return (files("asrsim.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def build_page(
+    runs: Sequence[RunContent],
+    labels: Sequence[str],
+    *,
+    data: Mapping[str, Any],
+    strips: Mapping[Path, str],
+    notes: Sequence[str],
+    compared: Compared | None,
+    thinned: bool,
+) -> str:
+    """The whole page. data: grid, joints and objects for the plots; strips: log -> film strip as a data address."""
+    first = runs[0].info
+    scenario = Path(first.scenario_path).stem
+    title = " · ".join(filter(None, (first.robot, scenario)))
+    sections = [
+        _head(title, runs, labels),
+        _claims(runs, labels),
+        _strips(runs, labels, strips),
+        _joints(runs, labels),
+        _compared(compared),
+        _plots(data, thinned=thinned),
+        _error(runs, labels),
+        _parameters(runs, labels),
+        _warnings(runs, labels, notes),
+        _repeat(runs, labels),
+    ]
+    # A script's text must not hold the end of a script.
+    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    return "\n".join(
+        [
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escape(title)} · asrsim</title>",
+            # An empty icon: browsers would ask for one.
+            '<link rel="icon" href="data:,">',
+            f"<style>{asset('uPlot.min.css')}\n{asset('page.css')}</style>",
+            "</head><body><main>",
+            *filter(None, sections),
+            "</main>",
+            f'<script type="application/json" id="data">{packed}</script>',
+            f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
+            f"<script>{asset('page.js')}</script>",
+            "</body></html>",
+            "",
+        ]
+    )
+
+
+def _head(title: str, runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    rows = []
+    for run, label in zip(runs, labels, strict=True):
+        s, meta = run.summary, run.info.metadata
+        substeps = str(meta.get("substeps", "?"))
+        more = meta.get("motor_substeps", "1")
+        rows.append(
+            [
+                label or "default",
+                _badge(run.status, good=run.status == "complete"),
+                f"{s['simulated_time']:.6g} s" if "simulated_time" in s else "",
+                f"{run.info.step * 1e3:g} ms",
+                substeps if more == "1" else f"{substeps} x {more}",
+                meta.get("stepping", ""),
+                meta.get("engine", ""),
+                meta.get("seed", ""),
+                f"{s['speed']:.3g} x real time" if s.get("speed") else "",
+            ]
+        )
+    heads = ["variant", "status", "time", "step", "substeps", "stepping", "engine", "seed", "speed"]
+    messages = "".join(f'<p class="bad">{escape(run.message)}</p>' for run in runs if run.message)
+    return f"<header><h1>{escape(title)}</h1>{_table(heads, rows, raw=(1,))}{messages}</header>"
+
+
+def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    items = []
+    for run, label in zip(runs, labels, strict=True):
+        for claim in run.summary.get("expect", ()):
+            who = f"<b>{escape(label)}</b> " if len(runs) > 1 else ""
+            badge = _badge("holds" if claim["holds"] else "fails", good=bool(claim["holds"]))
+            text = str(claim["text"]).removesuffix(": holds").removesuffix(": does not hold")
+            items.append(f"<li>{badge} {who}{escape(text)}</li>")
+    return _section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
+
+
+def _strips(runs: Sequence[RunContent], labels: Sequence[str], strips: Mapping[Path, str]) -> str:
+    figures = [
+        f'<figure><img src="{strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
+        f"<figcaption>{escape(label)}</figcaption></figure>"
+        for run, label in zip(runs, labels, strict=True)
+        if run.log in strips
+    ]
+    return _section("Motion", "".join(figures)) if figures else ""
+
+
+_MEASURES = (
+    ("steady_state", "steady state", 1.0), ("steady_state_error", "error", 1.0), ("overshoot", "overshoot (%)", 100.0),
+    ("settling", "settling (s)", 1.0), ("frequency", "frequency (Hz)", 1.0), ("peak_deflection", "peak deflection", 1.0),
+)  # fmt: skip
+_LIMITS = ("effort", "velocity", "saturation", "deflection")
+
+
+def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    rows, limited = [], False
+    for run, label in zip(runs, labels, strict=True):
+        total = run.summary.get("total_substeps") or 0
+        for joint in run.summary.get("joints", ()):
+            unit = "m" if joint.get("prismatic") else "rad"
+            counts = joint.get("limits", {})
+            limited = limited or bool(counts)
+            mode = "" if joint.get("mode") is None else f", mode {joint['mode']}"
+            rows.append(
+                [
+                    *([label] if len(runs) > 1 else []),
+                    joint["name"],
+                    f"{joint['actuator']}{mode}",
+                    unit,
+                    *(_number(joint.get(key), factor) for key, _, factor in _MEASURES),
+                    *(_share(counts.get(key, 0), total) for key in _LIMITS),
+                ]
+            )
+    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES),
+             "effort limit", "velocity limit", "motor limit", "deflection limit"]  # fmt: skip
+    if not limited:
+        heads, rows = heads[:-4], [row[:-4] for row in rows]
+    note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
+    return _section("Joints", _table(heads, rows) + note) if rows else ""
+
+
+def _compared(compared: Compared | None) -> str:
+    if compared is None:
+        return ""
+    measures = list(dict.fromkeys(str(row["measure"]) for row in compared.metrics))
+    groups: dict[tuple[str, str, str], dict[str, str]] = {}
+    for row in compared.metrics:
+        value = f"{_number(row['value'])} {row.get('unit') or ''}".strip()
+        groups.setdefault((str(row["source"]), str(row["joint"]), str(row["quantity"])), {})[str(row["measure"])] = value
+    rows = [[*key, *(values.get(name, "") for name in measures)] for key, values in groups.items()]
+    images = "".join(
+        f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
+        for path in compared.pictures[:3]
+        if (data := picture(path)) is not None
+    )
+    table = _table(["of", "joint", "quantity", *(name.replace("_", " ") for name in measures)], rows)
+    return _section("Beside experiments", images + table)
+
+
+def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
+    parts = [
+        "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its line. All plots show the same "
+        "time."
+        + (" Long series are thinned: every interval keeps its smallest and largest sample." if thinned else "")
+        + "</p>"
+    ]
+    for index, joint in enumerate(data["joints"]):
+        opened = " open" if index < 2 else ""
+        parts.append(
+            f'<details class="joint"{opened} data-joint="{index}"><summary><b>{escape(joint["joint"])}</b> '
+            f'<span class="note">{escape(joint["actuator"])}</span></summary><div class="plots"></div></details>'
+        )
+    if data["objects"]:
+        parts.append('<details class="joint" open data-objects="1"><summary><b>Objects</b></summary>'
+                     '<div class="plots"></div></details>')  # fmt: skip
+    parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page brings along.</p></noscript>")
+    return _section("Plots", "".join(parts))
+
+
+def _error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    rows, notes = [], []
+    for run, label in zip(runs, labels, strict=True):
+        certificate = run.summary.get("certificate") or {}
+        for name, joint in (certificate.get("joints") or {}).items():
+            rows.append(
+                [label, name, *(_number(joint.get(k)) for k in ("position_max", "position_rms", "torque_max", "torque_rms")),
+                 _number(joint.get("order"))]
+            )  # fmt: skip
+        notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in certificate.get("warnings") or ()]
+    if not rows:
+        return _section(
+            "Numerical error",
+            "<p class='note'>Not estimated. <code>asrsim run --certify</code> runs again at finer steps and says it.</p>",
+        )
+    heads = ["variant", "joint", "position, largest", "position, RMS", "torque, largest", "torque, RMS", "order"]
+    text = "<p class='note'>Estimated from runs at a half and a quarter of the step; SI units.</p>"
+    return _section("Numerical error", text + _table(heads, rows) + _list(notes))
+
+
+def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    # Joints and variants with the same parameters share a table.
+    groups: dict[Any, list[tuple[str, str]]] = {}
+    for run, label in zip(runs, labels, strict=True):
+        for joint, values in run.parameters.items():
+            # The line differs from joint to joint.
+            key = tuple((p.name, p.value, p.unit, p.origin.split(", line")[0]) for p in values)
+            groups.setdefault(key, []).append((label, joint))
+    parts = []
+    for key, members in groups.items():
+        joints = list(dict.fromkeys(joint for _, joint in members))
+        variants = list(dict.fromkeys(label for label, _ in members))
+        whose = ", ".join(joints) + (f" ({', '.join(variants)})" if len(variants) < len(runs) else "")
+        rows = [[name, _number(value), unit, origin] for name, value, unit, origin in key]
+        parts.append(
+            f"<details><summary>{escape(whose)} <span class='note'>{len(rows)} parameters</span></summary>"
+            f"{_table(['parameter', 'value', 'unit', 'from'], rows)}</details>"
+        )
+    return _section("Parameters", "".join(parts)) if parts else ""
+
+
+def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence[str]) -> str:
+    said: dict[str, None] = {}
+    for run, label in zip(runs, labels, strict=True):
+        for warning in run.summary.get("warnings", ()):
+            place = (
+                f"{Path(str(warning['file'])).name}:{warning['line']}: " if warning.get("file") and warning.get("line") else ""
+            )
+            key = f"{warning['key']}: " if warning.get("key") else ""
+            said[f"{place}{key}{warning.get('message', '')}" + (f". {warning['hint']}" if warning.get("hint") else "")] = None
+        if run.status != "complete":
+            said[f"{label}: the run is {run.status}; it is shown as far as it goes"] = None
+        said |= dict.fromkeys(run.notes)
+    said |= dict.fromkeys(notes)
+    return _section("Warnings and notes", _list(said)) if said else ""
+
+
+def _repeat(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    commands = [f"asrsim rerun {shlex.quote(str(run.log))}" for run in runs]
+    info = runs[0].info
+    if info.scenario_path:
+        only = f" --variant {shlex.quote(info.variant)}" if len(runs) == 1 and info.variant not in ("", "default") else ""
+        commands.append(f"asrsim run {shlex.quote(info.scenario_path)}{only}")
+    versions = ", ".join(f"{name} {info.metadata[name]}" for name in ("asrsim", "pybullet", "numpy") if name in info.metadata)
+    scenario = (
+        f"<details><summary>Scenario as read</summary><pre>{escape(info.scenario)}</pre></details>" if info.scenario else ""
+    )
+    text = "<p>From the log alone, compared bit for bit; or anew from the scenario:</p>"
+    return _section(
+        "Repeat it", f"{text}<pre>{escape(chr(10).join(commands))}</pre><p class='note'>{escape(versions)}</p>{scenario}"
+    )
+
+
+def _section(title: str, body: str) -> str:
+    return f"<section><h2>{escape(title)}</h2>{body}</section>"
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
+    """Columns that hold nothing are left out; `raw` ones hold HTML already."""
+    kept = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
+    head = "".join(f"<th>{escape(heads[i])}</th>" for i in kept)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{row[i] if i in raw else escape(str(row[i]))}</td>" for i in kept) + "</tr>" for row in rows
+    )
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _list(items: Iterable[str]) -> str:
+    text = "".join(f"<li>{escape(item)}</li>" for item in items)
+    return f"<ul>{text}</ul>" if text else ""
+
+
+def _badge(text: str, *, good: bool) -> str:
+    return f'<span class="badge {"good" if good else "poor"}">{escape(text)}</span>'
+
+
+def _number(value: Any, factor: float = 1.0) -> str:
+    if value is None or not isinstance(value, int | float) or math.isnan(value):
+        return "-"
+    return f"{value * factor:.5g}"
+
+
+def _share(count: int, total: int) -> str:
+    return "-" if not count or not total else f"{100 * count / total:.2g} %"

@@ -1,0 +1,93 @@
+"""Which interactive plots a page has: the same panels, colours and line styles as the pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from asrsim.plots import style
+from asrsim.plots.figures import describe, joint_names
+from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
+from asrsim.report.series import PageRun, pack
+
+_DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
+
+QUANTITIES: tuple[str, ...] = tuple(
+    dict.fromkeys(name for key in (*JOINT_PANELS, *ENERGY_PANELS) for name in PANELS[key].quantities)
+)
+"""Everything that a page shows of a joint."""
+
+
+def joint_sections(runs: Sequence[PageRun], labels: Sequence[str]) -> list[dict[str, Any]]:
+    """One section a joint: its name, its actuator, and its plots with packed series."""
+    curves = [run.curves for run in runs]
+    sections = []
+    for joint in joint_names(curves):
+        info = next(info for run in curves for info in run.joints if info.name == joint)
+        plots = []
+        for key in (*JOINT_PANELS, *ENERGY_PANELS):
+            panel = PANELS[key]
+            drawn = content(panel, curves, joint)
+            if not drawn:
+                continue
+            units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn)
+            series = []
+            for name, number, curve in drawn:
+                # A reference that all share belongs to none of them.
+                shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
+                label = style.name(name) if len(runs) == 1 or shared else f"{style.name(name)} · {labels[number]}"
+                series.append(
+                    {
+                        "label": label,
+                        "colour": style.colour(name),
+                        "dash": _DASHES[number % len(_DASHES)],
+                        "width": 3 if name.startswith("reference") else 1.5,
+                        "unit": style.unit(name, info),
+                        **pack(curve.values),
+                    }
+                )
+            plots.append({"title": panel.words, "unit": " or ".join(filter(None, units)), "series": series})
+        sections.append({"joint": joint, "actuator": describe(info), "plots": plots})
+    return sections
+
+
+def object_plots(runs: Sequence[Any], labels: Sequence[str], time: Any) -> list[dict[str, Any]]:
+    """Displacement and contact force of the world's objects. runs: RunCurves with bodies; time: (count,) of the page."""
+    import numpy as np
+
+    plots = []
+    for body in dict.fromkeys(name for run in runs for name in run.bodies):
+        for words, unit, keys in (("displacement", "m", ("dx", "dy", "dz")), ("contact force without ground", "N", ("force",))):
+            series = []
+            for number, run in enumerate(runs):
+                for key in keys:
+                    curve = run.bodies.get(body, {}).get(key)
+                    if curve is None:
+                        continue
+                    name = {"dx": "along x", "dy": "along y", "dz": "along z", "force": "magnitude"}[key]
+                    values = np.interp(time, curve.time, curve.values, right=np.nan)
+                    if len(curve.time) > len(time):
+                        values = _envelope(time, curve.time, curve.values)
+                    series.append(
+                        {
+                            "label": name if len(runs) == 1 else f"{name} · {labels[number]}",
+                            "colour": style.colour(key),
+                            "dash": _DASHES[number % len(_DASHES)],
+                            "width": 1.5,
+                            "unit": unit,
+                            **pack(values),
+                        }
+                    )
+            plots.append({"title": f"{body}: {words}", "unit": unit, "series": series})
+    return plots
+
+
+def _envelope(grid: Any, time: Any, values: Any) -> Any:
+    """Smallest and largest value of every interval of the grid's pairs."""
+    from asrsim.plots.decimate import Envelope
+
+    step = grid[1] - grid[0]
+    start = float(grid[0] - 0.5 * step)
+    envelope = Envelope(1, start=start, end=start + step * len(grid), bins=len(grid) // 2)
+    envelope.add(time, values[:, None])
+    return envelope.pairs(0)

@@ -1,0 +1,150 @@
+"""Time series of runs for the browser: thinned onto one time, packed small."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import LogError, Problem
+from asrsim.log import open_log
+from asrsim.plots.curves import Curve, CurveSource, RunCurves
+from asrsim.plots.decimate import Envelope
+from asrsim.samples import Array
+
+BUDGET = 1_050_000
+"""Bytes that all series of a page may take."""
+LEAST, MOST = 200, 4000
+"""Intervals of a thinned series."""
+LEVELS = 65534
+"""Steps between smallest and largest value; both are exact."""
+GAP = 65535
+"""Stands for no value."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """The times that all series of a page share: evenly spaced."""
+
+    start: float
+    """s."""
+    step: float
+    """s."""
+    count: int
+    thinned: bool
+    """Two points stand for each interval: its smallest and largest sample."""
+
+    @property
+    def time(self) -> Array:
+        """(count,) s."""
+        return self.start + self.step * np.arange(self.count, dtype=np.float64)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the page."""
+        return {"start": self.start, "step": self.step, "count": self.count}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageRun:
+    """A run's series on the page's grid."""
+
+    curves: RunCurves
+    """Names and descriptions; its curves are the page's series."""
+    series: Mapping[tuple[str, str], Array]
+    """(joint, quantity) -> (count,)."""
+
+
+def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[PageRun]]:
+    """Reads logs onto one grid, fine enough for the budget; every extreme is kept. Raises LogError."""
+    readers = [open_log(path) for path in paths]
+    steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
+    duration = max(reader.duration for reader in readers)
+    columns = 0
+    sources = []
+    for path, reader in zip(paths, readers, strict=True):
+        recorded = {name for joint in reader.info.joints for name in joint.quantities}
+        known = [name for name in quantities if name in recorded or name in _DERIVED]
+        source = CurveSource(path, quantities=known)
+        sources.append(source)
+        columns += len(source.columns)
+    step = min(steps)
+    # Two points an interval, two bytes a point, four letters for three bytes.
+    bins = int(np.clip(BUDGET / (max(columns, 1) * 2 * 2 * 4 / 3), LEAST, MOST))
+    samples = round(duration / step) + 1
+    alike = all(abs(s - step) <= 1e-9 * step for s in steps)
+    if alike and samples <= 2 * bins:
+        grid = Grid(start=0.0, step=step, count=samples, thinned=False)
+    else:
+        width = max(duration, step) / bins
+        grid = Grid(start=0.25 * width, step=0.5 * width, count=2 * bins, thinned=True)
+    return grid, [_read(source, grid, duration) for source in sources]
+
+
+_DERIVED = ("deflection", "equilibrium_position", "position_error", "reference_position")
+
+
+def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
+    envelope: Envelope | None = None
+    whole = np.full((grid.count, len(source.columns)), np.nan) if not grid.thinned else np.empty((0, 0))
+    count = 0
+    for part, matrix in source.chunks():
+        count += len(part.time)
+        if not grid.thinned:
+            rows = np.clip(np.round((part.time - grid.start) / grid.step).astype(int), 0, grid.count - 1)
+            whole[rows] = matrix
+            continue
+        if envelope is None:
+            envelope = Envelope(len(source.columns), start=0.0, end=duration, bins=grid.count // 2)
+        envelope.add(part.time, matrix)
+    if not count:
+        raise LogError(Problem(message="the log holds no samples", file=source.reader.path, code="empty-log"))
+    series: dict[tuple[str, str], Array] = {}
+    for index, column in enumerate(source.columns):
+        values = whole[:, index] if envelope is None else envelope.pairs(index)
+        if np.isfinite(values).any():
+            series[column] = values
+    time = grid.time
+    reader = source.reader
+    return PageRun(
+        series=series,
+        curves=RunCurves(
+            path=reader.path,
+            info=reader.info,
+            label=reader.info.variant or reader.path.stem,
+            joints=source.joints,
+            curves={column: Curve(time=time, values=values) for column, values in series.items()},
+            metadata=reader.metadata,
+            status=reader.status,
+            duration=reader.duration,
+            samples=count,
+        ),
+    )
+
+
+def pack(values: Array) -> dict[str, Any]:
+    """A series as text: 16 bits a value between its smallest and largest, which are exact."""
+    finite = np.isfinite(values)
+    low = float(values[finite].min()) if finite.any() else 0.0
+    high = float(values[finite].max()) if finite.any() else 0.0
+    span = high - low
+    if span <= 0.0:
+        return {"low": low, "high": high, "data": "" if finite.all() else _text(np.where(finite, 0, GAP))}
+    scaled = np.where(finite, np.round((np.where(finite, values, low) - low) / span * LEVELS), GAP)
+    return {"low": low, "high": high, "data": _text(scaled)}
+
+
+def unpack(packed: Mapping[str, Any], count: int) -> Array:
+    """The inverse of :func:`pack`, as the page does it; to half a step of the range."""
+    low, high = float(packed["low"]), float(packed["high"])
+    if not packed["data"]:
+        return np.full(count, low)
+    levels = np.frombuffer(base64.b64decode(packed["data"]), dtype="<u2").astype(np.float64)
+    return np.where(levels == GAP, np.nan, low + levels / LEVELS * (high - low))
+
+
+def _text(levels: Array) -> str:
+    return base64.b64encode(levels.astype("<u2").tobytes()).decode("ascii")

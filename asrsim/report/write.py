@@ -1,0 +1,73 @@
+"""`write_report`: a page about the runs of a folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from asrsim.errors import OutputError
+from asrsim.plots.curves import distinct_labels, read_curves
+from asrsim.report.content import RunContent, film_strips, find_comparison, find_logs, read_content
+from asrsim.report.page import build_page
+from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
+from asrsim.report.series import read_runs
+
+PAGE = "report.html"
+
+
+def write_report(
+    folder: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    film: bool = True,
+    progress: Callable[[str, float], None] | None = None,
+) -> Path:
+    """Writes one self-contained page about a run's folder, or about a folder of variants.
+
+    Args:
+        folder: With `log.mcap` (or another log), or with subfolders that have one; or a log.
+        path: The page; `report.html` in the folder by default.
+        film: Draw film strips too.
+        progress: Told what is being done, and which fraction of it is.
+
+    Returns:
+        The page.
+
+    Raises:
+        InputError: The folder holds no log. LogError: one cannot be read.
+        OutputError: The page cannot be written.
+    """
+    place = Path(folder)
+    page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
+    tell = progress or (lambda what, fraction: None)
+    logs = find_logs(place)
+    tell("reading", 0.1)
+    grid, runs = read_runs(logs, quantities=QUANTITIES)
+    labels = [run.label for run in distinct_labels([run.curves for run in runs])]
+    tell("reading", 0.5)
+    contents = [read_content(log) for log in logs]
+    tell("reading", 0.8)
+    worlds = [read_curves(log, quantities=("link_position",)) for log in logs] if _have_objects(contents) else []
+    data = {"grid": grid.as_dict(), "joints": joint_sections(runs, labels), "objects": object_plots(worlds, labels, grid.time)}
+    tell("film strip", 0.9)
+    strips, notes = film_strips(logs if film else [])
+    text = build_page(
+        contents, labels, data=data, strips=strips, notes=notes,
+        compared=find_comparison(place if place.is_dir() else place.parent), thinned=grid.thinned,
+    )  # fmt: skip
+    part = page.with_name(f".{page.name}.part")
+    try:
+        page.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8")
+        part.replace(page)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink()
+        raise OutputError(f"{page}: cannot be written: {error.strerror or error}") from error
+    return page
+
+
+def _have_objects(contents: Sequence[RunContent]) -> bool:
+    return any("world" in content.info.resolved.get("scenario", {}) for content in contents)
