@@ -354,10 +354,11 @@ def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
     _, err = refused.communicate(timeout=LIMIT)
     assert refused.returncode == 1
     assert "--trust-plugins" in err
-    trusted = start(tiny, "rerun", log_of(tiny), "--trust-plugins")
+    trusted = start(tiny, "rerun", log_of(tiny), "--trust-plugins", "--out", "again")
     out, err = trusted.communicate(timeout=LIMIT)
     assert trusted.returncode == 0, err
     assert "identical" in out
+    assert read_log(tiny.folder / "again" / "log.mcap").info.attachments == read_log(log_of(tiny)).info.attachments
 
 
 @pytest.mark.parametrize("name", COMMANDS)

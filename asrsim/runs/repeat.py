@@ -209,7 +209,9 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
         name=Path(info.scenario_path).stem if info.scenario_path else "scenario",
         variant=info.variant,
     )
-    return replace(scenario, path=Path(info.scenario_path) if info.scenario_path else None), robot
+    plugins = {name: path for name, path in files.items() if name.startswith(PLUGINS)}
+    path = Path(info.scenario_path) if info.scenario_path else None
+    return replace(scenario, path=path, attachments={**scenario.attachments, **plugins}), robot
 
 
 class Comparer:
