@@ -101,6 +101,13 @@ def test_pictures_are_drawn_unless_told_not_to(tiny, asrsim_command) -> None:
     assert sorted(summary["files"]["plots"]) == sorted(f"out/step/default/{path.name}" for path in pictures)
 
 
+def test_a_report_is_written_when_asked_for(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--report", "--json", "--set", "duration=0.2")
+    assert outcome.code == 0, outcome.out
+    page = Path(json.loads(outcome.out)["runs"][0]["files"]["report"])
+    assert "elbow" in page.read_text()
+
+
 def test_variants_each_in_their_folder(tiny, asrsim_command) -> None:
     soft_and_stiff = "variants:\n  soft: {parameters: {elbow: {spring_k: 5}}}\n  stiff: {parameters: {elbow: {spring_k: 50}}}\n"
     tiny.scenario.write_text(tiny.scenario.read_text() + soft_and_stiff)

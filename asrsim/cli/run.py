@@ -102,7 +102,7 @@ def _run(
                 if plot and executed.run.status != "interrupted":
                     executed = write_summary(_drawn(executed))
                 if report and executed.run.status != "interrupted":
-                    executed = _reported(executed)
+                    executed = write_summary(_reported(executed))
             except AsrsimError as error:
                 # Nothing of this variant could be built or written: the others would most likely fail alike.
                 failure = (title, error)
@@ -145,21 +145,6 @@ def _drawn(executed: Executed) -> Executed:
 
 
 def _reported(executed: Executed) -> Executed:
-    from asrsim.runs.execute import write_summary
+    from asrsim.report import write_report
 
-    write_report = _late("asrsim.report", "write_report")
-    if write_report is None:
-        return executed
-    return write_summary(_with_files(executed, report=write_report(executed.folder, executed.folder / "report.html")))
-
-
-def _late(module: str, name: str) -> Any:
-    """A function of a part that may not be there yet."""
-    from importlib import import_module
-
-    try:
-        return getattr(import_module(module), name, None)
-    except ModuleNotFoundError as error:
-        if error.name != module:
-            raise
-        return None
+    return _with_files(executed, report=write_report(executed.folder, executed.folder / "report.html"))

@@ -1,0 +1,129 @@
+"""Samples held against those of a log, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from asrsim.log import LogReader
+from asrsim.samples import Array, Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """A series that came out otherwise, at its first differing sample."""
+
+    kind: str
+    """time, value, body or contact."""
+    name: str
+    """Quantity, body or pair of bodies."""
+    joint: str | None
+    time: float
+    """s."""
+    sample: int
+    """Index of the sample, from 0."""
+    logged: float
+    repeated: float
+    count: int
+    """Samples that differ."""
+
+    def __str__(self) -> str:
+        what = f"{self.name} of {self.joint}" if self.joint else self.name
+        return (
+            f"{what}: {self.count} samples differ, the first at t = {self.time:.6g} s (sample {self.sample}): "
+            f"{self.logged!r} in the log, {self.repeated!r} now"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; numbers that are not finite as text."""
+        return {
+            key: str(value) if isinstance(value, float) and not np.isfinite(value) else value
+            for key, value in vars(self).items()
+        }
+
+
+class Comparer:
+    """A sink that holds samples against those of a log, in memory that does not grow."""
+
+    def __init__(self, reader: LogReader) -> None:
+        self._chunks: Iterator[Samples] = reader.iter_samples()
+        self._chunk: Samples | None = None
+        self._row = 0
+        self._found: dict[tuple[str, str, str | None], Difference] = {}
+        self.samples = 0
+        """Samples compared."""
+        self.exhausted = False
+        """The log has no more."""
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """Differing series in the order in which they appear."""
+        return tuple(sorted(self._found.values(), key=lambda one: one.sample))
+
+    def write(self, samples: Samples) -> None:
+        """Hold a chunk of the repeated run against the log."""
+        position = 0
+        while position < len(samples.time):
+            logged = self._ahead()
+            if logged is None:
+                return
+            count = min(len(samples.time) - position, len(logged.time) - self._row)
+            here, there = slice(position, position + count), slice(self._row, self._row + count)
+            self._compare(samples, here, logged, there)
+            position += count
+            self._row += count
+            self.samples += count
+
+    def rest(self) -> int:
+        """Samples of the log that were not asked for; goes through to its end."""
+        count = 0
+        while (logged := self._ahead()) is not None:
+            count += len(logged.time) - self._row
+            self._row = len(logged.time)
+        return count
+
+    def _ahead(self) -> Samples | None:
+        while self._chunk is None or self._row >= len(self._chunk.time):
+            self._chunk, self._row = next(self._chunks, None), 0
+            if self._chunk is None:
+                self.exhausted = True
+                return None
+        return self._chunk
+
+    def _compare(self, new: Samples, here: slice, old: Samples, there: slice) -> None:
+        time = old.time[there]
+        self._series("time", "time", None, time, time, new.time[here])
+        for name in dict.fromkeys((*old.values, *new.values)):
+            for joint in old.joints:
+                before = old.values[name][there, old.joints.index(joint)] if name in old.values else None
+                after = new.values[name][here, new.joints.index(joint)] if name in new.values and joint in new.joints else None
+                self._series("value", name, joint, time, before, after)
+        for kind, logged, made in (("body", old.bodies, new.bodies), ("contact", old.contacts, new.contacts)):
+            for name in dict.fromkeys((*logged, *made)):
+                table, other = logged.get(name), made.get(name)
+                width = (table if table is not None else made[name]).shape[1]
+                for column in range(width):
+                    before = None if table is None else table[there, column]
+                    after = None if other is None else other[here, column]
+                    self._series(kind, name, None, time, before, after)
+
+    def _series(self, kind: str, name: str, joint: str | None, time: Array, before: Array | None, after: Array | None) -> None:
+        empty = np.full(len(time), np.nan)
+        before, after = (empty if part is None else np.ascontiguousarray(part, np.float64) for part in (before, after))
+        differs = (before.view(np.uint64) != after.view(np.uint64)) & ~(np.isnan(before) & np.isnan(after))
+        count = int(np.count_nonzero(differs))
+        if not count:
+            return
+        key = (kind, name, joint)
+        first = self._found.get(key)
+        if first is not None:
+            self._found[key] = replace(first, count=first.count + count)
+            return
+        row = int(np.argmax(differs))
+        self._found[key] = Difference(
+            kind=kind, name=name, joint=joint, time=float(time[row]), sample=self.samples + row,
+            logged=float(before[row]), repeated=float(after[row]), count=count,
+        )  # fmt: skip
