@@ -46,6 +46,7 @@ def ilc(
     ] = None,
     processes: Annotated[int, typer.Option(min=1, help="Processes for transfer and sets of plants.")] = 2,
     plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what another scenario learned there too.")] = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print the outcome only.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
@@ -53,7 +54,8 @@ def ilc(
     """Learn the inputs that make the joints follow `ilc.trajectory`, trial by trial (paper section 4.3).
 
     Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
-    (ilc.png), and the state to resume from. Exit code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
+    (ilc.png, transfer.png), and the state to resume from. What an earlier run of the same scenario left there is replaced,
+    and the command says so; that of another one is kept unless --overwrite is given. Exit code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
@@ -68,7 +70,7 @@ def ilc(
             folder = out or Path("out") / chosen.name / "ilc"
             session = _learn(
                 chosen, folder, resume=resume, with_transfer=transfer, draws=draws, keep_logs=keep_logs,
-                processes=processes, plugins=plugin or [], plot=plot, silent=quiet or json,
+                processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
             )  # fmt: skip
     except KeyboardInterrupt:
         where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
@@ -99,7 +101,7 @@ def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list
 
 def _learn(
     scenario: Scenario, folder: Path, *, resume: bool, with_transfer: bool, draws: int | None, keep_logs: KeepLogs | None,
-    processes: int, plugins: list[Path], plot: bool, silent: bool,
+    processes: int, plugins: list[Path], overwrite: bool, plot: bool, silent: bool,
 ) -> Session:  # fmt: skip
     from asrsim.errors import Problem, ScenarioError
     from asrsim.learning.plant import make_plant
@@ -115,6 +117,7 @@ def _learn(
         on_start=None if silent else table.start,
         on_trial=None if silent else table.row,
         resume=resume,
+        overwrite=overwrite,
         keep_logs=keep_logs.value if keep_logs else None,
         with_transfer=with_transfer,
         draws=draws,
@@ -169,6 +172,8 @@ def _report(session: Session, folder: Path, *, json: bool) -> None:
         _say_transfer(session.transfer, "transfer")
     if session.nominal_transfer is not None:
         _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
+    if session.replaced.files:
+        say(str(session.replaced))
     say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
 
 

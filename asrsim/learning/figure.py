@@ -1,7 +1,8 @@
-"""The learning as a picture like the paper's figure 15: error against iteration, trajectories, learned inputs."""
+"""Pictures of learning: like the paper's figure 15, and of the transfer to other plants."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,55 +11,162 @@ import numpy as np
 from asrsim.errors import OutputError
 from asrsim.learning.iterate import LearningProblem, LearningResult
 from asrsim.learning.settings import LearningSettings
+from asrsim.learning.transfer import TransferReport
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+MOST_POINTS = 1000
+"""Points of a curve that are drawn."""
+MOST_FACTORS = 8
+"""Factors of the transfer that are drawn."""
 
 
 def learning_figure(problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> Figure:
-    """Left: errors over the iterations (2-norm and each joint's largest); right: every joint's trajectories, faint to dark."""
-    from matplotlib.figure import Figure
+    """Errors over the iterations; every joint's trajectories and inputs, from the first iteration (faint) to the last."""
+    from asrsim.plots.figures import new_figure
 
     joints = problem.joints
-    figure = Figure(figsize=(10.0, 1.2 + 2.6 * len(joints)), layout="constrained")
-    grid = figure.add_gridspec(len(joints), 2, width_ratios=(1.0, 1.4))
-    left = figure.add_subplot(grid[:, 0])
-    numbers = [trial.number for trial in result.trials]
-    left.semilogy(numbers, [trial.norm for trial in result.trials], "o-", color="black", label=r"largest $\|e\|_2$")
-    predicted = [np.nan if trial.predicted is None else trial.predicted for trial in result.trials]
-    norms = np.array([np.nan, *(trial.norm for trial in result.trials[:-1])]) * np.array(predicted)
-    if np.isfinite(norms).any():
-        left.semilogy(numbers, norms, "x", color="grey", label="as the model predicted")
-    for column, joint in enumerate(joints):
-        left.semilogy(numbers, [trial.largest[column] for trial in result.trials], ".--", label=f"largest |e|, {joint}")
-    left.axhline(settings.tolerance, color="tab:red", linewidth=0.8, label="tolerance")
-    left.set(xlabel="iteration", ylabel="error [rad]")
-    left.legend(fontsize="small")
+    figure = new_figure(11.5, 1.0 + 2.4 * max(len(joints), 1))
+    grid = figure.add_gridspec(len(joints), 3, width_ratios=(1.1, 1.0, 1.0))
+    _draw_errors(figure.add_subplot(grid[:, 0]), problem, result, settings)
+    shared: Axes | None = None
     for row, joint in enumerate(joints):
-        axis = figure.add_subplot(grid[row, 1])
-        axis.fill_between(
-            problem.time,
-            problem.reference[:, row] - settings.tolerance,
-            problem.reference[:, row] + settings.tolerance,
-            color="tab:red",
-            alpha=0.12,
-            linewidth=0,
-            label="tolerance",
-        )
-        for trial in result.trials:
-            shade = 0.15 + 0.85 * (trial.number + 1) / len(result.trials)
-            label = r"$q$" if trial is result.trials[-1] else None
-            axis.plot(problem.time, trial.outputs[:, row], color="tab:orange", alpha=shade, linewidth=1.0, label=label)
-        axis.plot(problem.time, problem.reference[:, row], "k--", linewidth=1.0, label="desired")
-        axis.plot(problem.time, result.inputs[:, row], color="tab:blue", linewidth=1.0, label=r"learned $\theta_{eq}$")
-        axis.set(ylabel=f"{joint} [rad]", xlabel="time [s]" if row == len(joints) - 1 else "")
-        axis.legend(fontsize="small", loc="upper left")
+        trajectory = figure.add_subplot(grid[row, 1], sharex=shared)
+        shared = shared or trajectory
+        inputs = figure.add_subplot(grid[row, 2], sharex=shared)
+        _draw_joint(trajectory, inputs, problem, result, settings, row)
+        trajectory.set_ylabel(f"{joint} (rad)")
+        if row == 0:
+            trajectory.legend(loc="upper left")
+            inputs.legend(loc="upper left")
+            trajectory.set_title("link position", loc="left")
+            inputs.set_title("learned input", loc="left")
+        if row == len(joints) - 1:
+            trajectory.set_xlabel("time (s)")
+            inputs.set_xlabel("time (s)")
     return figure
 
 
+def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
+
+    from asrsim.plots import style
+
+    numbers = [trial.number for trial in result.trials]
+    norms = np.array([trial.norm for trial in result.trials])
+    ax.semilogy(numbers, norms, "o-", color=style.BLACK, label=r"largest $\|e\|_2$")
+    predicted = np.array([np.nan if trial.predicted is None else trial.predicted for trial in result.trials])
+    expected = np.array([np.nan, *norms[:-1]]) * predicted
+    if np.isfinite(expected).any():
+        ax.semilogy(numbers, expected, "+", ms=9, color=style.SKY, label="as the model predicted it", zorder=3)
+    for column, joint in enumerate(problem.joints):
+        largest = [trial.largest[column] for trial in result.trials]
+        ax.semilogy(
+            numbers, largest, ".", linestyle=style.line_style(1 + column), color=style.VERMILION, label=f"largest |e|, {joint}"
+        )
+    ax.axhline(settings.tolerance, color=style.GREEN, label="tolerance")
+    ax.set(xlabel="iteration", ylabel="error (rad)")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
+    ax.set_xlim(-0.3, max(numbers) + 0.3)
+    ax.legend(loc="best")
+
+
+def _draw_joint(
+    trajectory: Axes, inputs: Axes, problem: LearningProblem, result: LearningResult, settings: LearningSettings, column: int
+) -> None:
+    from asrsim.plots import style
+
+    rows = np.unique(np.linspace(0, len(problem.time) - 1, MOST_POINTS).round().astype(int))
+    time, wanted = problem.time[rows], problem.reference[rows, column]
+    trajectory.fill_between(
+        time,
+        wanted - settings.tolerance,
+        wanted + settings.tolerance,
+        color=style.GREEN,
+        alpha=0.13,
+        linewidth=0,
+        label="tolerance",
+    )
+    for trial in result.trials:
+        last = trial is result.trials[-1]
+        strength = 1.0 if last else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
+        for ax, values, shade, label in (
+            (trajectory, trial.outputs, style.VERMILION, "$q$, each iteration"),
+            (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, each iteration"),
+        ):
+            ax.plot(
+                time, values[rows, column], color=shade, alpha=strength, linewidth=1.6 if last else 0.9, label=label if last else None,
+            )  # fmt: skip
+    for ax in (trajectory, inputs):
+        ax.plot(time, wanted, "--", color=style.BLACK, linewidth=1.0, label="desired $q$")
+
+
+def transfer_figure(report: TransferReport, nominal: TransferReport | None = None) -> Figure:
+    """Left: how the largest error is distributed over the plants; right: which parameter matters most.
+
+    nominal: the same plants with an input that was learned on one plant only, to compare with.
+    """
+    from asrsim.plots import style
+    from asrsim.plots.figures import new_figure
+
+    shown = report.influences[:MOST_FACTORS]
+    figure = new_figure(10.5 if shown else 5.5, 3.4)
+    axes = figure.subplots(1, 2 if shown else 1, squeeze=False)[0]
+    ax = axes[0]
+    _draw_distribution(ax, report.worst, style.BLACK, "all joints" if nominal is None else "learned on a set of plants")
+    if nominal is not None:
+        _draw_distribution(ax, nominal.worst, style.GREY, "learned on one plant")
+    else:
+        for column, joint in enumerate(report.joints):
+            _draw_distribution(ax, report.largest[:, column], style.VERMILION, joint, line=style.line_style(1 + column))
+    ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
+    ax.set(xlabel="largest error (rad)", ylabel="share of plants within", ylim=(0.0, 1.02))
+    ax.legend(loc="lower right")
+    ax.set_title(f"{100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad", loc="left")
+    if shown:
+        bars = axes[1]
+        names = [item.factor.removeprefix("parameters.") for item in shown]
+        values = [item.rank_correlation for item in shown]
+        colours = [style.VERMILION if value > 0 else style.BLUE for value in values]
+        bars.barh(range(len(names)), values, color=colours, height=0.65)
+        bars.set_yticks(range(len(names)), names)
+        bars.invert_yaxis()
+        bars.axvline(0.0, color=style.GREY, linewidth=0.7)
+        bars.set_xlim(-1.0, 1.0)
+        bars.grid(axis="y", visible=False)
+        bars.set_xlabel("rank correlation with the largest error\n(right: more of it makes it worse)")
+        bars.set_title("what matters most", loc="left")
+    return figure
+
+
+def _draw_distribution(ax: Axes, errors: np.ndarray, colour: str, label: str, line: object = "-") -> None:  # type: ignore[type-arg]
+    finite = np.sort(errors[np.isfinite(errors)])
+    shares = np.arange(1, len(finite) + 1) / len(errors)
+    ax.step([finite[0], *finite] if len(finite) else [], [0.0, *shares] if len(finite) else [], where="post", color=colour,
+            linestyle=line, label=label)  # type: ignore[arg-type]  # fmt: skip
+
+
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> None:
-    """Write the picture; the suffix says the format. Raises OutputError where it cannot be written."""
+    """Write the picture of the learning; the suffix says the format. Raises OutputError where it cannot be written."""
+    _write(path, lambda: learning_figure(problem, result, settings))
+
+
+def write_transfer_figure(path: Path, report: TransferReport, nominal: TransferReport | None = None) -> None:
+    """Write the picture of the transfer. Raises OutputError where it cannot be written."""
+    _write(path, lambda: transfer_figure(report, nominal))
+
+
+def _write(path: Path, draw: Callable[[], Figure]) -> None:
+    from asrsim.plots.output import save_figure, styled
+
     try:
-        learning_figure(problem, result, settings).savefig(path, dpi=150)
+        path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+        raise OutputError(f"cannot make the folder {path.parent}: {error.strerror}") from error
+    with styled():
+        save_figure(draw(), path.parent, path.stem, [path.suffix[1:]])

@@ -35,6 +35,8 @@ class LearningProblem:
     """(n, joints) rad, inputs of trial 0."""
     identity: str = ""
     """Text that tells one plant from another: a resumed state of another plant is refused."""
+    origin: str = ""
+    """Where the problem comes from, for people: kept in the state."""
 
     @property
     def step(self) -> float:
@@ -120,7 +122,7 @@ def learn(
         trial = _try(problem, simulate, inputs, trials[-1] if trials else None, predicted)
         trials.append(trial)
         if state is not None:
-            save_state(state, mark, trials)
+            save_state(state, mark, trials, origin=problem.origin)
         if on_trial is not None:
             on_trial(trial)
         outcome = _verdict(problem, trials, settings)

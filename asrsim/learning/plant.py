@@ -14,6 +14,7 @@ from asrsim.actuators import MODES
 from asrsim.errors import DivergenceError, Problem, ScenarioError
 from asrsim.kinematics.compensation import Drive, LoadError, drive_of, equilibrium_for_load
 from asrsim.kinematics.engine_model import EngineModel, model_of
+from asrsim.learning.folder import origin_of
 from asrsim.learning.iterate import LearningProblem, Predict
 from asrsim.learning.law import Array
 from asrsim.learning.linear import JointDynamics, choose_gains
@@ -167,7 +168,12 @@ def prepare_learning(plant: Plant, model: EngineModel) -> Prepared:
     along = postures(model, plant.drives, plant.presets, dict(plant.damping), compensated, plant.reference)
     gains = choose_gains(along) if wants_model_gains(block, plant.joints) else None
     problem = LearningProblem(
-        joints=plant.joints, time=plant.time, reference=plant.reference, first_guess=guess.copy(), identity=plant.identity()
+        joints=plant.joints,
+        time=plant.time,
+        reference=plant.reference,
+        first_guess=guess.copy(),
+        identity=plant.identity(),
+        origin=origin_of(plant.scenario),
     )
     return Prepared(
         plant=plant,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from asrsim.errors import OutputError
-from asrsim.learning.figure import write_figure
+from asrsim.learning.figure import write_figure, write_transfer_figure
+from asrsim.learning.folder import INPUTS, LOG, NUMBERS, PICTURE, PLAYBACK, STATE, TRANSFER, Earlier, clear, open_folder
 from asrsim.learning.iterate import LearningResult, Trial, learn
 from asrsim.learning.law import Array
 from asrsim.learning.perturb import Workers
@@ -36,6 +36,8 @@ class Session:
     transfer: TransferReport | None = None
     nominal_transfer: TransferReport | None = None
     """Of inputs learned on the one nominal plant, to compare with, where several plants were learned at once."""
+    replaced: Earlier = Earlier()
+    """What the folder held of an earlier run."""
 
 
 def run_session(
@@ -45,6 +47,7 @@ def run_session(
     on_start: Callable[[Prepared], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     keep_logs: KeepLogs | None = None,
     with_transfer: bool = False,
     draws: int | None = None,
@@ -52,16 +55,18 @@ def run_session(
     plugins: Sequence[Path] = (),
     picture: bool = True,
 ) -> Session:
-    """Learn, and write into `folder`: state.npz (after each trial), learned.csv, learned.yaml, ilc.json, ilc.png, logs.
+    """Learn, and write into `folder`: state.npz (after each trial), learned.csv, learned.yaml, ilc.json, pictures, logs.
 
-    keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
+    resume: go on from the folder's state. overwrite: replace what another scenario left there; results of the same one are
+    replaced anyway. keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
     Raises InputError, SimulationError or OutputError.
     """
-    _make_folder(folder)
+    earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
     block = plant.scenario.learning
     keep = keep_logs or block.get("keep_logs", "last")
     with learning_model(plant) as model, Workers(processes, plugins) as workers:
         prepared = prepare_learning(plant, model)
+        clear(earlier)
         if on_start is not None:
             on_start(prepared)
         logger = _Logger(folder, keep == "all")
@@ -82,18 +87,18 @@ def run_session(
             prepared.settings,
             on_trial,
             predict=prepared.predict,
-            state=folder / "state.npz",
+            state=folder / STATE,
             resume=resume,
         )
         if keep == "last":
-            logger.write(plant, result.inputs, "learned.mcap")
+            logger.write(plant, result.inputs, LOG)
         report = nominal = None
         if with_transfer and block.get("transfer"):
             report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
             if plants:
                 alone = learn(prepared.problem, plant.outputs, prepared.settings)
                 nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
-    session = Session(prepared=prepared, result=result, transfer=report, nominal_transfer=nominal)
+    session = Session(prepared=prepared, result=result, transfer=report, nominal_transfer=nominal, replaced=earlier)
     _write(session, folder, picture=picture)
     return session
 
@@ -101,7 +106,12 @@ def run_session(
 def session_data(session: Session) -> dict[str, Any]:
     """A session's numbers as plain values."""
     plant, result = session.prepared.plant, session.result
-    data: dict[str, Any] = {"scenario": str(plant.scenario.path or plant.scenario.name), "variant": plant.scenario.variant}
+    path = plant.scenario.path
+    data: dict[str, Any] = {
+        "scenario": str(path or plant.scenario.name),
+        "scenario_path": str(path.resolve()) if path else "",
+        "variant": plant.scenario.variant,
+    }
     data |= result_data(result, plant.joints)
     if session.transfer is not None:
         data["transfer"] = transfer_data(session.transfer)
@@ -125,19 +135,14 @@ def _transfer(
 
 def _write(session: Session, folder: Path, *, picture: bool) -> None:
     plant, result, settings = session.prepared.plant, session.result, session.prepared.settings
-    inputs = folder / "learned.csv"
+    inputs = folder / INPUTS
     write_inputs(inputs, plant.time, plant.joints, result.inputs, comment=f"asrsim ilc: {result.reason}")
-    write_playback(folder / "learned.yaml", plant, settings, inputs)
-    write_json(folder / "ilc.json", session_data(session))
+    write_playback(folder / PLAYBACK, plant, settings, inputs)
+    write_json(folder / NUMBERS, session_data(session))
     if picture:
-        write_figure(folder / "ilc.png", session.prepared.problem, result, settings)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {folder}: {error.strerror}") from error
+        write_figure(folder / PICTURE, session.prepared.problem, result, settings)
+        if session.transfer is not None:
+            write_transfer_figure(folder / TRANSFER, session.transfer, session.nominal_transfer)
 
 
 class _Logger:

@@ -33,7 +33,7 @@ def fingerprint(problem: LearningProblem, settings: LearningSettings) -> str:
     return digest.hexdigest()
 
 
-def save_state(path: Path, mark: str, trials: list[Trial]) -> None:
+def save_state(path: Path, mark: str, trials: list[Trial], *, origin: str = "") -> None:
     """Write all trials to `path` (NumPy's npz) beside it first, then put it in place in one move."""
     scalars = [
         {
@@ -53,7 +53,7 @@ def save_state(path: Path, mark: str, trials: list[Trial]) -> None:
         with beside.open("wb") as file:
             np.savez(
                 file,
-                head=np.array(json.dumps({"format": FORMAT, "fingerprint": mark, "trials": scalars})),
+                head=np.array(json.dumps({"format": FORMAT, "fingerprint": mark, "origin": origin, "trials": scalars})),
                 inputs=np.array([trial.inputs for trial in trials]),
                 outputs=np.array([trial.outputs for trial in trials]),
             )
@@ -62,6 +62,16 @@ def save_state(path: Path, mark: str, trials: list[Trial]) -> None:
         beside.replace(path)
     except OSError as error:
         raise OutputError(f"cannot write the learning state {path}: {error.strerror}") from error
+
+
+def state_origin(path: Path) -> tuple[str, int] | None:
+    """Where a state comes from and how many trials it holds; None if it is no readable state."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            head = json.loads(str(stored["head"]))
+        return str(head["origin"]), len(head["trials"])
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, TypeError):
+        return None
 
 
 def load_state(path: Path, mark: str) -> list[Trial]:

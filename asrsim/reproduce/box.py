@@ -1,0 +1,172 @@
+"""Figure 14: an arm with five joints meets a box: soft it stops, stiff it takes the box along."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.reproduce.claim import Claim, Origin
+from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
+from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.pictures import curves, films, picture
+from asrsim.reproduce.tip import tip_path
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure as Drawing
+
+    from asrsim.api import Result
+    from asrsim.reproduce.lab import Lab
+    from asrsim.samples import Array
+
+SCENARIO, PRESETS, BOX = "box_push_5dof", ("soft", "stiff"), "box"
+Y = 1
+"""The axis of the push."""
+
+
+def parts(lab: Lab) -> tuple[Part, ...]:
+    """As in the paper, and with growing damping."""
+    results = lab.pairs(SCENARIO, PRESETS)
+    tips = {name: tip_path(result) for name, result in results.items()}
+    strips = [item for name in PRESETS for item in films(results[name], f"figure_14_{name}", f"The {name} arm meets the box.")]
+    first = Part(
+        title="Pushing a box of 2 kg",
+        text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is closed on the "
+        "model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of 0.265 m and "
+        "2 kg with friction 0.23 on the ground.",
+        claims=tuple(_claims(results, tips, "paper")), tables=(_table(results, tips),),
+        pictures=(
+            picture("figure_14", "Tip and box along the push, and the force between them, soft and stiff.", lambda: _figure(results, tips)),
+            *strips,
+        ),
+    )  # fmt: skip
+    damped = {
+        name: lab.run(SCENARIO, name, overrides=damping_overrides(result), label=f"{name}_damped")
+        for name, result in results.items()
+    }
+    tips = {name: tip_path(result) for name, result in damped.items()}
+    second = Part(
+        title="With link damping that grows with the stiffness",
+        text=f"The same push with an added damping ratio of {RATIO} at each moment's stiffness.",
+        claims=tuple(_claims(damped, tips, "beyond")), tables=(_table(damped, tips),),
+    )  # fmt: skip
+    return first, second
+
+
+def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Origin) -> list[Claim]:
+    soft, stiff = (results[name] for name in PRESETS)
+    goal = _goal(stiff)
+    force = _force(soft)
+    holding = soft.time > 0.8 * soft.time[-1]
+    weight = _resistance(soft)
+    return [
+        Claim(
+            figure=14, origin=origin, text="soft, the box stays where it is", quantity="displacement of the box along the push",
+            measured=abs(_moved(soft)), comparison="<", value=1e-3, unit="m",
+        ),
+        Claim(
+            figure=14, origin=origin, text="soft, the box stops the end effector", quantity="tip short of its goal",
+            measured=goal - float(tips["soft"][-1, Y]), comparison=">", value=0.05, unit="m",
+        ),
+        Claim(
+            figure=14, origin="theory" if origin == "paper" else origin, text="soft, the arm pushes less than friction can take up",
+            quantity="contact force while it holds", measured=float(np.mean(force[holding])), comparison="<", value=weight, unit="N",
+        ),
+        Claim(
+            figure=14, origin=origin, text="stiff, the arm takes the box along to the goal", quantity="box from its place at the goal",
+            measured=abs(_box_goal(stiff) - float(stiff.bodies[BOX][-1, Y])), comparison="<=", value=0.01, unit="m",
+        ),
+        Claim(
+            figure=14, origin=origin, text="stiff, the end effector reaches its goal", quantity="tip from its goal",
+            measured=abs(goal - float(tips["stiff"][-1, Y])), comparison="<=", value=0.01, unit="m",
+        ),
+    ]  # fmt: skip
+
+
+def _goal(result: Result) -> float:
+    task = result.run.scenario.task
+    return task.poses[-1].position[Y] if task is not None else float("nan")
+
+
+def _box_goal(result: Result) -> float:
+    """Where the box's centre is when the tip at its goal touches it."""
+    (box,) = result.run.scenario.world.objects
+    return _goal(result) + TIP_RADIUS + 0.5 * box.size[Y]
+
+
+TIP_RADIUS = 0.03
+"""m, of the fist."""
+
+
+def _resistance(result: Result) -> float:
+    """mu m g of the box on the ground."""
+    world = result.run.scenario.world
+    (box,) = world.objects
+    return box.friction * world.ground_friction * box.mass * abs(result.run.scenario.gravity[2])
+
+
+def _moved(result: Result) -> float:
+    path = result.bodies[BOX][:, Y]
+    return float(path[-1] - path[0])
+
+
+def _force(result: Result) -> Array:
+    """(n,) N between robot and box."""
+    total = np.zeros((len(result.time), 3))
+    for pair, force in result.contacts.items():
+        if BOX in pair.split("/") and "ground" not in pair:
+            total += np.nan_to_num(force)
+    return np.linalg.norm(total, axis=1)
+
+
+def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Table:
+    rows = [
+        (
+            name, f"{1e3 * _moved(result):.2f}", f"{1e3 * (tips[name][-1, Y] - _goal(result)):+.1f}",
+            f"{np.mean(_force(result)[result.time > 0.8 * result.time[-1]]):.2f}", f"{np.max(_force(result)):.2f}",
+            f"{_resistance(result):.2f}",
+        )
+        for name, result in results.items()
+    ]  # fmt: skip
+    headings = ("", "box moved (mm)", "tip from goal (mm)", "force while holding (N)", "largest force (N)", "μ m g (N)")
+    return Table(caption="The push in numbers", headings=headings, rows=tuple(rows))
+
+
+def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing:
+    from asrsim.plots import style
+    from asrsim.plots.figures import new_figure
+
+    figure = new_figure(9.0, 4.6)
+    axes = figure.subplots(2, 2, sharex=True, sharey="row", squeeze=False)
+    for column, (name, run) in enumerate(zip(results, curves(results), strict=True)):
+        top, bottom = axes[0, column], axes[1, column]
+        result, every = results[name], max(len(results[name].time) // 2000, 1)
+        (box,) = result.run.scenario.world.objects
+        top.axhline(_goal(result), color=style.LIGHT, linewidth=2.6, label="goal of the tip")
+        top.plot(result.time[::every], tips[name][::every, Y] + TIP_RADIUS, color=style.VERMILION, label="face of the tip")
+        top.plot(
+            result.time[::every], result.bodies[BOX][::every, Y] - 0.5 * box.size[Y], color=style.BLACK, label="face of the box",
+        )  # fmt: skip
+        top.set_title(f"{name} (preset {0.2 if name == 'soft' else 0.6})", loc="left")
+        force = run.bodies[BOX]["force"]
+        bottom.plot(force.time, force.values, color=style.VERMILION, label="between tip and box")
+        bottom.axhline(_resistance(result), color=style.GREY, linestyle="--", label="μ m g: what friction holds")
+        bottom.set_xlabel("time (s)")
+    axes[0, 0].set_ylabel("y (m)")
+    axes[1, 0].set_ylabel("force (N)")
+    for row in axes:
+        row[-1].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    return figure
+
+
+FIGURES.add(
+    "14",
+    Figure(
+        number=14, title="An arm meets a box", section="4.2.3",
+        paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box stops it; stiff, "
+        "it moves the box and reaches its goal, on the real arm and in simulation.",
+        parts=parts, cost=10.0,
+    ),
+)  # fmt: skip

@@ -1,0 +1,49 @@
+"""Robots with other joint friction and damping, and joints that friction holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from asrsim.api import Result
+    from asrsim.robot.model import Robot
+
+MOVED = 1e-6
+"""rad: less is no motion."""
+
+
+def with_joint_losses(robot: Robot, *, damping: float, friction: float) -> Robot:
+    """The robot with this viscous damping (N m s/rad) and Coulomb friction (N m) in every joint."""
+    joints = tuple(replace(joint, damping=damping, friction=friction) if joint.moves else joint for joint in robot.joints)
+    return replace(robot, joints=joints)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """A joint that never moves since its spring is weaker than its friction."""
+
+    joint: str
+    torque: float
+    """N m, largest torque of the spring on the link."""
+    friction: float
+    """N m, of the joint."""
+
+    def __str__(self) -> str:
+        return f"{self.joint} is held by friction: its springs give at most {self.torque:.4f} N m, its friction holds {self.friction:g} N m"
+
+
+def held_by_friction(result: Result, joints: Sequence[str] | None = None) -> tuple[Held, ...]:
+    """Joints that rest during a whole run although their reference moves, with spring torques below their friction."""
+    found = []
+    for name in joints or result.joints:
+        series = result[name]
+        friction = result.run.robot.joint(name).friction
+        torque = float(np.max(np.abs(series.link_torque)))
+        still = np.ptp(series.link_position) < MOVED < np.ptp(series.reference_1)
+        if still and torque < friction:
+            found.append(Held(joint=name, torque=torque, friction=friction))
+    return tuple(found)

@@ -1,0 +1,42 @@
+"""The effect that the paper names in its section 4.2.2 and leaves out: link damping that grows with the stiffness.
+
+c(k) = c_URDF + ratio 2 sqrt(I k), with the stiffness k at each moment and the inertia I that the joint moves. The
+paper gives no law; this one keeps the damping ratio of a joint the same whatever its preset, which is what damping inside
+a flexible element does to first order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from asrsim.api import Result
+
+RATIO = 0.3
+"""Damping ratio that the law adds."""
+
+
+def damping_overrides(result: Result) -> tuple[str, ...]:
+    """Overrides that switch the law on, with each joint's inertia taken from the mass matrix where the run ended."""
+    from asrsim.kinematics.engine_model import model_of
+
+    run = result.run
+    with model_of(run.scenario, run.robot) as model:
+        end = np.array([float(result[joint].link_position[-1]) for joint in model.joints])
+        inertias = np.diag(model.mass_matrix(end))
+    return tuple(
+        f"link_damping.{joint}={{ratio: {RATIO}, inertia: {float(inertia)!r}}}"
+        for joint, inertia in zip(model.joints, inertias, strict=True)
+    )
+
+
+def swings(values: Sequence[float], goal: float, *, share: float = 0.02) -> int:
+    """How often a series turns after its first arrival at `goal`, counting turns beyond `share` of the step only."""
+    x = np.asarray(values) - goal
+    floor = share * abs(float(x[0]))
+    state = np.where(x > floor, 1, np.where(x < -floor, -1, 0))
+    state = state[state != 0]
+    return int(np.sum(np.diff(state) != 0))

@@ -1,0 +1,70 @@
+"""Figures of matplotlib as pictures for a page, in the look of all our plots."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from asrsim.reproduce.figure import Picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from asrsim.api import Result
+    from asrsim.plots.curves import RunCurves
+
+DPI = 130
+
+
+def picture(name: str, caption: str, draw: Callable[[], Figure], *, kind: str = "svg") -> Picture:
+    """What `draw` draws. kind: svg, or png for pictures with very many points."""
+    from asrsim.plots.output import styled
+
+    with styled():
+        figure = draw()
+        data = render(figure, kind)
+    return Picture(name=name, caption=caption, kind=kind, data=data)
+
+
+def render(figure: Figure, kind: str) -> bytes:
+    """The bytes of a figure's file; letters of an SVG become paths, so that it looks the same without our font."""
+    import matplotlib
+
+    stream = io.BytesIO()
+    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": "asrsim"}
+    with matplotlib.rc_context({"svg.fonttype": "path"}):
+        figure.savefig(stream, format=kind, metadata=metadata, dpi=DPI)
+    return stream.getvalue()
+
+
+def curves(results: Mapping[str, Result]) -> list[RunCurves]:
+    """Thinned curves of runs by label; runs without a log are left out."""
+    from dataclasses import replace
+
+    from asrsim.plots.curves import read_curves
+
+    return [replace(read_curves(result.log), label=label) for label, result in results.items() if result.log is not None]
+
+
+def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, joints: Sequence[str] | None = None) -> Figure:
+    """Panels by name (see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by line style."""
+    from asrsim.plots.figures import grid_figure, joint_names
+    from asrsim.plots.panels import PANELS
+
+    runs = curves(results)
+    figure = grid_figure(runs, tuple(joints or joint_names(runs))[:3], [PANELS[name] for name in panels])
+    figure.suptitle("")
+    return figure
+
+
+def films(result: Result, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:
+    """A film strip of a run's motion, from its log; nothing for a run without one."""
+    if result.log is None:
+        return ()
+    from asrsim.render import Film, even_times, film_strip
+
+    with Film(result.log) as film:
+        pictures = list(film.frames(even_times(film, frames)))
+    return (picture(name, caption, lambda: film_strip(pictures), kind="png"),)

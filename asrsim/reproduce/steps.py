@@ -1,0 +1,236 @@
+"""Figure 8: steps of four actuators, soft and stiff, against the law's own equilibrium and frequency."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.reproduce.claim import Claim
+from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
+from asrsim.reproduce.friction import with_joint_losses
+from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.pictures import curves, picture
+from asrsim.reproduce.ringing import fit_ringing
+from asrsim.reproduce.statics import Rest, rest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+    from asrsim.api import Result
+    from asrsim.reproduce.lab import Lab
+
+STEP, AT = 0.8, 0.1
+"""rad, s: the step of the reference."""
+ACTUATORS = {"sea": "SEA", "awas_ii": "AwAS-II", "bavs": "BAVS", "qbmove": "qbMove"}
+DAMPING, FRICTION = 0.065, 0.025
+"""N m s/rad, N m: the joint's losses that the paper gives from its section 4.2 on."""
+RESOLVED = 0.1
+"""Omega times sample time up to which samples show an oscillation well."""
+FINE_TIME = 0.5
+"""s, duration of the extra run at a fine step."""
+RESIDUAL = 1e-6
+"""rad that the last swings may still have."""
+
+
+def parts(lab: Lab) -> tuple[Part, ...]:
+    """All eight cases, three times: as in the paper, with the friction of section 4.2, with growing damping."""
+    cases = [(name, variant) for name in ACTUATORS for variant in ("soft", "stiff")]
+    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in cases}
+    rests = {case: expected(result) for case, result in results.items()}
+    claims: list[Claim] = []
+    rows = []
+    for case, result in results.items():
+        claims_of, row = _measure(lab, case, result, rests[case])
+        claims += claims_of
+        rows.append(row)
+    claims += _paper(results, rests)
+    headings = (
+        "", "rest (rad)", "predicted", "stiffness (N m/rad)", "frequency (Hz)", "predicted", "ω h at 1 ms", "substeps",
+    )  # fmt: skip
+    table = Table(
+        caption="Where the links rest, and the natural frequency of the last swings", headings=headings, rows=tuple(rows)
+    )
+    shown = picture(
+        "figure_8", "Links (vermilion) and equilibria (blue) after the step, soft and stiff. Below: the first 0.25 s.",
+        lambda: _figure(results),
+    )  # fmt: skip
+    first = Part(
+        title="Steps of four actuators",
+        text="Ideal motors (mode 3), 0.2 kg at 0.04 m under gravity, a step of 0.8 rad; no joint friction, damping 0.02 N m s/rad. "
+        "Predicted values come from the law and the robot's file by root finding, without the simulation.",
+        claims=tuple(claims), tables=(table,), pictures=(shown,),
+    )  # fmt: skip
+    return first, _with_friction(lab, cases), _damped(lab, results)
+
+
+def expected(result: Result) -> Rest:
+    """Where the run's joint must rest, with the motors where its run left them."""
+    series = result["joint_1"]
+    preset = float(series.reference_2[-1]) if "reference_2" in series else 0.0
+    return rest(result.run.robot, STEP, preset)
+
+
+def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> tuple[list[Claim], tuple[str, ...]]:
+    name, variant = case
+    label = f"{ACTUATORS[name]} {variant}"
+    series = result["joint_1"]
+    end, step = float(series.link_position[-1]), result.run.scenario.step
+    omega_h = wanted.natural * step
+    claims = [
+        Claim(
+            figure=8, origin="theory", text=f"{label} rests where its spring and gravity balance", quantity="rest − predicted rest",
+            measured=end - wanted.position, comparison="==", value=0.0, tolerance=RESIDUAL, unit="rad",
+        )
+    ]  # fmt: skip
+    sampled = result
+    if omega_h > np.pi / 2:
+        # Samples of 1 ms fold such a frequency back: a short run at a fine step shows it.
+        fine = FINE_TIME / math.ceil(FINE_TIME * wanted.natural / RESOLVED)
+        sampled = lab.run(f"step_1dof_{name}", variant, overrides=[f"step={fine!r}", f"duration={FINE_TIME}"], log=False)
+        claims += _right_at_one_millisecond(label, result, wanted)
+    found = fit_ringing(sampled.time, sampled["joint_1"].link_velocity, start=AT)
+    claims.append(
+        Claim(
+            figure=8, origin="theory", text=f"{label} swings at the frequency of its stiffness and inertia",
+            quantity="natural frequency of the last swings", measured=found.frequency, comparison="==", value=wanted.frequency,
+            tolerance=0.005 * wanted.frequency, unit="Hz",
+        )
+    )  # fmt: skip
+    row = (
+        label, f"{end:.6f}", f"{wanted.position:.6f}", f"{wanted.spring:.5g}", f"{found.frequency:.3f}",
+        f"{wanted.frequency:.3f}", f"{omega_h:.2f}", str(result.run.resolution.substeps),
+    )  # fmt: skip
+    return claims, row
+
+
+def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[Claim]:
+    """An oscillation near the sampling rate shows folded: at 1 / step minus its frequency."""
+    step = result.run.scenario.step
+    found = fit_ringing(result.time, result["joint_1"].link_velocity, start=AT)
+    omega = np.sqrt(found.natural**2 - found.decay**2)
+    turns = round(wanted.natural * step / (2.0 * np.pi))
+    unfolded = float(np.hypot(turns * 2.0 * np.pi / step - omega, found.decay)) / (2.0 * np.pi)
+    return [
+        Claim(
+            figure=8, origin="theory", text=f"{label} swings right at a step of {1e3 * step:g} ms too, though its frequency is beyond "
+            "what such a step samples", quantity="natural frequency at 1 ms, unfolded", measured=unfolded, comparison="==",
+            value=wanted.frequency, tolerance=0.005 * wanted.frequency, unit="Hz",
+        ),
+        Claim(
+            figure=8, origin="theory", text=f"{label} decays right at a step of {1e3 * step:g} ms", quantity="decay rate at 1 ms",
+            measured=found.decay, comparison="==", value=wanted.decay, tolerance=0.005 * wanted.decay, unit="1/s",
+        ),
+    ]  # fmt: skip
+
+
+def _paper(results: dict[tuple[str, str], Result], rests: dict[tuple[str, str], Rest]) -> list[Claim]:
+    """What the paper reads off its plots: soft AwAS-II and qbMove sag, the stiff ones hardly; SEA and BAVS hardly at all."""
+    sag = {case: STEP - float(result["joint_1"].link_position[-1]) for case, result in results.items()}
+    claims = []
+    for name in ("awas_ii", "qbmove"):
+        ratio = sag[name, "soft"] / sag[name, "stiff"]
+        claims.append(
+            Claim(
+                figure=8, text=f"gravity pulls the soft {ACTUATORS[name]} off its reference, far more than the stiff one",
+                quantity="sag soft / sag stiff", measured=ratio, comparison=">", value=5.0,
+            )
+        )  # fmt: skip
+        claims.append(
+            Claim(
+                figure=8, text=f"the stiff {ACTUATORS[name]} is regulated correctly", quantity="reference − rest",
+                measured=sag[name, "stiff"], comparison="<", value=0.02, unit="rad",
+            )
+        )  # fmt: skip
+    return claims
+
+
+def _with_friction(lab: Lab, cases: list[tuple[str, str]]) -> Part:
+    claims, rows = [], []
+    for name, variant in cases:
+        from asrsim.robot import load_robot
+
+        robot = load_robot(lab.scenario(f"step_1dof_{name}", variant).robot)
+        robot = with_joint_losses(robot, damping=DAMPING, friction=FRICTION)
+        result = lab.run(f"step_1dof_{name}", variant, robot=robot, log=False)
+        wanted = expected(result)
+        end = float(result["joint_1"].link_position[-1])
+        label = f"{ACTUATORS[name]} {variant}"
+        claims.append(
+            Claim(
+                figure=8, origin="theory", text=f"{label}, with friction, rests within what friction can hold",
+                quantity="rest outside of the friction band", measured=wanted.outside(end), comparison="<=", value=RESIDUAL, unit="rad",
+            )
+        )  # fmt: skip
+        band = f"{wanted.lowest - wanted.position:+.2e} … {wanted.highest - wanted.position:+.2e}"
+        rows.append((label, f"{end:.6f}", f"{end - wanted.position:+.2e}", band))
+    return Part(
+        title="With the joint friction of section 4.2",
+        text=f"The same steps with damping {DAMPING} N m s/rad and friction {FRICTION} N m, which the paper gives for its later "
+        "experiments: a link may stop wherever friction outweighs what spring and gravity leave over.",
+        claims=tuple(claims),
+        tables=(
+            Table(
+                caption="Rest and friction band",
+                headings=("", "rest (rad)", "rest − frictionless (rad)", "friction band (rad)"),
+                rows=tuple(rows),
+            ),
+        ),
+    )
+
+
+def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
+    claims, rows = [], []
+    for (name, variant), plain in results.items():
+        damped = lab.run(f"step_1dof_{name}", variant, overrides=damping_overrides(plain), label=f"{variant}_damped", log=False)
+        before, after = (float(np.max(run["joint_1"].link_position)) / STEP - 1.0 for run in (plain, damped))
+        off = float(damped["joint_1"].link_position[-1] - plain["joint_1"].link_position[-1])
+        label = f"{ACTUATORS[name]} {variant}"
+        rows.append((label, f"{100 * before:.1f} %", f"{100 * after:.1f} %", f"{off:+.1e}"))
+        claims.append(
+            Claim(
+                figure=8, origin="beyond", text=f"damping that grows with the stiffness leaves {label} at rest where it was",
+                quantity="rest with − rest without", measured=off, comparison="==", value=0.0, tolerance=RESIDUAL, unit="rad",
+            )
+        )  # fmt: skip
+    headings = ("", "overshoot beyond 0.8 rad", "with growing damping", "rest moves by (rad)")
+    return Part(
+        title="With link damping that grows with the stiffness",
+        text=f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness.",
+        claims=tuple(claims), tables=(Table(caption="First swing", headings=headings, rows=tuple(rows)),),
+    )  # fmt: skip
+
+
+def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
+    from asrsim.plots.figures import legend, new_figure, variants
+    from asrsim.plots.panels import PANELS, draw_panel
+
+    figure = new_figure(12.5, 4.4)
+    axes = figure.subplots(2, len(ACTUATORS), squeeze=False, sharey="col")
+    drawn: dict[str, None] = {}
+    for column, (name, title) in enumerate(ACTUATORS.items()):
+        runs = curves({variant: results[name, variant] for variant in ("soft", "stiff")})
+        for row in (0, 1):
+            ax = axes[row, column]
+            drawn |= dict.fromkeys(draw_panel(ax, PANELS["position"], runs, "joint_1"))
+            if column:
+                ax.set_ylabel("")
+            ax.set_xlim(*((0.0, 1.0) if row == 0 else (0.09, 0.34)))
+        axes[0, column].set_title(title, loc="left")
+        axes[1, column].set_xlabel("time (s)")
+    names = ("reference_position", "equilibrium_position", "link_position")
+    legend(axes[0, -1], [name for name in names if name in drawn])
+    variants(figure, ["soft", "stiff"])
+    return figure
+
+
+FIGURES.add(
+    "8",
+    Figure(
+        number=8, title="Step responses of four compliant actuators", section="4.1",
+        paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. The model "
+        "shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
+        parts=parts, cost=5.0,
+    ),
+)  # fmt: skip

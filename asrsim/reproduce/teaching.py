@@ -1,0 +1,151 @@
+"""Figure 15: iterative learning of a vertical arm, and the stand-in for the hardware test."""
+
+from __future__ import annotations
+
+import time as clock
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.reproduce.claim import Claim, Origin
+from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
+from asrsim.reproduce.pictures import picture
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from asrsim.learning.session import Session
+    from asrsim.reproduce.figure import Picture
+    from asrsim.reproduce.lab import Lab
+
+SCENARIO = "ilc_2dof"
+DRAWS = 16
+"""Perturbed plants that the learned input is played to."""
+
+
+def parts(lab: Lab) -> tuple[Part, ...]:
+    """As in the paper, with perturbed plants in place of the hardware."""
+    session = _session(lab, "learned", with_transfer=True)
+    result, joints = session.result, session.prepared.plant.joints
+    rows = tuple(
+        (
+            str(trial.number), *(f"{value:.4f}" for value in trial.largest), f"{trial.norm:.4f}",
+            "" if trial.ratio is None else f"{trial.ratio:.3f}", "" if trial.predicted is None else f"{trial.predicted:.3f}",
+        )
+        for trial in result.trials
+    )  # fmt: skip
+    headings = (
+        "iteration",
+        *(f"largest error, {joint} (rad)" for joint in joints),
+        "largest 2-norm (rad)",
+        "ratio",
+        "predicted",
+    )
+    pictures: list[Picture] = [
+        picture(
+            "figure_15",
+            "Error against iteration, trajectories from first (faint) to last, and learned input.",
+            lambda: _figure(session),
+        )
+    ]
+    first = Part(
+        title="Learning 0 to 0.8 rad in 20 s",
+        text="Equation 13 with K = 0.5 exp(-n / 10), zero first guess, preset 0.2, the identified springs (their labels a and k stand "
+        "swapped in the paper's text; as printed, learning never converges). Ratios compare each 2-norm with the one before; "
+        "predicted ones come from the joints' linearisation before the trial is run.",
+        claims=tuple(_claims(session, "paper")),
+        tables=(Table(caption="Errors over the iterations", headings=headings, rows=rows),),
+        pictures=tuple(pictures),
+    )  # fmt: skip
+    return first, _hardware(session)
+
+
+def _session(lab: Lab, name: str, *, with_transfer: bool = False, overrides: Sequence[str] = ()) -> Session:
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.session import run_session
+
+    plant = make_plant(lab.scenario(SCENARIO, overrides=overrides))
+    began = clock.perf_counter()
+    session = run_session(
+        plant,
+        lab.folder / f"{SCENARIO}_{name}",
+        with_transfer=with_transfer,
+        draws=DRAWS,
+        picture=False,
+        keep_logs="none",
+        overwrite=True,
+    )
+    trials = len(session.result.trials) + (DRAWS if with_transfer else 0)
+    lab.count(trials * plant.scenario.duration, clock.perf_counter() - began)
+    return session
+
+
+def _claims(session: Session, origin: Origin) -> list[Claim]:
+    result, settings = session.result, session.prepared.settings
+    norms = [trial.norm for trial in result.trials]
+    predicted = [abs(t.ratio - t.predicted) for t in result.trials if t.ratio is not None and t.predicted is not None]
+    return [
+        Claim(
+            figure=15, origin=origin, text="learning converges after 11 iterations", quantity="iterations", comparison="==",
+            measured=float(result.iterations) if result.converged else float("nan"), value=11.0, tolerance=1.0,
+        ),
+        Claim(
+            figure=15, origin=origin, text="then both joints stay within the tolerance band", quantity="largest error of both joints",
+            measured=max(result.trials[-1].largest), comparison="<=", value=settings.tolerance, unit="rad",
+        ),
+        Claim(
+            figure=15, origin=origin, text="the error falls with every iteration", quantity="largest ratio of an error to the one before",
+            measured=max(after / before for before, after in pairwise(norms)), comparison="<", value=1.0,
+        ),
+        Claim(
+            figure=15, origin="theory", text="the linearised joints predict how fast", quantity="largest error of a predicted ratio",
+            measured=max(predicted), comparison="<", value=0.05,
+        ),
+    ]  # fmt: skip
+
+
+def _hardware(session: Session) -> Part:
+    from asrsim.learning.figure import transfer_figure
+
+    report = session.transfer
+    if report is None:
+        return Part(title="The stand-in for the hardware test", text="Not run.")
+    quantiles = report.quantiles((0.05, 0.5, 0.95))
+    rows = (
+        ("plants", str(len(report.draws))),
+        ("within the tolerance", f"{100 * report.within:.0f} %"),
+        ("largest error, 5 / 50 / 95 % of plants (rad)", " / ".join(f"{value:.3f}" for value in quantiles.values())),
+        *((f"largest error of {joint}, median (rad)", f"{float(np.median(report.largest[:, column])):.3f}")
+          for column, joint in enumerate(report.joints)),
+    )  # fmt: skip
+    ratio = float(np.median(report.largest[:, 0] / report.largest[:, 1]))
+    claim = Claim(
+        figure=15, text="feed-forward on another plant, the first joint leaves its band sooner than the second",
+        quantity="median ratio of their largest errors", measured=ratio, comparison=">", value=1.0,
+    )  # fmt: skip
+    return Part(
+        title="The stand-in for the hardware test",
+        text=f"The learned input, feed-forward, on {len(report.draws)} plants that differ from the learned one as the scenario's "
+        "`ilc.transfer` states. The paper's real arm left the band in its first joint for a while; so do most of these. "
+        "`asrsim ilc --transfer` plays it to more plants and says which parameter matters most.",
+        claims=(claim,), tables=(Table(caption="Transfer", headings=("", ""), rows=rows),),
+        pictures=(picture("figure_15_transfer", "Largest errors on the perturbed plants.", lambda: transfer_figure(report)),),
+    )  # fmt: skip
+
+
+def _figure(session: Session):  # type: ignore[no-untyped-def]
+    from asrsim.learning.figure import learning_figure
+
+    return learning_figure(session.prepared.problem, session.result, session.prepared.settings)
+
+
+FIGURES.add(
+    "15",
+    Figure(
+        number=15, title="Iterative learning control", section="4.3",
+        paper="The equilibrium over time that takes a vertical arm along a minimum-jerk trajectory is learned in simulation. After 11 "
+        "iterations both joints are within 0.08 rad; played to the real arm, only the first joint leaves that band for a while.",
+        parts=parts, cost=12.0,
+    ),
+)  # fmt: skip
