@@ -77,6 +77,7 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str
             constants[step] = drive.constants(step)
         before = state
         torque, state, record = advance(state, constants[step], q, v, *drive.goals(r_1, r_2))
+        torque -= drive.link_brake * v
         rows.append((q, v, r_1, r_2, torque, *_outputs(drive, q, before, record)))
     table = np.array(rows, dtype=float).reshape(len(rows), len(OUTPUTS))
     return {name: table[:, index] for index, name in enumerate(OUTPUTS)}

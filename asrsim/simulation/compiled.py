@@ -25,7 +25,7 @@ from asrsim.simulation.drives import Drive
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.loop import COLUMNS, Loop
 
-PREVIOUS, LAST_TORQUE, LAST_MEAN, EFFORT, DAMPING, RESPONSE, CORRECTION, FORCE, STATE = range(9)
+PREVIOUS, LAST_TORQUE, LAST_MEAN, EFFORT, DAMPING, RESPONSE, CORRECTION, FORCE, LEAN, BRAKE, STATE = range(11)
 """Columns of a joint in the kernel's workspace; the state (8 wide) and then the constants follow."""
 CONSTANTS = STATE + 8
 SECONDS_SAVED = 1.2e-6
@@ -40,7 +40,8 @@ def step(k, now, before, joints, work, inputs, out):
 '''
 BODY = """    for j in {indices}:
         q, lagging, _, _ = joints[j]
-        v = now * lagging + before * work[j, 0]
+        past = work[j, 0]
+        v = now * lagging + before * past
         work[j, 0] = lagging
         torque, state, record = advance_{kind}({state}, {constants}, q, v, inputs[k, j, 0], inputs[k, j, 1])
 {save}        out[k, j, 0] = q
@@ -55,9 +56,18 @@ BODY = """    for j in {indices}:
         if damping != 0.0:
             half = work[j, 5]
             drag = half * damping
+            v += work[j, 8] * (lagging - past)
             v = (v + half * (torque - work[j, 1]) + drag * work[j, 2]) / (1.0 + drag)
             work[j, 1] = torque
             work[j, 2] = v
+            brake = work[j, 9]
+            if brake != 0.0:
+                torque -= brake * v
+                damping -= brake
+                if torque > limit:
+                    torque = limit
+                elif torque < -limit:
+                    torque = -limit
             work[j, 7] = torque + inputs[k, j, 2] - damping * v - work[j, 6]
         else:
             work[j, 7] = torque + inputs[k, j, 2] - work[j, 6]
@@ -121,6 +131,8 @@ class CompiledLoop(Loop):
         work[:, EFFORT] = self._efforts
         work[:, DAMPING] = self._dampings
         work[:, RESPONSE] = self.response
+        work[:, LEAN] = self.lean
+        work[:, BRAKE] = self._brakes
         work[:, CORRECTION] = self.correction
         for j, state in enumerate(self.states):
             work[j, STATE : STATE + len(state)] = state

@@ -49,6 +49,13 @@ class Drive:
         return tuple(self.values[parameter.name] for parameter in self.actuator.parameters)
 
     @property
+    def link_brake(self) -> float:
+        """Derivative gain of the link's controller (mode 1) in N m s/rad; it acts in the loop, implicitly, as damping does."""
+        if self.mode is None or self.mode.number != 1 or self.stepping.released:
+            return 0.0
+        return self.values["controller_1_derivative"]
+
+    @property
     def dynamic_motors(self) -> int:
         """Motors with dynamics in this mode."""
         return self.actuator.motors if self.actuator and self.mode and self.mode.motor else 0
@@ -87,7 +94,6 @@ class Drive:
             return (
                 values["controller_1_proportional"],
                 values["controller_1_integral"] * step,
-                values["controller_1_derivative"],
             )
         if not self.mode.motor:
             return self.elastic

@@ -44,11 +44,14 @@ def advance_torque(
 def advance_link_controller(
     state: tuple[float, ...], constants: tuple[float, ...], q: float, v: float, r_1: float, r_2: float
 ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-    """Mode 1: a PID controller on the rigid link (paper eq. 11). State: the integral; constants: P, I times step, D."""
-    p, i_step, d = constants
+    """Mode 1: a PID controller on the rigid link (paper eq. 11) but its derivative action, which the loop has.
+
+    State: the integral; constants: P, I times step.
+    """
+    p, i_step = constants
     error = r_1 - q
     more = i_step * error
-    torque = p * error + state[0] + 0.5 * more - d * v
+    torque = p * error + state[0] + 0.5 * more
     return torque, (state[0] + more,), (0.0, 0.0, 0.0, 0.0, torque, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

@@ -25,6 +25,9 @@ CORIOLIS_EVERY = 8
 CORIOLIS_PHASE = 1.0
 """rad of the fastest oscillation, at most, between them."""
 
+COUPLED = 0.25
+"""c h / I between joints above which their damping is bounded by the row's sum."""
+
 Hook = Callable[[int, Sequence[Any], Sequence[Any]], None]
 """Called before each substep with its number, the engine's joint states and the actuators' states."""
 
@@ -57,7 +60,9 @@ class Loop:
         ]
         self._constants: dict[float, list[Any]] = {}
         self._efforts = [float("inf") if drive.joint.effort is None else drive.joint.effort for drive in drives]
-        self._dampings = [drive.joint.damping for drive in drives]
+        self._brakes = [drive.link_brake for drive in drives]
+        self._dampings = [drive.joint.damping + drive.link_brake for drive in drives]
+        """N m s/rad on the link: the joint's damping and the derivative action of the link's controller (mode 1)."""
         self._laws = [make_damping_law(drive) for drive in drives]
         self.correction = [0.0] * len(self.drives)
         zero = [0.0] * len(self.drives)
@@ -70,6 +75,7 @@ class Loop:
         self.previous = [0.0] * len(self.drives)
         self.last_torque = [0.0] * len(self.drives)
         self.response = [0.0] * len(self.drives)
+        self.lean = [0.0] * len(self.drives)
         self.last_mean = [0.0] * len(self.drives)
 
     def refresh_response(self) -> None:
@@ -79,9 +85,21 @@ class Loop:
         actuator and damping have changed by. Solved for the mean, damping is implicit, and midpoint for what is stiff;
         only second-order terms depend on the response, so the diagonal, now and then, will do.
         """
-        if self.stepping.staggered and any(self._dampings):
-            inverse = np.diagonal(np.linalg.inv(self.engine.mass_matrix()))
-            self.response[:] = (0.5 * self.substep * inverse).tolist()
+        if not (self.stepping.staggered and any(self._dampings)):
+            return
+        inverse = np.linalg.inv(self.engine.mass_matrix())
+        damping = np.array(self._dampings)
+        root = np.sqrt(damping)
+        decay = self.substep * root[:, None] * inverse * root[None, :]
+        own = np.diagonal(decay)
+        coupled = np.sum(np.abs(decay), axis=1) - own
+        # Where damping couples joints strongly (light links on light links), the row's sum bounds it: implicit, so stable.
+        felt = np.where(coupled > COUPLED, own + coupled, own)
+        # Midpoint, but for a joint whose motion dies within a step: there the midpoint rule would ring.
+        weight = np.maximum(0.5, 1.0 - 1.0 / np.maximum(felt, 1e-12))
+        self.lean[:] = (weight - 0.5).tolist()
+        scale = np.divide(felt, own, out=np.ones_like(own), where=own > 0.0)
+        self.response[:] = (weight * self.substep * np.diagonal(inverse) * scale).tolist()
 
     def constants(self, step: float) -> list[Any]:
         """Constants of every joint for a motor step of `step` s, kept."""
@@ -109,10 +127,10 @@ class Loop:
         engine = self.engine
         read, apply, advance_engine = engine.read, engine.apply, engine.advance
         constants = self.constants(self.substep / self.motor_substeps)
-        fixed = list(zip(self._advances, constants, self._efforts, range(len(self.drives)), strict=True))
+        fixed = list(zip(self._advances, constants, self._efforts, self._brakes, range(len(self.drives)), strict=True))
         states, dampings, correction = self.states, self._dampings, self.correction
         now, before, previous = self._now, self._before, self.previous
-        response, last_torque, last_mean = self.response, self.last_torque, self.last_mean
+        response, lean, last_torque, last_mean = self.response, self.lean, self.last_torque, self.last_mean
         slow = bool(self.before_step or any(self._laws))
         every = self._correct_every
         chunks: list[bytes] = []
@@ -132,7 +150,7 @@ class Loop:
                     self._correct_coriolis(joints)
                 forces = []
                 each = zip(joints, fixed, first, second, external, strict=True)
-                for (q, lagging, _, _), (advance, constant, limit, j), r_1, r_2, push in each:
+                for (q, lagging, _, _), (advance, constant, limit, brake, j), r_1, r_2, push in each:
                     past = previous[j]
                     v = now * lagging + before * past
                     previous[j] = lagging
@@ -149,9 +167,17 @@ class Loop:
                     if damping:
                         half = response[j]
                         drag = half * damping
+                        v += lean[j] * (lagging - past)
                         v = (v + half * (torque - last_torque[j]) + drag * last_mean[j]) / (1.0 + drag)
                         last_torque[j] = torque
                         last_mean[j] = v
+                        if brake:
+                            torque -= brake * v
+                            damping -= brake
+                            if torque > limit:
+                                torque = limit
+                            elif torque < -limit:
+                                torque = -limit
                         forces.append(torque + push - damping * v - correction[j])
                     else:
                         forces.append(torque + push - correction[j])
@@ -193,7 +219,10 @@ class Loop:
             half = length * self.response[j]
             drag = half * dampings[j]
             v = (velocities[j] + half * (mean - self.last_torque[j]) + drag * self.last_mean[j]) / (1.0 + drag)
-            totals[j] -= length * dampings[j] * v
+            brake, limit = self._brakes[j], self._efforts[j]
+            braked = min(max(mean - brake * v, -limit), limit) - mean if brake else 0.0
+            sides[:, j, 2] += braked
+            totals[j] += length * (braked - (dampings[j] - brake) * v)
             self.last_torque[j] = mean
             self.last_mean[j] = v if k else velocities[j]
         block.sides[k] = sides
@@ -224,7 +253,8 @@ class Loop:
 
     def _correct_coriolis(self, joints: Sequence[Any]) -> None:
         """The engine evaluates velocity torques at the lagging velocity; make up for it."""
-        positions, lagging, _, _ = zip(*joints, strict=True)
+        positions = [state[0] for state in joints]
+        lagging = [state[1] for state in joints]
         now, before = self._now, self._before
         centred = [now * v + before * u for v, u in zip(lagging, self.previous, strict=True)]
         difference = self.engine.bias_difference(positions, centred, lagging)

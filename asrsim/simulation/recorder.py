@@ -112,6 +112,7 @@ class Recorder:
         return rows
 
     def _values(self, raw: Array, inputs: Sequence[Array], count: int, first: int) -> dict[str, Array]:
+        raw = self._braked(raw)
         now, after = raw[:count], raw[1 : count + 1]
         n = len(self.drives)
         values = {name: np.full((count, n), np.nan) for name in self._names}
@@ -160,6 +161,19 @@ class Recorder:
                 if name in recorded:
                     target[:, j] = source_column[:, j]
         return values
+
+    def _braked(self, raw: Array) -> Array:
+        """With the derivative action of the links' controllers (mode 1) in the actuator's torque."""
+        brakes = np.array([drive.link_brake for drive in self.drives])
+        if not brakes.any():
+            return raw
+        speeds = raw[:, :, 1]
+        if self.stepping.staggered:
+            # Centred; the last row's neighbour is not known yet, and extrapolated.
+            speeds = np.concatenate([0.5 * (speeds[:-1] + speeds[1:]), 1.5 * speeds[-1:] - 0.5 * speeds[-2:-1]])
+        braked = raw.copy()
+        braked[:, :, COLUMN["actuator_torque"]] -= brakes * speeds
+        return braked
 
     def _dampings(self, stiffness: Array) -> Array:
         """Link damping (n, joints) in N m s/rad."""

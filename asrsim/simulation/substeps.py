@@ -22,8 +22,6 @@ TARGET = 0.2
 """omega h that the automatic number of substeps keeps (accuracy; stability ends at 2)."""
 MOTOR_TARGET = 0.3
 """The same for motor and spring at a frozen link."""
-DAMPING_TARGET = 0.5
-"""c h / I that it keeps: the extrapolated damping is stable below 1."""
 OVERSHOOT = 2.0
 """A step load deflects an undamped spring twice as far as a slow one; the same margin is given to speeds."""
 
@@ -141,27 +139,16 @@ def resolve(
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
         for drive, k in zip(drives, stiffness, strict=True)
     ]
-    dampings = [
-        drive.joint.damping + (drive.values["controller_1_derivative"] if drive.mode and drive.mode.number == 1 else 0.0)
-        for drive in drives
-    ]
     omega, shape = _fastest(masses, gains)
-    decay, drag = _fastest(masses, dampings)
-    frequency, rate = math.sqrt(omega), decay
+    frequency = math.sqrt(omega)
     stiffest = drives[int(np.argmax(np.abs(shape)))].name if len(drives) else ""
-    dragged = drives[int(np.argmax(np.abs(drag)))].name if len(drives) else ""
-    needed = max(1, math.ceil(frequency * step / TARGET - 1e-9), math.ceil(rate * step / DAMPING_TARGET - 1e-9))
+    needed = max(1, math.ceil(frequency * step / TARGET - 1e-9))
     if substeps is None:
         if needed > cap:
-            spring = frequency * step / TARGET >= rate * step / DAMPING_TARGET
-            cause = (
-                f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz"
-                if spring
-                else f"the damping of joint '{dragged}' decays at {rate:.4g} 1/s, which"
-            )
             raise UnresolvedSpringError(
-                f"{cause} cannot be resolved: a step of {step:g} s would need {needed} substeps, the cap is {cap}. "
-                f"Lower the step, raise substep_cap, soften the spring or limit its deflection (max_deflection)"
+                f"the spring of joint '{stiffest}' can reach {max(stiffness):.4g} N m/rad: its {frequency / math.tau:.4g} Hz "
+                f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is {cap}. Lower the "
+                f"step, raise substep_cap, soften the spring or limit its deflection (max_deflection)"
             )
         substeps = needed
     h = step / substeps
@@ -194,8 +181,9 @@ def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Ar
         if not np.all(np.isfinite(root)):
             return math.inf, np.where(np.isfinite(root), 0.0, 1.0)
         values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(mass) * root[None, :])
-        if values.size and values[-1] > best:
-            best, shape = float(values[-1]), vectors[:, -1]
+        index = int(np.argmax(np.abs(values))) if values.size else 0
+        if values.size and abs(values[index]) > best:
+            best, shape = float(abs(values[index])), vectors[:, index]
     return best, shape
 
 
