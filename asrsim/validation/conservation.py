@@ -118,8 +118,8 @@ def passivity() -> Iterator[Check]:
             )  # fmt: skip
     share = energy_gain("sea", 6, friction=0.0, damping=0.0, stepping="toolbox", derivative=0.0)
     yield Check(
-        name="the same in the released code's order, Series elastic actuator, mode 6, no derivative gain", figure=share, bound=10.0,
-        at_least=True, source="it is not passive: this shows that the check can fail",
+        name="the same in the released code's order, Series elastic actuator, mode 6, no derivative gain",
+        figure=share, bound=10.0, at_least=True, source="it is not passive: this shows that the check can fail",
     )  # fmt: skip
 
 

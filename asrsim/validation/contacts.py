@@ -106,9 +106,13 @@ def link_wrench() -> Iterator[Check]:
     pushed = run(chain(body), duration=1.0, wrenches=(across,))
     turned = run(chain(body), duration=1.0, external={"joint_1": Sinusoid(amplitude=-0.2, frequency=1.0)})
     error = float(np.max(np.abs(column(pushed, "link_position") - column(turned, "link_position"))))
-    yield Check(name="force across a link against its torque", figure=error, bound=1e-12, unit="rad", source="lever times force")
+    yield Check(
+        name="force across a link against its torque", figure=error, bound=1e-12, unit="rad", source="lever times force"
+    )
     down = Wrench(link="link_1", force=(None, None, Constant(value=-0.5 * 9.81)), point=(0.0, 0.0, -0.08))
     lifted = run(chain(body), duration=1.0, initial=[0.5], wrenches=(down,))
     heavier = run(chain(body), duration=1.0, initial=[0.5], gravity=2.0 * 9.81)
     error = float(np.max(np.abs(column(lifted, "link_position") - column(heavier, "link_position"))))
-    yield Check(name="force down at the centre of mass against gravity", figure=error, bound=1e-12, unit="rad", source="m g twice")
+    yield Check(
+        name="force down at the centre of mass against gravity", figure=error, bound=1e-12, unit="rad", source="m g twice"
+    )

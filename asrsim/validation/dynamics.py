@@ -106,7 +106,9 @@ def rigid_body() -> Iterator[Check]:
             finally:
                 engine.close()
             for what, error in zip(("mass matrix", "gravity torques", "velocity torques"), worst, strict=True):
-                yield Check(name=f"{what}, {name}{label}", figure=float(error), bound=1e-12, source="Pinocchio, share of the largest")
+                yield Check(
+                    name=f"{what}, {name}{label}", figure=float(error), bound=1e-12, source="Pinocchio, share of the largest"
+                )
 
 
 def _distances(engine: Any, twin: Twin, q: Array, v: Array, u: Array) -> Array:
@@ -143,6 +145,7 @@ def spatial_swing() -> Iterator[Check]:
             if result.samples is not None:
                 positions = result.samples.values["link_position"][:: round(1e-3 / step)]
                 errors.append(float(np.max(np.abs(positions - truth.y[:n].T))))
-        yield Check(name=f"free swing in space, 4 joints, {label}", figure=errors[0], bound=2e-3, unit="rad", source="Pinocchio and DOP853")
+        name = f"free swing in space, 4 joints, {label}"
+        yield Check(name=name, figure=errors[0], bound=2e-3, unit="rad", source="Pinocchio and DOP853")
         order = math.log(errors[0] / errors[1]) / math.log(4.0)
         yield Check(name=f"its order, {label}", figure=order, bound=1.8, at_least=True, source="2")

@@ -1,10 +1,10 @@
 """Gazebo's recorded runs with friction and limits: every difference explained by writing down what Gazebo does.
 
-Gazebo 11 with ODE steps a free body on a hinge in maximal coordinates: velocities by semi-implicit Euler, the hinge as a velocity
-constraint with an error reduction of 0.2, dry friction as a bounded torque that stops the joint, damping explicit, rotations by
-quaternions (an angle of 2 atan(omega h / 2) a step). Its joint's torque is zeroed while the speed is above the velocity limit and
-clipped at the effort limit. Written down in :func:`ode_hinge` this gives the recorded numbers back to rounding; with a finer step it
-shows what the same model tends to.
+Gazebo 11 with ODE steps a free body on a hinge in maximal coordinates: velocities by semi-implicit Euler, the hinge as a
+velocity constraint with an error reduction of 0.2, dry friction as a bounded torque that stops the joint, damping explicit,
+rotations by quaternions (an angle of 2 atan(omega h / 2) a step). Its joint's torque is zeroed while the speed is above the
+velocity limit and clipped at the effort limit. Written down in :func:`ode_hinge` this gives the recorded numbers back to
+rounding; with a finer step it shows what the same model tends to.
 """
 
 from __future__ import annotations
@@ -42,30 +42,34 @@ def ode_hinge(
         if abs(rate) > speed and torque * rate > 0.0:
             torque = 0.0
         torque = min(max(torque, -effort), effort) - DAMPING * rate
-        # From the centre of mass to the hinge; the hinge's point of the body is to stay there.
-        lever_x, lever_z = REACH * math.sin(turn), REACH * math.cos(turn)
-        error_x, error_z = 0.2 / step * (x + lever_x), 0.2 / step * (z + lever_z)
-        a = 1.0 / MASS + lever_z**2 / INERTIA
-        b = -lever_z * lever_x / INERTIA
-        c = 1.0 / MASS + lever_x**2 / INERTIA
-
-        def constrained(extra: float) -> tuple[float, float, float]:
-            free_up = up - step * GAZEBO_GRAVITY
-            free_rate = rate + step * (torque + extra) / INERTIA
-            gap_x = -error_x - (along + lever_z * free_rate)
-            gap_z = -error_z - (free_up - lever_x * free_rate)
-            push_x = (c * gap_x - b * gap_z) / (a * c - b * b)
-            push_z = (a * gap_z - b * gap_x) / (a * c - b * b)
-            turned = free_rate + (lever_z * push_x - lever_x * push_z) / INERTIA
-            return along + push_x / MASS, free_up + push_z / MASS, turned
-
-        after = constrained(0.0)
+        lever = REACH * math.sin(turn), REACH * math.cos(turn)
+        error = 0.2 / step * (x + lever[0]), 0.2 / step * (z + lever[1])
+        fall = up - step * GAZEBO_GRAVITY
+        after = on_hinge(along, fall, rate + step * torque / INERTIA, lever, error)
         if friction:
-            stop = -after[2] / (constrained(1.0)[2] - after[2])
-            after = constrained(min(max(stop, -friction), friction))
+            answer = on_hinge(along, fall, rate + step * (torque + 1.0) / INERTIA, lever, error)[2] - after[2]
+            held = min(max(-after[2] / answer, -friction), friction)
+            after = on_hinge(along, fall, rate + step * (torque + held) / INERTIA, lever, error)
         along, up, rate = after
         x, z, turn = x + step * along, z + step * up, turn + 2.0 * math.atan(0.5 * rate * step)
     return found
+
+
+def on_hinge(
+    along: float, up: float, rate: float, lever: tuple[float, float], error: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Velocities (m/s, m/s, rad/s) of the body with the hinge's impulse, from those that it would have without.
+
+    lever: m from the centre of mass to the hinge's point of the body; error: m/s at which that point is to come back.
+    """
+    a = 1.0 / MASS + lever[1] ** 2 / INERTIA
+    b = -lever[1] * lever[0] / INERTIA
+    c = 1.0 / MASS + lever[0] ** 2 / INERTIA
+    gap_x = -error[0] - (along + lever[1] * rate)
+    gap_z = -error[1] - (up - lever[0] * rate)
+    push_x = (c * gap_x - b * gap_z) / (a * c - b * b)
+    push_z = (a * gap_z - b * gap_x) / (a * c - b * b)
+    return along + push_x / MASS, up + push_z / MASS, rate + (lever[1] * push_x - lever[0] * push_z) / INERTIA
 
 
 def spring_law(result: Run, case: str) -> Callable[[float], float]:
@@ -119,7 +123,8 @@ def convergence() -> Iterator[Check]:
             figure = rms(q - errors[1])
             label = "friction and effort limit" if kind == "" else "neither friction nor limits"
             yield Check(
-                name=f"distance to Gazebo's model at 10 us, {label}, {case}", figure=figure, bound=2e-4 + 1.5 * left, unit="rad",
+                name=f"distance to Gazebo's model at 10 us, {label}, {case}",
+                figure=figure, bound=2e-4 + 1.5 * left, unit="rad",
                 source=f"step error left in it: {left:.1e}",
             )  # fmt: skip
 
@@ -135,8 +140,8 @@ def velocity_limit() -> Iterator[Check]:
         effect = rms(paths[0] - paths[1])
         fast = case.startswith("sea")
         yield Check(
-            name=f"effect of Gazebo's velocity limit over .25 s, {case}", figure=effect, bound=1e-3 if fast else 0.0, unit="rad",
-            at_least=fast, source="torque zeroed above 100 rad/s" if fast else "never that fast",
+            name=f"effect of Gazebo's velocity limit over .25 s, {case}",
+            figure=effect, bound=1e-3 if fast else 0.0, unit="rad", at_least=fast, source="torque zeroed above 100 rad/s" if fast else "never that fast",
         )  # fmt: skip
 
 

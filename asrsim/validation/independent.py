@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from asrsim.actuators import ACTUATORS
 from asrsim.robot import load_robot
@@ -49,6 +48,8 @@ def positions(result: Run) -> Array:
 
 def equilibrium(result: Run, case: str) -> float:
     """rad at which the case's spring and weight balance, from the law."""
+    from scipy.optimize import brentq
+
     block, link = result.robot.actuators[0], result.robot.links[1]
     law, values = ACTUATORS.get(block.actuator), block.values()
     elastic = tuple(values[parameter.name] for parameter in law.parameters)

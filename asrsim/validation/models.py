@@ -125,7 +125,7 @@ def column(result: Run, quantity: str, joint: int = 0) -> Any:
 LOAD = Body(mass=0.2, reach=0.04, inertia=1e-6)
 """The paper's load (section 4.1), with an inertia about its centre of mass that an engine can hold."""
 
-SETTINGS: Mapping[str, tuple[str, float, Mapping[str, float]]] = {
+SETTINGS: dict[str, tuple[str, float, dict[str, float]]] = {
     "SEA 200": ("sea", 0.0, {"spring_stiffness": 200.0}),
     "SEA 400": ("sea", 0.0, {"spring_stiffness": 400.0}),
     "AwAS-II .005": ("awas_ii", 0.005, {}),

@@ -159,7 +159,9 @@ def _checks(cases: Iterator[Case]) -> Iterator[Check]:
     for case in cases:
         coarse, fine = errors(case, (FASTEST, FASTEST / 4.0))
         yield Check(name=f"error at 1 ms, {case.name}", figure=coarse, bound=case.error, unit="rad", source="DOP853")
-        yield Check(name=f"order, {case.name}", figure=orders([coarse, fine], 4.0)[0], bound=case.order, at_least=True, source="2")
+        yield Check(
+            name=f"order, {case.name}", figure=orders([coarse, fine], 4.0)[0], bound=case.order, at_least=True, source="2"
+        )
 
 
 def smooth() -> Iterator[Check]:
@@ -180,7 +182,9 @@ def first_order_schemes() -> Iterator[Check]:
         coarse, fine = errors(case, (FASTEST, FASTEST / 4.0), stepping=stepping)
         name = f"{stepping}, {case.name}"
         yield Check(name=f"order, {name}", figure=orders([coarse, fine], 4.0)[0], bound=0.8, at_least=True, source="1")
-        yield Check(name=f"error over the default's, {name}", figure=coarse / best[0], bound=10.0, at_least=True, source="DOP853")
+        yield Check(
+            name=f"error over the default's, {name}", figure=coarse / best[0], bound=10.0, at_least=True, source="DOP853"
+        )
 
 
 def friction_orders() -> Iterator[Check]:

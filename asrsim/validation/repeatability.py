@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -35,7 +37,10 @@ def arm(*, compiled: bool | None = False) -> str:
     """Three joints with motors, dry friction, damping and a jump off the grid."""
     result = run(
         chain(*[LINK] * 3), mode=6, duration=0.5, compiled=compiled,
-        references={"equilibrium_position": Step(at=0.2003, after=0.4), "stiffness_preset": Sinusoid(amplitude=0.1, frequency=2.0)},
+        references={
+            "equilibrium_position": Step(at=0.2003, after=0.4),
+            "stiffness_preset": Sinusoid(amplitude=0.1, frequency=2.0),
+        },
     )  # fmt: skip
     return digest(result.samples)
 
@@ -53,17 +58,11 @@ def here() -> dict[str, str]:
 def elsewhere(seed: str) -> dict[str, str]:
     """Digests of all motions, in a fresh process."""
     code = "import json; from asrsim.validation.repeatability import here; print(json.dumps(here()))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_environment(seed)
-    )
-    import json
-
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_environment(seed))
     return dict(json.loads(done.stdout.strip().splitlines()[-1]))
 
 
 def _environment(seed: str) -> dict[str, str]:
-    import os
-
     return {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
 
@@ -72,14 +71,19 @@ def repeatability() -> Iterator[Check]:
     first, again = here(), here()
     others = [elsewhere(seed) for seed in ("1", "2")]
     for name, value in first.items():
-        yield Check(name=f"again in the same process, {name}", figure=float(again[name] != value), bound=0.0, source="equal bits")
+        yield Check(
+            name=f"again in the same process, {name}", figure=float(again[name] != value), bound=0.0, source="equal bits"
+        )
         different = sum(other[name] != value for other in others)
         yield Check(name=f"in two other processes, {name}", figure=float(different), bound=0.0, source="equal bits")
 
 
 def compiled() -> Iterator[Check]:
     """The compiled loop gives the plain one's bits."""
-    for label, bodies, mode in (("motors, mode 6", [LINK] * 3, 6), ("ideal motors, mode 3", [replace(LINK, actuator="bavs")] * 2, 3)):
+    for label, bodies, mode in (
+        ("motors, mode 6", [LINK] * 3, 6),
+        ("ideal motors, mode 3", [replace(LINK, actuator="bavs")] * 2, 3),
+    ):
         runs = [
             run(
                 chain(*bodies), mode=mode, duration=0.3, compiled=flag,
