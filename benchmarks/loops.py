@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+from worlds import BareWorld
+
 from asrsim.robot.model import Robot
 from asrsim.samples import Samples
 from asrsim.scenario import Scenario
 from asrsim.simulation.run import BLOCK, simulate
-from worlds import BareWorld
 
 SWING = 200
 """Steps of the bare world between resets."""

@@ -28,22 +28,21 @@ def chain(folder: Path, joints: int) -> Robot:
     """A chain of `joints` links that bend and turn in turns, written to and loaded from `folder`."""
     # Long chains are lighter, so that their springs carry them.
     share = min(1.0, 5.0 / joints)
-    parts = [_BASE]
-    for i in range(joints):
-        parts.append(
-            _LINK.format(
-                i=i,
-                parent=f"link_{i - 1}" if i else "base",
-                axis="0 0 1" if i % 2 else "0 1 0",
-                length=0.1 * share,
-                centre=0.08 * share,
-                mass=0.5 * share,
-                inertia=1e-3 * max(share, 0.3),
-            )
+    links = "".join(
+        _LINK.format(
+            i=i,
+            parent=f"link_{i - 1}" if i else "base",
+            axis="0 0 1" if i % 2 else "0 1 0",
+            length=0.1 * share,
+            centre=0.08 * share,
+            mass=0.5 * share,
+            inertia=1e-3 * max(share, 0.3),
         )
+        for i in range(joints)
+    )
     plugins = "".join(_PLUGIN.format(i=i) for i in range(joints))
     path = folder / f"chain_{joints}.urdf"
-    path.write_text(f'<robot name="chain">{"".join(parts)}{plugins}</robot>', encoding="utf-8")
+    path.write_text(f'<robot name="chain">{_BASE}{links}{plugins}</robot>', encoding="utf-8")
     return load_robot(path)
 
 

@@ -56,42 +56,48 @@ def _with_arrays(value: Any) -> Any:
 
 
 def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
-    """A law `(q, theta_1, theta_2, parameters) -> number(s)` on arrays of equal length.
+    """A law `(q, theta_1, theta_2, parameters) -> number(s)` on arrays (n,) or (joints, n) of equal shape.
 
+    parameters: a tuple of numbers, or of columns (joints, 1). Two numbers give arrays with a first axis of 2.
     A law with branches cannot take arrays; it is then called sample by sample (slower, same numbers).
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
-    def evaluate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[float, ...]) -> Array:
+    def evaluate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[Any, ...]) -> Array:
         if fast is not None:
             try:
                 with np.errstate(all="ignore"):
-                    values = np.asarray(fast(q, theta_1, theta_2, parameters), dtype=float)
-                wide = (
-                    np.broadcast_to(values, (*values.shape[: values.ndim - np.ndim(q)], *np.shape(q)))
-                    if values.ndim
-                    else values
-                )
-                return np.array(np.broadcast_to(wide, np.broadcast_shapes(wide.shape, np.shape(q))))
+                    values = fast(q, theta_1, theta_2, parameters)
+                if isinstance(values, tuple):
+                    return np.stack([np.broadcast_to(value, q.shape) for value in values])
+                return np.asarray(values) if np.shape(values) == q.shape else np.array(np.broadcast_to(values, q.shape))
             except (ValueError, TypeError):
                 pass
+        if q.ndim == 2:
+            own = [tuple(p[j, 0] if np.ndim(p) else p for p in parameters) for j in range(len(q))]
+            return np.stack([evaluate(q[j], theta_1[j], theta_2[j], own[j]) for j in range(len(q))], axis=-2)
         rows = [law(*point, parameters) for point in zip(q.tolist(), theta_1.tolist(), theta_2.tolist(), strict=True)]
         return np.array(rows, dtype=float).T
 
     return evaluate
 
 
-def references_over_arrays(actuator: type[Actuator], first: Array, second: Array) -> tuple[Array, Array]:
-    """The actuator's reference map on arrays (n,): motor positions for equilibria and presets."""
+def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """The actuator's reference map on arrays of equal shape: motor positions for equilibria and presets."""
     law = actuator.motor_references
-    if isinstance(law, types.FunctionType):
-        try:
-            goals = rebind(law, _with_arrays)(first, second)
-            return np.broadcast_to(goals[0], first.shape), np.broadcast_to(goals[1], first.shape)
-        except (ValueError, TypeError):
-            pass
-    rows = np.array([law(a, b) for a, b in zip(first.tolist(), second.tolist(), strict=True)], dtype=float)
-    return rows[:, 0], rows[:, 1]
+    fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
+
+    def evaluate(first: Array, second: Array) -> tuple[Array, Array]:
+        if fast is not None:
+            try:
+                goals = fast(first, second)
+                return np.broadcast_to(goals[0], first.shape), np.broadcast_to(goals[1], first.shape)
+            except (ValueError, TypeError):
+                pass
+        rows = np.array([law(a, b) for a, b in zip(first.ravel().tolist(), second.ravel().tolist(), strict=True)], dtype=float)
+        return rows[:, 0].reshape(first.shape), rows[:, 1].reshape(first.shape)
+
+    return evaluate
 
 
 def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
@@ -100,7 +106,7 @@ def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
         return over_arrays(actuator.elastic_energy)
     torques = over_arrays(actuator.elastic_torques)
 
-    def integrate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[float, ...]) -> Array:
+    def integrate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[Any, ...]) -> Array:
         total = np.zeros_like(q)
         d_1, d_2 = theta_1 - q, theta_2 - q
         for node, weight in zip(0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, strict=True):

@@ -40,7 +40,9 @@ class Engine(Protocol):
     def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
         """(n, n) kg m^2 at `positions`, the present ones if None."""
 
-    def bias_difference(self, positions: list[float], velocities: list[float], others: list[float]) -> list[float] | None:
+    def bias_difference(
+        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
+    ) -> list[float] | None:
         """Coriolis and centrifugal torques at `velocities` less those at `others`, N m; None where they are always 0."""
 
     def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:

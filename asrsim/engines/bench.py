@@ -69,7 +69,9 @@ class BenchEngine:
         """Links that nothing can move."""
         return 1e9 * np.eye(len(self.joints))
 
-    def bias_difference(self, positions: list[float], velocities: list[float], others: list[float]) -> list[float] | None:
+    def bias_difference(
+        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
+    ) -> list[float] | None:
         """None: no dynamics."""
         return None
 

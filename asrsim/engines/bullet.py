@@ -252,7 +252,9 @@ class BulletEngine:
         n = len(self.joints)
         return matrix[-n:, -n:]
 
-    def bias_difference(self, positions: list[float], velocities: list[float], others: list[float]) -> list[float] | None:
+    def bias_difference(
+        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
+    ) -> list[float] | None:
         """Velocity torques at `velocities` less those at `others`; None for one joint or a floating base."""
         n = len(self.joints)
         if n < 2 or not self._fixed:

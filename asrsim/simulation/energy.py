@@ -6,7 +6,8 @@ not resolved it does not, and that is how divergence shows before any number ove
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,15 @@ import numpy as np
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
+from asrsim.simulation.groups import Group, spring_groups
+
+POSITION, VELOCITY, TORQUE, SPRING_1, SPRING_2, MOTOR_1, MOTOR_2 = 0, 1, 2, 3, 4, 5, 9
+"""Columns of the raw record; of a motor there are position, mean velocity, torque and friction."""
 
 _MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
+
+Mean = Callable[[int], Array]
+"""Means over the steps (joints, n) of a column."""
 
 
 class EnergyMeter:
@@ -25,14 +33,16 @@ class EnergyMeter:
         self.drives = tuple(drives)
         self.substep = substep
         self._staggered = all(drive.stepping.staggered for drive in drives)
-        self._laws = [energy_over_arrays(d.actuator) if d.actuator and d.mode and d.mode.spring else None for d in drives]
-        self._totals = np.zeros((4, len(self.drives)))
+        self._springs = [_Springs(group, substep) for group in spring_groups(drives)]
+        joints = len(self.drives)
+        self._efforts = efforts(drives)
+        self._totals = np.zeros((4, joints))
         self._start: Array | None = None
-        self.turnover = np.zeros(len(self.drives))
+        self.turnover = np.zeros(joints)
         """J: energy that went through each joint, the scale of a residual."""
-        self.residual = np.zeros(len(self.drives))
+        self.residual = np.zeros(joints)
         """J that vanished in each actuator, at the last row; negative where a spring gave more than it held."""
-        self.given = np.zeros(len(self.drives))
+        self.given = np.zeros(joints)
         """J: work of actuators and external torques on the links, less what their damping took, up to the last row."""
 
     @staticmethod
@@ -49,84 +59,62 @@ class EnergyMeter:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(
-        self,
-        raw: Array,
-        columns: dict[str, Array],
-        damping: Array,
-        *,
-        clipped: Array,
-        external: Array,
-        sides: Mapping[int, Array],
-    ) -> dict[str, Array]:
-        """Energies at the rows of `columns` (n, joints); raw (n + 1, joints, columns) has one row more.
+    def add(self, raw: Array, *, damping: Array | float, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+        """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last.
 
-        sides: means over the two halves of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid
-        rule must not go across.
+        damping: of the links, (joints, n); external: torques (joints, n + 1); sides: means over the two halves of a kick
+        that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
         """
-        n, joints = clipped.shape
+        joints, n = raw.shape[1], raw.shape[2] - 1
         cut = np.zeros(n, dtype=bool)
         for row in sides:
             cut[max(row - 1, 0) : row + 1] = True
 
-        def mean(values: Array, column: int) -> Array:
-            """Means (n, ...) over the steps between rows of `values` (n + 1, ...), `column` of the sides."""
-            means = 0.5 * (values[:-1] + values[1:])
+        def mean(values: Array, column: int, pick: Any = slice(None)) -> Array:
+            """Means (joints, n) over the steps between rows of `values` (joints, n + 1), `column` of the sides."""
+            means = values[:, :-1] + values[:, 1:]
+            means *= 0.5
             for row, (before, after) in sides.items():
                 if row < n:
-                    means[row] += 0.5 * (after[:, column] - values[row])
+                    means[:, row] += 0.5 * (after[pick, column] - values[:, row])
                 if row:
-                    means[row - 1] += 0.5 * (before[:, column] - values[row])
+                    means[:, row - 1] += 0.5 * (before[pick, column] - values[:, row])
             return means
 
-        efforts = np.array([np.inf if drive.joint.effort is None else drive.joint.effort for drive in self.drives])
-        torque = mean(np.concatenate([clipped, np.clip(raw[n:, :, 2], -efforts, efforts)]), 2)
-        limited = np.abs(raw[:, :, 2]) > efforts
-        pushed = {column: mean(raw[:, :, column], column) for column in (3, 4, 7, 8, 11, 12)} if any(self._laws) else {}
-        q = raw[:, :, 0]
-        moved = np.diff(q, axis=0)
-        link = torque * moved
+        def pushed(pick: Any, column: int) -> Array:
+            return mean(raw[column, pick], column, pick)
+
+        moved = np.diff(raw[POSITION])
+        link = mean(np.clip(raw[TORQUE], -self._efforts, self._efforts), TORQUE)
+        link *= moved
+        velocity = raw[VELOCITY]
         # An explicit scheme damps by the velocity before the kick; else the velocity over the step is the middle one.
-        speed = raw[1:, :, 1] if self._staggered else 0.5 * (raw[:-1, :, 1] + raw[1:, :, 1])
-        dissipated = damping * speed * moved
+        speed = velocity[:, 1:] if self._staggered else 0.5 * (velocity[:, :-1] + velocity[:, 1:])
         pushed_in = mean(external, -1) * moved
-        self.given += (link + pushed_in - dissipated).sum(axis=0)
-        work = link.copy()
-        lost = np.zeros((n, joints))
-        stored = np.zeros((n, joints))
-        kinetic = np.zeros((n, joints))
-        for j, drive in enumerate(self.drives):
-            law = self._laws[j]
-            if law is None:
-                continue
-            energy = law(q[:, j], raw[:, j, 5], raw[:, j, 9], drive.elastic)
-            stored[:, j] = energy[:-1]
-            released = link[:, j]
-            if limited[:, j].any():
-                released = (pushed[3][:, j] + pushed[4][:, j]) * moved[:, j]
-                lost[:, j] = released - link[:, j]
-            if not drive.dynamic_motors:
-                work[:, j] = self._ideal(law, drive, raw[:, j], cut, released + np.diff(energy))
-                continue
-            work[:, j] = 0.0
-            for i in range(1, drive.dynamic_motors + 1):
-                given, taken, fast = self._motor(
-                    drive, i, raw[:, j], {column: values[:, j] for column, values in pushed.items()}
-                )
-                work[:, j] += given
-                lost[:, j] += taken
-                kinetic[:, j] += fast
-            if drive.actuator is not None and drive.actuator.adjuster:
-                work[:, j] += self._adjuster(law, drive, raw[:, j], cut, pushed[3][:, j])
-        flows = np.stack([work, lost, dissipated, link])
-        running = self._totals[:, None, :] + np.concatenate([np.zeros((4, 1, joints)), np.cumsum(flows, axis=1)], axis=1)
-        self._totals = running[:, -1]
-        self.turnover += np.nansum(np.abs(work), axis=0) + np.nansum(np.abs(link) + np.abs(pushed_in), axis=0)
-        at = running[:, :-1]
+        # Work of the motors, losses in them, losses by the link's damping, work on the link.
+        flows = np.zeros((4, joints, n))
+        flows[0] = flows[3] = link
+        if np.any(damping):
+            np.multiply(damping * speed, moved, out=flows[2])
+        self.given += (link + pushed_in - flows[2]).sum(axis=1)
+        stored = np.zeros((joints, n))
+        kinetic = np.zeros((joints, n))
+        for springs in self._springs:
+            pick = springs.group.pick
+            flows[0, pick], flows[1, pick], stored[pick], kinetic[pick] = springs.balance(
+                raw[:, pick], partial(pushed, pick), moved[pick], link[pick], cut
+            )
+        self.turnover += np.nansum(np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in), axis=1)
+        running = np.empty((4, joints, n + 1))
+        running[:, :, 0] = self._totals
+        running[:, :, 1:] = flows
+        np.cumsum(running, axis=2, out=running)
+        self._totals = running[:, :, -1].copy()
+        at = running[:, :, :-1]
         if self._start is None:
-            self._start = stored[0] + kinetic[0]
+            self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
         residual = at[0] - at[1] - at[3] - (stored + kinetic - self._start)
-        self.residual = residual[-1]
+        self.residual = residual[:, -1].copy()
         return {
             "motor_work": at[0],
             "friction_loss": at[1],
@@ -136,38 +124,90 @@ class EnergyMeter:
             "energy_residual": residual,
         }
 
-    def _motor(self, drive: Drive, index: int, raw: Array, pushed: Mapping[int, Array]) -> tuple[Array, Array, Array]:
-        """Work of motor `index`, what it lost, both (n,) a step, and its kinetic energy at whole steps (n,), in J."""
-        base = 1 + 4 * index
-        values = {name: drive.values[f"motor_{index}_{name}"] for name in _MOTOR_VALUES}
-        moved = np.diff(raw[:, base])
-        speed = moved / self.substep
-        work = pushed[base + 2] * moved
-        kinetic = 0.5 * values["inertia"] * raw[:, base + 1] ** 2
-        lost = pushed[base + 3] * moved + values["damping"] * speed * speed * self.substep
-        # A stop and a speed limit take what is left over: the shock, and the torque that they hold.
-        held = (raw[:, base] >= values["max_position"]) | (raw[:, base] <= values["min_position"])
-        held |= np.abs(raw[:, base + 1]) >= values["max_velocity"] * (1.0 - 1e-9)
-        held |= np.concatenate([held[1:], [False]]) | np.concatenate([[False], held[:-1]])
-        ends = held[:-1] | held[1:]
-        spring = pushed[2 + index] * moved
-        lost = np.where(ends, work - spring - np.diff(kinetic), lost)
-        return work, lost, kinetic[:-1]
 
-    def _ideal(self, law: Any, drive: Drive, raw: Array, cut: Array, taken: Array) -> Array:
-        """Work (n,) in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
+def efforts(drives: Sequence[Drive]) -> Array:
+    """(joints, 1) N m: limits of the links' torques, infinite where the URDF has none."""
+    return np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
+
+
+class _Springs:
+    """Springs and motors of a group of joints; arrays are (joints, n), raw records (columns, joints, n + 1)."""
+
+    def __init__(self, group: Group, substep: float) -> None:
+        self.group = group
+        self.substep = substep
+        self._law = energy_over_arrays(group.actuator)
+        self._elastic = group.elastic
+        self._efforts = efforts(group.drives)
+        self._motors = [
+            tuple(
+                group.value(f"motor_{index}_{name}")
+                for name in ("inertia", "damping", "min_position", "max_position", "max_velocity")
+            )
+            for index in range(1, group.motors + 1)
+        ]
+
+    def balance(self, raw: Array, mean: Mean, moved: Array, link: Array, cut: Array) -> tuple[Array, Array, Array, Array]:
+        """Work of the motors and losses over the steps, energy in springs and motors at their starts, all in J.
+
+        moved: rad of the links, link: work on them; cut (n,): steps in which an input jumps.
+        """
+        energy = self._energy(raw[POSITION], raw[MOTOR_1], raw[MOTOR_2])
+        lost: Array = np.zeros_like(link)
+        released = link
+        limited = (np.abs(raw[TORQUE]) > self._efforts).any(axis=1, keepdims=True)
+        if limited.any():
+            released = np.where(limited, (mean(SPRING_1) + mean(SPRING_2)) * moved, link)
+            lost = released - link
+        if not self.group.motors:
+            return self._ideal(raw, cut, released + np.diff(energy)), lost, energy[:, :-1], np.zeros_like(link)
+        work: Array = np.zeros_like(link)
+        kinetic: Array = np.zeros_like(link)
+        for index in range(1, self.group.motors + 1):
+            given, taken, fast = self._motor(index, raw, mean)
+            work += given
+            lost += taken
+            kinetic += fast
+        if self.group.actuator.adjuster:
+            work += self._adjuster(raw, cut, mean(SPRING_1), np.diff(energy), moved)
+        return work, lost, energy[:, :-1], kinetic
+
+    def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
+        return self._law(q, theta_1, theta_2, self._elastic)
+
+    def _motor(self, index: int, raw: Array, mean: Mean) -> tuple[Array, Array, Array]:
+        """Work of motor `index`, what it lost over the steps, and its kinetic energy at their starts, in J."""
+        base = MOTOR_1 if index == 1 else MOTOR_2
+        position, velocity = raw[base], raw[base + 1]
+        inertia, damping, low, high, fastest = self._motors[index - 1]
+        moved = np.diff(position)
+        work = mean(base + 2) * moved
+        kinetic = (0.5 * inertia) * (velocity * velocity)
+        lost = (mean(base + 3) + (damping / self.substep) * moved) * moved
+        # A stop and a speed limit take what is left over: the shock, and the torque that they hold.
+        held = (position >= high) | (position <= low) | (np.abs(velocity) >= fastest * (1.0 - 1e-9))
+        if held.any():
+            near = held.copy()
+            near[:, :-1] |= held[:, 1:]
+            near[:, 1:] |= held[:, :-1]
+            spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
+            lost = np.where(near[:, :-1] | near[:, 1:], work - spring - np.diff(kinetic), lost)
+        return work, lost, kinetic[:, :-1]
+
+    def _ideal(self, raw: Array, cut: Array, taken: Array) -> Array:
+        """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
 
         Where they jump the link's place at that moment counts: they give what is taken.
         """
-        middle = 0.5 * (raw[:-1, 0] + raw[1:, 0])
-        after = law(middle, raw[1:, 5], raw[1:, 9], drive.elastic)
-        return np.asarray(np.where(cut, taken, after - law(middle, raw[:-1, 5], raw[:-1, 9], drive.elastic)))
+        q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
+        middle = 0.5 * (q[:, :-1] + q[:, 1:])
+        before = self._energy(middle, theta_1[:, :-1], theta_2[:, :-1])
+        return np.asarray(np.where(cut, taken, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before))
 
-    def _adjuster(self, law: Any, drive: Drive, raw: Array, cut: Array, spring: Array) -> Array:
-        """Work (n,) in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
-        middle, motor = 0.5 * (raw[:-1, 0] + raw[1:, 0]), 0.5 * (raw[:-1, 5] + raw[1:, 5])
-        work = law(middle, motor, raw[1:, 9], drive.elastic) - law(middle, motor, raw[:-1, 9], drive.elastic)
+    def _adjuster(self, raw: Array, cut: Array, spring: Array, change: Array, moved: Array) -> Array:
+        """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
+        q, theta, place = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
+        middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
+        work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
         # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
-        change = np.diff(law(raw[:, 0], raw[:, 5], raw[:, 9], drive.elastic))
-        taken = change + spring * (np.diff(raw[:, 0]) - np.diff(raw[:, 5]))
-        return np.asarray(np.where(cut, taken, work))
+        return np.asarray(np.where(cut, change + spring * (moved - np.diff(theta)), work))

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -35,7 +36,7 @@ class Block:
 
     first: int
     arrays: tuple[Array, Array, Array]
-    """References 1 and 2 and external torques, each (n, joints)."""
+    """References 1 and 2 and external torques, each (n, joints), a joint's numbers side by side."""
     goals: tuple[Array, Array, Array]
     """The same with references as the joints take them: through the reference map in modes 3 and 6."""
     events: dict[int, tuple[Piece, ...]]
@@ -53,9 +54,11 @@ class Inputs:
     def __init__(self, scenario: Scenario, drives: Sequence[Drive], *, substep: float, staggered: bool) -> None:
         self.substep = substep
         self.staggered = staggered
-        self._mapped = [
-            (j, drive.actuator) for j, drive in enumerate(drives) if drive.actuator and drive.mode and drive.mode.mapped
-        ]
+        mapped: dict[type[Actuator], list[int]] = {}
+        for index, drive in enumerate(drives):
+            if drive.actuator and drive.mode and drive.mode.mapped:
+                mapped.setdefault(drive.actuator, []).append(index)
+        self._maps = [(rows, references_over_arrays(actuator)) for actuator, rows in mapped.items()]
         self._signals: tuple[list[Signal], list[Signal], list[Signal]] = ([], [], [])
         for index, drive in enumerate(drives):
             references = {**scenario.references.get("*", {}), **scenario.references.get(drive.name, {})}
@@ -81,19 +84,26 @@ class Inputs:
 
     def sample(self, time: Array) -> tuple[Array, Array, Array]:
         """References 1 and 2 and external torques at `time` (n,): each (n, joints)."""
-        first, second, third = (
-            np.column_stack([np.full(len(time), s.value) if type(s) is Constant else s.values(time) for s in column])
-            for column in self._signals
-        )
-        return first, second, third
+        tables = np.empty((3, len(self._signals[0]), len(time)))
+        # Joints share the signals that are given for all.
+        known: dict[int, Array] = {}
+        for table, signals in zip(tables, self._signals, strict=True):
+            for row, signal in zip(table, signals, strict=True):
+                if type(signal) is Constant:
+                    row[:] = signal.value
+                    continue
+                if id(signal) not in known:
+                    known[id(signal)] = signal.values(time)
+                row[:] = known[id(signal)]
+        return tables[0].T, tables[1].T, tables[2].T
 
     def _goals(self, arrays: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        if not self._mapped:
+        if not self._maps:
             return arrays
-        first, second = arrays[0].copy(), arrays[1].copy()
-        for j, actuator in self._mapped:
-            first[:, j], second[:, j] = references_over_arrays(actuator, arrays[0][:, j], arrays[1][:, j])
-        return first, second, arrays[2]
+        first, second = arrays[0].T.copy(), arrays[1].T.copy()
+        for rows, law in self._maps:
+            first[rows], second[rows] = law(first[rows], second[rows])
+        return first.T, second.T, arrays[2]
 
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
@@ -106,11 +116,9 @@ class Inputs:
             return {}
         h = self.substep
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
-        jumps = [
-            signal.jumps(max(start, 0.0), end) for column in self._signals for signal in column if type(signal) is not Constant
-        ]
+        signals = {id(s): s for column in self._signals for s in column if type(s) is not Constant}.values()
         # Sets, not np.unique: that imports numpy.ma, which a short run has no other use for.
-        times = np.array(sorted(set(np.concatenate([*jumps, np.empty(0)]).tolist())))
+        times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
         owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
         events: dict[int, tuple[Piece, ...]] = {}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.energy import EnergyMeter
+from asrsim.simulation.energy import EnergyMeter, efforts
+from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import Block, grid
 from asrsim.simulation.loop import COLUMNS
 from asrsim.simulation.steppings import Stepping
@@ -56,7 +58,10 @@ class Counts:
 
 
 class Recorder:
-    """Turns blocks of raw records into samples; keeps one row back, whose velocity the next block completes."""
+    """Turns blocks of raw records into samples; keeps one row back, whose velocity the next block completes.
+
+    Inside, arrays are (joints, n): every joint's numbers lie side by side.
+    """
 
     def __init__(self, drives: Sequence[Drive], stepping: Stepping, *, substep: float, every: int, last: int) -> None:
         self.drives = tuple(drives)
@@ -73,24 +78,35 @@ class Recorder:
         self._held_inputs: tuple[Array, ...] = ()
         self._sides: dict[int, Array] = {}
         self._next = 0
-        self._quantities = [frozenset(recorded_quantities(drive)) for drive in drives]
-        self._names = tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
-        self._stiffness = [over_arrays(drive.actuator.stiffness) if drive.actuator else None for drive in drives]
+        quantities = [recorded_quantities(drive) for drive in drives]
+        names = tuple(dict.fromkeys(name for recorded in quantities for name in recorded))
+        self._lacking = {name: [j for j in range(n) if name not in quantities[j]] for name in names}
+        """Joints without a quantity, for every quantity that some have."""
+        self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
+        self._efforts = efforts(drives)
+        self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
+        self._damping = np.array([[drive.joint.damping] for drive in drives])
+        self._brakes = np.array([[drive.link_brake] for drive in drives])
+        self._damped = any(drive.joint.damping or drive.link_damping for drive in drives)
 
     def add(self, block: Block, raw: Array) -> Samples | None:
         """Samples of the rows that `raw` (n, joints, columns) completes, or None where there are none."""
-        inputs = block.arrays
-        raw = self._with_held(raw)
+        held = 0 if self._held is None else 1
+        n, joints, columns = raw.shape
+        table = np.empty((columns, joints, held + n))
+        table[:, :, held:] = raw.transpose(2, 1, 0)
+        inputs = tuple(array.T for array in block.arrays)
         if self._held is not None:
-            inputs = tuple(np.concatenate([a, b]) for a, b in zip(self._held_inputs, inputs, strict=True))  # type: ignore[assignment]
-        self._held, self._held_inputs = raw[-1:].copy(), tuple(a[-1:] for a in inputs)
+            table[:, :, :1] = self._held
+            inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
+        self._held, self._held_inputs = table[:, :, -1:].copy(), tuple(a[:, -1:].copy() for a in inputs)
         self._sides |= block.sides
-        count = min(len(raw) - 1, self.last + 1 - self._next)
+        count = min(table.shape[2] - 1, self.last + 1 - self._next)
         if count < 1:
             return None
         first = self._next
         self._next += count
-        values = self._values(raw[: count + 1], inputs, count, first)
+        values = self._values(table[:, :, : count + 1], [array[:, : count + 1] for array in inputs], first)
         logged = slice((-first) % self.every, count, self.every)
         time = grid(first, count, self.substep)[logged]
         if not len(time):
@@ -98,38 +114,28 @@ class Recorder:
         return Samples(
             time=time,
             joints=tuple(drive.name for drive in self.drives),
-            values={name: np.ascontiguousarray(column[logged]) for name, column in values.items()},
+            values={name: values[name][:, logged].T for name in self._lacking},
         )
 
-    def _with_held(self, raw: Array) -> Array:
-        """The row kept back and `raw`, laid out so that each column is contiguous."""
-        held = 0 if self._held is None else 1
-        columns = np.empty((raw.shape[2], held + raw.shape[0], raw.shape[1]))
-        rows = np.moveaxis(columns, 0, 2)
-        if self._held is not None:
-            rows[:1] = self._held
-        rows[held:] = raw
-        return rows
-
-    def _values(self, raw: Array, inputs: Sequence[Array], count: int, first: int) -> dict[str, Array]:
+    def _values(self, raw: Array, inputs: Sequence[Array], first: int) -> dict[str, Array]:
+        """Quantities (joints, n) by name, of the rows of raw (columns, joints, n + 1) but the last."""
         raw = self._braked(raw)
-        now, after = raw[:count], raw[1 : count + 1]
-        n = len(self.drives)
-        values = {name: np.full((count, n), np.nan) for name in self._names}
-        velocity = now[:, :, 1].copy()
+        now = raw[:, :, :-1]
+        joints, count = now.shape[1:]
+        velocity = now[COLUMN["engine_velocity"]]
         if self.stepping.staggered:
-            velocity = 0.5 * (now[:, :, 1] + after[:, :, 1])
+            start = velocity[:, 0].copy()
+            velocity = velocity + raw[COLUMN["engine_velocity"], :, 1:]
+            velocity *= 0.5
             if first == 0:
-                velocity[0] = now[0, :, 1]
-        efforts = np.array([np.inf if drive.joint.effort is None else drive.joint.effort for drive in self.drives])
-        torque = np.clip(now[:, :, 2], -efforts, efforts)
-        columns: dict[str, Array] = {
-            "link_position": now[:, :, 0],
+                velocity[:, 0] = start
+        values = {
+            "link_position": now[COLUMN["link_position"]],
             "link_velocity": velocity,
-            "link_torque": torque,
-            "external_torque": inputs[2][:count],
-            "reference_1": inputs[0][:count],
-            "reference_2": inputs[1][:count],
+            "link_torque": np.clip(now[COLUMN["actuator_torque"]], -self._efforts, self._efforts),
+            "external_torque": inputs[2][:, :count],
+            "reference_1": inputs[0][:, :count],
+            "reference_2": inputs[1][:, :count],
         }
         for name, source in (
             ("elastic_torque_{}", "torque_{}"),
@@ -139,67 +145,67 @@ class Recorder:
             ("friction_torque_{}", "friction_{}"),
         ):
             for i in (1, 2):
-                columns[name.format(i)] = now[:, :, COLUMN[source.format(i)]]
-        stiffness = np.full((count, n), np.nan)
-        for j, drive in enumerate(self.drives):
-            law = self._stiffness[j]
-            if drive.mode and drive.mode.spring and law:
-                q, theta_1, theta_2 = now[:, j, 0], columns["motor_1_position"][:, j], columns["motor_2_position"][:, j]
-                stiffness[:, j] = law(q, theta_1, theta_2, drive.elastic)
-        columns["stiffness"] = stiffness
-        damping = self._dampings(stiffness)
-        columns["damping_torque"] = -damping * velocity
+                values[name.format(i)] = now[COLUMN[source.format(i)]]
+        stiffness = np.full((joints, count), np.nan)
+        for group, law, elastic in self._groups:
+            places = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]
+            stiffness[group.pick] = law(*places, elastic)
+        values["stiffness"] = stiffness
+        damping: Array | float = 0.0
+        if self._damped:
+            damping = self._dampings(stiffness)
+            values["damping_torque"] = -damping * velocity
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
-        columns |= self.meter.add(
-            raw[: count + 1], columns, damping, clipped=torque, external=inputs[2][: count + 1], sides=sides
-        )
-        self._count(now, columns)
-        for name, target in values.items():
-            source_column = columns[name]
-            for j, recorded in enumerate(self._quantities):
-                if name in recorded:
-                    target[:, j] = source_column[:, j]
+        values |= self.meter.add(raw, damping=damping, external=inputs[2], sides=sides)
+        self._count(values, now[COLUMN["actuator_torque"]])
+        for name, lacking in self._lacking.items():
+            if lacking:
+                values[name] = values[name].copy()
+                values[name][lacking] = np.nan
         return values
 
     def _braked(self, raw: Array) -> Array:
         """With the derivative action of the links' controllers (mode 1) in the actuator's torque."""
-        brakes = np.array([drive.link_brake for drive in self.drives])
-        if not brakes.any():
+        if not self._brakes.any():
             return raw
-        speeds = raw[:, :, 1]
+        speeds = raw[COLUMN["engine_velocity"]]
         if self.stepping.staggered:
             # Centred; the last row's neighbour is not known yet, and extrapolated.
-            speeds = np.concatenate([0.5 * (speeds[:-1] + speeds[1:]), 1.5 * speeds[-1:] - 0.5 * speeds[-2:-1]])
+            centred = 0.5 * (speeds[:, :-1] + speeds[:, 1:])
+            speeds = np.concatenate([centred, 1.5 * speeds[:, -1:] - 0.5 * speeds[:, -2:-1]], axis=1)
         braked = raw.copy()
-        braked[:, :, COLUMN["actuator_torque"]] -= brakes * speeds
+        braked[COLUMN["actuator_torque"]] -= self._brakes * speeds
         return braked
 
     def _dampings(self, stiffness: Array) -> Array:
-        """Link damping (n, joints) in N m s/rad."""
-        damping = np.tile(np.array([drive.joint.damping for drive in self.drives]), (len(stiffness), 1))
+        """Link damping (joints, n) in N m s/rad."""
+        damping = np.repeat(self._damping, stiffness.shape[1], axis=1)
         for j, drive in enumerate(self.drives):
             law = drive.link_damping
             if law is not None and drive.actuator is not None:
-                damping[:, j] += law.constant
-                if drive.mode is not None and drive.mode.spring:
-                    damping[:, j] += 2.0 * law.ratio * np.sqrt(np.maximum(law.inertia * stiffness[:, j], 0.0))
+                damping[j] += law.constant
+                if drive.mode and drive.mode.spring:
+                    damping[j] += 2.0 * law.ratio * np.sqrt(np.maximum(law.inertia * stiffness[j], 0.0))
         return damping
 
-    def _count(self, now: Array, columns: dict[str, Array]) -> None:
+    def _count(self, values: Mapping[str, Array], torque: Array) -> None:
         counts = self.counts
-        counts.substeps += len(now)
-        for j, drive in enumerate(self.drives):
-            joint = drive.joint
-            if joint.effort is not None:
-                counts.effort[j] += np.count_nonzero(np.abs(now[:, j, 2]) > joint.effort)
-            if joint.velocity:
-                counts.velocity[j] += np.count_nonzero(np.abs(columns["link_velocity"][:, j]) > joint.velocity)
-            for i in range(1, drive.dynamic_motors + 1):
-                limit = drive.values[f"motor_{i}_max_torque"]
-                counts.saturation[j] += np.count_nonzero(np.abs(columns[f"motor_{i}_torque"][:, j]) >= limit)
-            if drive.mode and drive.mode.spring and drive.actuator and "max_deflection" in drive.values:
-                limit = drive.values["max_deflection"]
-                springs = range(1, drive.actuator.motors + 1)
-                beyond = [np.abs(columns[f"motor_{i}_position"][:, j] - now[:, j, 0]) > limit for i in springs]
-                counts.deflection[j] += np.count_nonzero(np.any(beyond, axis=0))
+        counts.substeps += torque.shape[1]
+        counts.effort += _beyond(torque, self._efforts)
+        counts.velocity += _beyond(values["link_velocity"], self._fastest)
+        for group, _, _ in self._groups:
+            pick = group.pick
+            for i in range(1, group.motors + 1):
+                limit = group.value(f"motor_{i}_max_torque")
+                counts.saturation[pick] += np.count_nonzero(np.abs(values[f"motor_{i}_torque"][pick]) >= limit, axis=1)
+            if "max_deflection" in group.drives[0].values:
+                limit = group.value("max_deflection")
+                springs = [values[f"motor_{i}_position"][pick] for i in range(1, group.actuator.motors + 1)]
+                beyond = [np.abs(theta - values["link_position"][pick]) > limit for theta in springs]
+                counts.deflection[pick] += np.count_nonzero(np.any(beyond, axis=0), axis=1)
+
+
+def _beyond(values: Array, limits: Array) -> Any:
+    """Numbers (joints,) of `values` (joints, n) whose size is beyond the limits (joints, 1)."""
+    return np.count_nonzero(np.abs(values) > limits, axis=1)

@@ -1,0 +1,54 @@
+"""Joints of one kind, whose laws are evaluated together on arrays (joints, n)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators import Actuator
+from asrsim.simulation.drives import Drive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Joints with the same actuator and the same motors."""
+
+    actuator: type[Actuator]
+    motors: int
+    """Motors with dynamics in their modes."""
+    drives: tuple[Drive, ...]
+    pick: Any
+    """Picks their rows of an array (joints, n): a slice where they are neighbours, which saves a copy."""
+
+    @property
+    def elastic(self) -> tuple[Any, ...]:
+        """Parameters of the springs, for laws on arrays: numbers, or columns (joints, 1) where the joints differ."""
+        return tuple(map(_column, zip(*(drive.elastic for drive in self.drives), strict=True)))
+
+    def value(self, name: str) -> Any:
+        """A parameter of all joints, likewise."""
+        return _column([drive.values[name] for drive in self.drives])
+
+
+def spring_groups(drives: Sequence[Drive]) -> tuple[Group, ...]:
+    """Groups of the joints whose mode has springs."""
+    members: dict[tuple[type[Actuator], int], list[int]] = {}
+    for j, drive in enumerate(drives):
+        if drive.actuator and drive.mode and drive.mode.spring:
+            members.setdefault((drive.actuator, drive.dynamic_motors), []).append(j)
+    return tuple(
+        Group(actuator=actuator, motors=motors, drives=tuple(drives[j] for j in rows), pick=_pick(rows))
+        for (actuator, motors), rows in members.items()
+    )
+
+
+def _pick(rows: list[int]) -> Any:
+    neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
+    return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)
+
+
+def _column(values: Sequence[float]) -> Any:
+    return values[0] if len(set(values)) == 1 else np.array(values, dtype=float)[:, None]
