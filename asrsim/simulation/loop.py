@@ -259,7 +259,11 @@ class Loop:
         centred = [now * v + before * u for v, u in zip(lagging, self.previous, strict=True)]
         difference = self.engine.bias_difference(positions, centred, lagging)
         if difference is not None:
-            self.correction[:] = difference
+            # Held for a while: its value in the middle of that time keeps the second order.
+            ahead = 0.5 * (self._correct_every - 1) / max(self._correct_every, 1)
+            earlier = self._bias_difference or difference
+            self.correction[:] = [new + ahead * (new - old) for new, old in zip(difference, earlier, strict=True)]
+            self._bias_difference = difference
 
     def _changed_dampings(self, joints: Sequence[Any], first: Sequence[float], second: Sequence[float]) -> list[float]:
         return [
