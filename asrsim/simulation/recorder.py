@@ -54,6 +54,8 @@ class Counts:
     """A motor at its torque limit."""
     deflection: Array
     """A spring beyond its maximum deflection."""
+    stiffest: Array
+    """Largest stiffness that the spring reached, N m/rad."""
     substeps: int = 0
 
 
@@ -73,7 +75,7 @@ class Recorder:
         """Last substep that is logged."""
         self.meter = EnergyMeter(drives, substep)
         n = len(drives)
-        self.counts = Counts(np.zeros(n, int), np.zeros(n, int), np.zeros(n, int), np.zeros(n, int))
+        self.counts = Counts(np.zeros(n, int), np.zeros(n, int), np.zeros(n, int), np.zeros(n, int), np.zeros(n))
         self._held: Array | None = None
         self._held_inputs: tuple[Array, ...] = ()
         self._sides: dict[int, Array] = {}

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 import gc
+import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from asrsim.engines.base import Engine
-from asrsim.errors import DivergenceError, InputError, Problem, SimulationError
+from asrsim.errors import DivergenceError, Problem, SimulationError
 from asrsim.robot.model import Robot
-from asrsim.samples import Array, JointInfo, RunInfo, Samples
+from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.divergence import EnergyGuard, blame, not_finite, runaway
-from asrsim.simulation.drives import Drive, make_drives
-from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.loop import Hook, Loop
-from asrsim.simulation.recorder import Counts, Recorder, has_second_reference, recorded_quantities
-from asrsim.simulation.steppings import STEPPINGS, Stepping
-from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
+from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.recorder import Counts, Recorder
+from asrsim.simulation.substeps import Resolution
+from asrsim.simulation.world import WorldRecorder
 
 BLOCK = 1024
 """Substeps between samples handed on, checks and progress."""
-CONFIGURATIONS = 8
-"""Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
+COARSE = 0.5
+"""omega h above which a spring that got stiffer than foreseen is no longer resolved well."""
 
 
 class Sink(Protocol):
@@ -61,237 +60,6 @@ class Run:
     def speed(self) -> float:
         """Simulated seconds per second."""
         return self.simulated_time / self.wall_time if self.wall_time > 0 else float("inf")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Prepared:
-    """A scenario made ready: everything but the running."""
-
-    scenario: Scenario
-    robot: Robot
-    stepping: Stepping
-    drives: tuple[Drive, ...]
-    resolution: Resolution
-    engine: Engine
-    inputs: Inputs
-    hooks: tuple[Hook, ...]
-    info: RunInfo
-    warnings: tuple[Problem, ...]
-
-    @property
-    def substep(self) -> float:
-        """s."""
-        return self.scenario.step / self.resolution.substeps
-
-
-def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
-    """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError."""
-    from asrsim.robot import load_robot
-    from asrsim.scenario import apply_to_robot, check_against_robot
-
-    if robot is None:
-        robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
-    errors, warnings = check_against_robot(scenario, robot)
-    if errors:
-        from asrsim.errors import ScenarioError
-
-        raise ScenarioError(errors)
-    robot = apply_to_robot(scenario, robot)
-    if not robot.moving_joints:
-        raise InputError(Problem(message="the robot has no moving joint", file=robot.path, code="no-joint"))
-    stepping = STEPPINGS.get(scenario.stepping)
-    drives = make_drives(robot, stepping, initial_positions=scenario.initial_positions, link_damping=scenario.link_damping)
-    scenario = plan_task(scenario, robot)
-    engine, engine_warnings = make_engine(scenario, robot)
-    try:
-        resolution = _resolve(scenario, drives, engine)
-        substep = scenario.step / resolution.substeps
-        engine.set_step(substep)
-        inputs = Inputs(scenario, drives, substep=substep, staggered=stepping.staggered)
-        drives, hooks = _sensing(scenario, drives, substep)
-        hooks += tuple(_wrenches(scenario, engine, substep))
-        info = describe(scenario, robot, drives, stepping, resolution)
-    except BaseException:
-        engine.close()
-        raise
-    return Prepared(
-        scenario=scenario,
-        robot=robot,
-        stepping=stepping,
-        drives=drives,
-        resolution=resolution,
-        engine=engine,
-        inputs=inputs,
-        hooks=hooks,
-        info=info,
-        warnings=(*robot.warnings, *warnings, *engine_warnings),
-    )
-
-
-def plan_task(scenario: Scenario, robot: Robot) -> Scenario:
-    """References from the Cartesian task, if the scenario has one."""
-    if scenario.task is None:
-        return scenario
-    from asrsim.kinematics import plan_references
-
-    return plan_references(scenario, robot)
-
-
-def make_engine(scenario: Scenario, robot: Robot, *, visuals: bool = False) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, at its step."""
-    from asrsim.engines import ENGINES
-
-    built: tuple[Engine, tuple[Problem, ...]] = ENGINES.get(scenario.engine)(scenario, robot, visuals=visuals)
-    return built
-
-
-def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Resolution:
-    points = np.linspace(0.0, scenario.duration, 2001)
-    sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
-    configurations = _configurations(drives)
-    masses = [engine.mass_matrix(position) for position in configurations]
-    gravity = np.max([np.abs(engine.gravity_torques(position)) for position in configurations], axis=0)
-    external = np.max(np.abs(sampled[2]), axis=0)
-    stiffness = [
-        reachable_stiffness(
-            drive,
-            sampled[0][:, j],
-            sampled[1][:, j],
-            load=float(gravity[j] + external[j]),
-            inertia=max(float(mass[j, j]) for mass in masses),
-        )
-        for j, drive in enumerate(drives)
-    ]
-    if STEPPINGS.get(scenario.stepping).released:
-        # The released code knows no substeps, and runs springs that it does not resolve.
-        finite = np.minimum(stiffness, 1e12).tolist()
-        found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15)
-        return replace(found, substeps=1, motor_substeps=1, omega_h=found.frequency * scenario.step, stiffness=tuple(stiffness))
-    return resolve(
-        drives,
-        masses,
-        stiffness,
-        step=scenario.step,
-        substeps=scenario.substeps,
-        motor_substeps=scenario.motor_substeps,
-        cap=scenario.substep_cap,
-    )
-
-
-def _configurations(drives: Sequence[Drive]) -> list[list[float]]:
-    """Joint positions at which the mass matrix counts: the initial ones and some within the limits."""
-    generator = np.random.default_rng(0)
-    low = np.array([-np.pi if d.joint.lower is None else max(d.joint.lower, -np.pi) for d in drives])
-    high = np.array([np.pi if d.joint.upper is None else min(d.joint.upper, np.pi) for d in drives])
-    initial = [drive.initial_position for drive in drives]
-    return [initial, *(generator.uniform(low, np.maximum(low, high)).tolist() for _ in range(CONFIGURATIONS))]
-
-
-def _sensing(scenario: Scenario, drives: Sequence[Drive], substep: float) -> tuple[tuple[Drive, ...], tuple[Hook, ...]]:
-    from asrsim.simulation.sensors import sensed
-
-    changed: list[Drive] = []
-    hooks: list[Hook] = []
-    for index, drive in enumerate(drives):
-        effects = scenario.sensor_effects.get(drive.name, scenario.sensor_effects.get("*"))
-        if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
-            seen, hook = sensed(drive, effects, substep=substep, index=index, seed=scenario.seed)
-            hooks.append(hook)
-            changed.append(seen)
-        else:
-            changed.append(drive)
-    return tuple(changed), tuple(hooks)
-
-
-def _wrenches(scenario: Scenario, engine: Engine, substep: float) -> list[Hook]:
-    def make(link: str, signals: list[Any], point: Sequence[float], frame: str) -> Hook:
-        def hook(k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
-            time = np.array([round(k * substep, 12)])
-            values = [0.0 if signal is None else float(signal.values(time)[0]) for signal in signals]
-            if not k:
-                values = [0.5 * value for value in values]
-            engine.apply_wrench(link, values[:3], values[3:], point, frame)
-
-        return hook
-
-    return [make(w.link, [*w.force, *w.torque], w.point, w.frame) for w in scenario.wrenches]
-
-
-def describe(scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping: Stepping, resolution: Resolution) -> RunInfo:
-    """The run's description, for its log."""
-    from asrsim import __version__
-    from asrsim.versions import version
-
-    joints = tuple(
-        JointInfo(
-            name=drive.name,
-            actuator=drive.actuator.name if drive.actuator else "rigid",
-            mode=drive.mode.number if drive.mode else None,
-            namespace=drive.block.namespace if drive.block else "",
-            motors=0 if not drive.mode or not drive.mode.spring else (2 if has_second_reference(drive) else 1),
-            prismatic=drive.joint.kind == "prismatic",
-            quantities=recorded_quantities(drive),
-        )
-        for drive in drives
-    )
-    order = {name: index for index, name in enumerate(scenario.joint_order)}
-    joints = tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))) if order else joints
-    return RunInfo(
-        robot=robot.name,
-        joints=joints,
-        step=scenario.step,
-        log_every=scenario.log_every,
-        variant=scenario.variant,
-        urdf=robot.text,
-        urdf_path=str(robot.path),
-        scenario=scenario.text,
-        scenario_path=str(scenario.path or ""),
-        resolved={
-            "scenario": dict(scenario.resolved),
-            "parameters": {drive.name: dict(drive.values) for drive in drives if drive.values},
-        },
-        metadata={
-            "asrsim": __version__,
-            "pybullet": version("pybullet"),
-            "numpy": version("numpy"),
-            "engine": scenario.engine,
-            "stepping": stepping.name,
-            "order": str(stepping.order),
-            "step": repr(scenario.step),
-            "substeps": str(resolution.substeps),
-            "motor_substeps": str(resolution.motor_substeps),
-            "omega_h": f"{resolution.omega_h:.4g}",
-            "seed": str(scenario.seed),
-            "gravity": repr(tuple(scenario.gravity)),
-        },
-        attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
-    )
-
-
-@dataclass
-class _World:
-    """Poses and contacts, looked at where a row is logged."""
-
-    engine: Engine
-    every: int
-    last: int
-    bodies: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
-    contacts: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
-
-    def hook(self, k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
-        if k % self.every == 0 and k <= self.last:
-            for name, pose in self.engine.bodies().items():
-                self.bodies.setdefault(name, []).append(pose)
-            for name, force in self.engine.contacts().items():
-                self.contacts.setdefault(name, []).append(force)
-
-    def add_to(self, samples: Samples) -> Samples:
-        n = len(samples.time)
-        bodies = {name: np.array(rows[:n]) for name, rows in self.bodies.items()}
-        contacts = {name: np.array(rows[:n]) for name, rows in self.contacts.items()}
-        for rows in (*self.bodies.values(), *self.contacts.values()):
-            del rows[:n]
-        return replace(samples, bodies=bodies, contacts=contacts)
 
 
 def simulate(
@@ -340,7 +108,7 @@ def _run(
     n = resolution.substeps
     last = round(scenario.duration / scenario.step) * n
     every = n * scenario.log_every
-    world = _World(engine, every, last)
+    world = WorldRecorder(engine, every, last)
     hooks = prepared.hooks if scenario.world.empty else (*prepared.hooks, world.hook)
     loop = make_loop(prepared, hooks, last)
     recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=every, last=last)
@@ -357,7 +125,7 @@ def _run(
             break
         block = prepared.inputs.block(done, min(BLOCK, total - done))
         raw = loop.run(block)
-        error = _faults(prepared, block, raw, done)
+        error = _faults(prepared, raw, done)
         if error is not None:
             rows = max(round(error.time / prepared.substep) - done, 1)
             raw, block = raw[:rows], replace(block, arrays=tuple(a[:rows] for a in block.arrays))  # type: ignore[arg-type]
@@ -388,7 +156,7 @@ def _run(
         simulated_time=min(done, last) * prepared.substep,
         samples=join(kept) if kept else None,
         message=str(error) if error is not None else "",
-        warnings=prepared.warnings,
+        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, recorder)),
     )
     if error is not None:
         error.run = run
@@ -420,7 +188,7 @@ def make_loop(prepared: Prepared, hooks: Sequence[Hook], last: int) -> Loop:
     return Loop(prepared.engine, prepared.drives, prepared.stepping, **options)
 
 
-def _faults(prepared: Prepared, block: Block, raw: Array, done: int) -> DivergenceError | None:
+def _faults(prepared: Prepared, raw: Array, done: int) -> DivergenceError | None:
     row = not_finite(raw)
     if row is None:
         return None
@@ -444,6 +212,27 @@ def _energy_fault(prepared: Prepared, guard: EnergyGuard, recorder: Recorder, do
         return None
     joint, what = fault
     return runaway(joint, done * prepared.substep, what, prepared.resolution.omega_h)
+
+
+def _stiffer_than_foreseen(prepared: Prepared, recorder: Recorder) -> list[Problem]:
+    """Springs that got so much stiffer than the substeps were chosen for that the step no longer resolves them well."""
+    warnings = []
+    resolution = prepared.resolution
+    for drive, foreseen, seen in zip(prepared.drives, resolution.stiffness, recorder.counts.stiffest.tolist(), strict=True):
+        if foreseen <= 0.0 or seen <= foreseen:
+            continue
+        omega_h = resolution.omega_h * math.sqrt(seen / foreseen)
+        if omega_h > COARSE:
+            warnings.append(
+                Problem(
+                    message=f"the spring reached {seen:.4g} N m/rad where {foreseen:.4g} were foreseen: omega h may have been "
+                    f"{omega_h:.2g}, which is coarse",
+                    key=drive.name,
+                    hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / 0.2)} or more.",
+                    code="spring-stiffer-than-foreseen",
+                )
+            )
+    return warnings
 
 
 def join(chunks: Sequence[Samples]) -> Samples:

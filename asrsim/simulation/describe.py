@@ -1,0 +1,64 @@
+"""The description of a run that goes with its log: enough to repeat it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from asrsim.robot.model import Robot
+from asrsim.samples import JointInfo, RunInfo
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import Drive
+from asrsim.simulation.recorder import has_second_reference, recorded_quantities
+from asrsim.simulation.steppings import Stepping
+from asrsim.simulation.substeps import Resolution
+
+
+def describe(scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping: Stepping, resolution: Resolution) -> RunInfo:
+    """The run's description, for its log."""
+    from asrsim import __version__
+    from asrsim.versions import version
+
+    joints = tuple(
+        JointInfo(
+            name=drive.name,
+            actuator=drive.actuator.name if drive.actuator else "rigid",
+            mode=drive.mode.number if drive.mode else None,
+            namespace=drive.block.namespace if drive.block else "",
+            motors=0 if not drive.mode or not drive.mode.spring else (2 if has_second_reference(drive) else 1),
+            prismatic=drive.joint.kind == "prismatic",
+            quantities=recorded_quantities(drive),
+        )
+        for drive in drives
+    )
+    order = {name: index for index, name in enumerate(scenario.joint_order)}
+    joints = tuple(sorted(joints, key=lambda joint: order.get(joint.name, len(order)))) if order else joints
+    return RunInfo(
+        robot=robot.name,
+        joints=joints,
+        step=scenario.step,
+        log_every=scenario.log_every,
+        variant=scenario.variant,
+        urdf=robot.text,
+        urdf_path=str(robot.path),
+        scenario=scenario.text,
+        scenario_path=str(scenario.path or ""),
+        resolved={
+            "scenario": dict(scenario.resolved),
+            "parameters": {drive.name: dict(drive.values) for drive in drives if drive.values},
+        },
+        metadata={
+            "asrsim": __version__,
+            "pybullet": version("pybullet"),
+            "numpy": version("numpy"),
+            "engine": scenario.engine,
+            "stepping": stepping.name,
+            "order": str(stepping.order),
+            "step": repr(scenario.step),
+            "substeps": str(resolution.substeps),
+            "motor_substeps": str(resolution.motor_substeps),
+            "omega_h": f"{resolution.omega_h:.4g}",
+            "seed": str(scenario.seed),
+            "gravity": repr(tuple(scenario.gravity)),
+        },
+        attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
+    )

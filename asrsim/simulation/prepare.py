@@ -1,0 +1,186 @@
+"""A scenario made ready to run: robot read, actuators built, engine set up, substeps found."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from asrsim.engines.base import Engine
+from asrsim.errors import InputError, Problem
+from asrsim.robot.model import Robot
+from asrsim.samples import RunInfo
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.describe import describe
+from asrsim.simulation.drives import Drive, make_drives
+from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.loop import Hook
+from asrsim.simulation.steppings import STEPPINGS, Stepping
+from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
+
+CONFIGURATIONS = 8
+"""Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A scenario made ready: everything but the running."""
+
+    scenario: Scenario
+    robot: Robot
+    stepping: Stepping
+    drives: tuple[Drive, ...]
+    resolution: Resolution
+    engine: Engine
+    inputs: Inputs
+    hooks: tuple[Hook, ...]
+    info: RunInfo
+    warnings: tuple[Problem, ...]
+
+    @property
+    def substep(self) -> float:
+        """s."""
+        return self.scenario.step / self.resolution.substeps
+
+
+def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
+    """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError."""
+    from asrsim.robot import load_robot
+    from asrsim.scenario import apply_to_robot, check_against_robot
+
+    if robot is None:
+        robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+    errors, warnings = check_against_robot(scenario, robot)
+    if errors:
+        from asrsim.errors import ScenarioError
+
+        raise ScenarioError(errors)
+    robot = apply_to_robot(scenario, robot)
+    if not robot.moving_joints:
+        raise InputError(Problem(message="the robot has no moving joint", file=robot.path, code="no-joint"))
+    stepping = STEPPINGS.get(scenario.stepping)
+    drives = make_drives(robot, stepping, initial_positions=scenario.initial_positions, link_damping=scenario.link_damping)
+    scenario = plan_task(scenario, robot)
+    engine, engine_warnings = make_engine(scenario, robot)
+    try:
+        resolution = _resolve(scenario, drives, engine)
+        substep = scenario.step / resolution.substeps
+        engine.set_step(substep)
+        inputs = Inputs(scenario, drives, substep=substep, staggered=stepping.staggered)
+        drives, hooks = _sensing(scenario, drives, substep)
+        hooks += tuple(_wrenches(scenario, engine, substep))
+        info = describe(scenario, robot, drives, stepping, resolution)
+    except BaseException:
+        engine.close()
+        raise
+    return Prepared(
+        scenario=scenario,
+        robot=robot,
+        stepping=stepping,
+        drives=drives,
+        resolution=resolution,
+        engine=engine,
+        inputs=inputs,
+        hooks=hooks,
+        info=info,
+        warnings=(*robot.warnings, *warnings, *engine_warnings),
+    )
+
+
+def plan_task(scenario: Scenario, robot: Robot) -> Scenario:
+    """References from the Cartesian task, if the scenario has one."""
+    if scenario.task is None:
+        return scenario
+    from asrsim.kinematics import plan_references
+
+    return plan_references(scenario, robot)
+
+
+def make_engine(scenario: Scenario, robot: Robot, *, visuals: bool = False) -> tuple[Engine, tuple[Problem, ...]]:
+    """The scenario's engine, at its step."""
+    from asrsim.engines import ENGINES
+
+    built: tuple[Engine, tuple[Problem, ...]] = ENGINES.get(scenario.engine)(scenario, robot, visuals=visuals)
+    return built
+
+
+def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Resolution:
+    points = np.linspace(0.0, scenario.duration, 2001)
+    sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
+    configurations = _configurations(drives)
+    masses = [engine.mass_matrix(position) for position in configurations]
+    gravity = np.max([np.abs(engine.gravity_torques(position)) for position in configurations], axis=0)
+    external = np.max(np.abs(sampled[2]), axis=0)
+    stiffness = [
+        reachable_stiffness(
+            drive,
+            sampled[0][:, j],
+            sampled[1][:, j],
+            load=float(gravity[j] + external[j]),
+            inertia=max(float(mass[j, j]) for mass in masses),
+        )
+        for j, drive in enumerate(drives)
+    ]
+    if STEPPINGS.get(scenario.stepping).released:
+        # The released code knows no substeps, and runs springs that it does not resolve.
+        finite = np.minimum(stiffness, 1e12).tolist()
+        found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15)
+        return replace(found, substeps=1, motor_substeps=1, omega_h=found.frequency * scenario.step, stiffness=tuple(stiffness))
+    return resolve(
+        drives,
+        masses,
+        stiffness,
+        step=scenario.step,
+        substeps=scenario.substeps,
+        motor_substeps=scenario.motor_substeps,
+        cap=scenario.substep_cap,
+    )
+
+
+def _configurations(drives: Sequence[Drive]) -> list[list[float]]:
+    """Joint positions at which the mass matrix counts: the initial ones and some within the limits."""
+    # The standard library's generator: numpy.random takes longer to import than a short run.
+    generator = random.Random(0)
+    pairs = [
+        (
+            -math.pi if d.joint.lower is None else max(d.joint.lower, -math.pi),
+            math.pi if d.joint.upper is None else min(d.joint.upper, math.pi),
+        )
+        for d in drives
+    ]
+    initial = [drive.initial_position for drive in drives]
+    return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]
+
+
+def _sensing(scenario: Scenario, drives: Sequence[Drive], substep: float) -> tuple[tuple[Drive, ...], tuple[Hook, ...]]:
+    from asrsim.simulation.sensors import sensed
+
+    changed: list[Drive] = []
+    hooks: list[Hook] = []
+    for index, drive in enumerate(drives):
+        effects = scenario.sensor_effects.get(drive.name, scenario.sensor_effects.get("*"))
+        if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
+            seen, hook = sensed(drive, effects, substep=substep, index=index, seed=scenario.seed)
+            hooks.append(hook)
+            changed.append(seen)
+        else:
+            changed.append(drive)
+    return tuple(changed), tuple(hooks)
+
+
+def _wrenches(scenario: Scenario, engine: Engine, substep: float) -> list[Hook]:
+    def make(link: str, signals: list[Any], point: Sequence[float], frame: str) -> Hook:
+        def hook(k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
+            time = np.array([round(k * substep, 12)])
+            values = [0.0 if signal is None else float(signal.values(time)[0]) for signal in signals]
+            if not k:
+                values = [0.5 * value for value in values]
+            engine.apply_wrench(link, values[:3], values[3:], point, frame)
+
+        return hook
+
+    return [make(w.link, [*w.force, *w.torque], w.point, w.frame) for w in scenario.wrenches]

@@ -1,0 +1,41 @@
+"""Poses and contact forces of the world's objects, looked up where a row is logged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from asrsim.engines.base import Engine
+from asrsim.samples import Samples
+
+
+@dataclass
+class WorldRecorder:
+    """Keeps poses and contacts until the samples of their rows come."""
+
+    engine: Engine
+    every: int
+    """Substeps between logged rows."""
+    last: int
+    bodies: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
+    contacts: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
+
+    def hook(self, k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
+        """Called before each substep."""
+        if k % self.every == 0 and k <= self.last:
+            for name, pose in self.engine.bodies().items():
+                self.bodies.setdefault(name, []).append(pose)
+            for name, force in self.engine.contacts().items():
+                self.contacts.setdefault(name, []).append(force)
+
+    def add_to(self, samples: Samples) -> Samples:
+        """`samples` with what was kept for its rows."""
+        n = len(samples.time)
+        bodies = {name: np.array(rows[:n]) for name, rows in self.bodies.items()}
+        contacts = {name: np.array(rows[:n]) for name, rows in self.contacts.items()}
+        for rows in (*self.bodies.values(), *self.contacts.values()):
+            del rows[:n]
+        return replace(samples, bodies=bodies, contacts=contacts)
