@@ -13,9 +13,9 @@ from jsonschema import Draft202012Validator
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario
-from asrsim.scenario.docs import refreshed, tables
+from asrsim.scenario.docs import tables
 from asrsim.scenario.keys import KEYS
-from asrsim.scenario.schema import json_schema, schema_text
+from asrsim.scenario.schema import json_schema
 from asrsim.signals import SIGNALS, parse_signal
 
 ROOT = Path(__file__).parents[1]
@@ -26,19 +26,6 @@ EXAMPLES = sorted((ROOT / "examples" / "scenarios").glob("*.yaml"))
 def validator():
     Draft202012Validator.check_schema(json_schema())
     return Draft202012Validator(json_schema())
-
-
-def test_schema_in_docs_is_current():
-    """Refresh it by: python -m asrsim.scenario.schema > docs/scenario.schema.json."""
-    assert (ROOT / "docs" / "scenario.schema.json").read_text(encoding="utf-8") == schema_text()
-
-
-@pytest.mark.parametrize("page", ["scenario.md", "signals.md"])
-def test_tables_in_docs_are_current(page):
-    """Refresh them by: python -m asrsim.scenario.docs docs/scenario.md docs/signals.md."""
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    assert "<!-- generated: " in text
-    assert refreshed(text) == text
 
 
 def test_every_key_and_signal_is_documented():

@@ -1,12 +1,7 @@
-"""Tables of the documentation, generated from the declarations.
-
-`python -m asrsim.scenario.docs FILE...` refreshes the tables between `<!-- generated: name -->` and `<!-- end -->`.
-"""
+"""Tables of the documentation, generated from the declarations; `docs/generate.py` puts them into the pages."""
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
 from typing import Any
 
 from asrsim.actuators import MODES
@@ -37,7 +32,6 @@ _BLOCKS: dict[str, Block[Any]] = {
     "ilc.plants, ilc.transfer": PLANTS,
     "ilc.transfer.spread": SPREAD,
 }
-_MARK = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def tables() -> dict[str, str]:
@@ -70,17 +64,3 @@ def _signal_section(name: str) -> str:
     main = main_field(cls)
     short = f"\n\n`{name}: ...` without keys means `{main}`." if main else ""
     return f"### {name}\n\n{block.doc}{short}\n\n{key_table(block.keys)}"
-
-
-def refreshed(text: str) -> str:
-    """A page with its generated parts renewed."""
-    parts = tables()
-    return _MARK.sub(lambda found: f"{found[1]}{parts[found[2]]}\n{found[3]}", text)
-
-
-if __name__ == "__main__":
-    import sys
-
-    for argument in sys.argv[1:]:
-        page = Path(argument)
-        page.write_text(refreshed(page.read_text(encoding="utf-8")), encoding="utf-8")

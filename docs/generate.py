@@ -1,0 +1,95 @@
+"""Renews what the documentation takes from the code: the schema, and parts between `<!-- generated: NAME -->` and `<!-- end -->`.
+
+Usage: python docs/generate.py
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
+import asrsim
+from asrsim.document.tables import markdown_table
+
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
+MARK = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def parts() -> dict[str, str]:
+    """Name of a generated part -> its Markdown."""
+    from asrsim.metrics.docs import tables as measures
+    from asrsim.scenario.docs import tables as scenarios
+
+    return {
+        **scenarios(),
+        **measures(),
+        "commands": commands(),
+        "packages": packages(),
+        "actuators": actuators(),
+        "steppings": steppings(),
+    }
+
+
+def commands() -> str:
+    """Every command with the first sentence of its help and its first example."""
+    from asrsim.cli.app import app
+
+    rows = []
+    for command in app.registered_commands:
+        text = inspect.cleandoc(command.callback.__doc__ or "") if command.callback else ""
+        what, *rest = (" ".join(part.split()) for part in text.split("\n\n"))
+        example = next(part for part in rest if part.startswith("Example: "))
+        rows.append((f"`{command.name or command.callback.__name__}`", what, f"`{example.removeprefix('Example: ')}`"))
+    return markdown_table(("command", "what it does", "example"), rows)
+
+
+def packages() -> str:
+    """Every package and module of the top level with the first line of its docstring."""
+    rows = []
+    for found in sorted(iter_modules(asrsim.__path__), key=lambda module: (not module.ispkg, module.name)):
+        name = f"{found.name}/" if found.ispkg else f"{found.name}.py"
+        doc = (import_module(f"asrsim.{found.name}").__doc__ or "").splitlines()[0]
+        rows.append((f"`{name}`", re.sub(r":\w+:`(\w+)`", r"`\1`", doc)))
+    return markdown_table(("where", "what lives there"), rows)
+
+
+def actuators() -> str:
+    """Every built-in actuator with its law and the file name by which a URDF asks for it."""
+    from asrsim.actuators import ACTUATORS
+
+    known = [ACTUATORS.get(name) for name in ACTUATORS]
+    return markdown_table(
+        ("actuator", "`filename` in the URDF", "law"),
+        [(one.title, f"`lib{one.name}_plugin.so`", f"`{one.law}`") for one in known],
+    )
+
+
+def steppings() -> str:
+    """Every stepping with its order of convergence."""
+    from asrsim.simulation.steppings import STEPPINGS
+
+    known = [STEPPINGS.get(name) for name in STEPPINGS]
+    return markdown_table(("stepping", "order", "what"), [(f"`{one.name}`", str(one.order), one.doc) for one in known])
+
+
+def renewed(text: str) -> str:
+    """A page with its generated parts made anew."""
+    made = parts()
+    return MARK.sub(lambda found: f"{found[1]}{made[found[2]]}\n{found[3]}", text)
+
+
+def main() -> None:
+    """Writes all pages and the schema."""
+    from asrsim.scenario.schema import FILE_NAME, schema_text
+
+    for page in PAGES:
+        page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
+    (Path(__file__).parent / FILE_NAME).write_text(schema_text(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
