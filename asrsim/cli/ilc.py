@@ -53,9 +53,10 @@ def ilc(
 ) -> None:
     """Learn the inputs that make the joints follow `ilc.trajectory`, trial by trial (paper section 4.3).
 
-    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
+    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), pictures
     (ilc.png, transfer.png), and the state to resume from. What an earlier run of the same scenario left there is replaced,
-    and the command says so; that of another one is kept unless --overwrite is given. Exit code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
+    and the command says so; that of another one is kept unless --overwrite is given. Exit code: 0, 1 if learning did not
+    converge or a run failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
@@ -172,7 +173,7 @@ def _report(session: Session, folder: Path, *, json: bool) -> None:
         _say_transfer(session.transfer, "transfer")
     if session.nominal_transfer is not None:
         _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
-    if session.replaced.files:
+    if session.replaced is not None:
         say(str(session.replaced))
     say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asrsim.errors import OutputError
 from asrsim.learning.iterate import LearningProblem, LearningResult
+from asrsim.learning.law import Array
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
 
@@ -99,9 +100,8 @@ def _draw_joint(
             (trajectory, trial.outputs, style.VERMILION, "$q$, each iteration"),
             (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, each iteration"),
         ):
-            ax.plot(
-                time, values[rows, column], color=shade, alpha=strength, linewidth=1.6 if last else 0.9, label=label if last else None,
-            )  # fmt: skip
+            width = 1.6 if last else 0.9
+            ax.plot(time, values[rows, column], color=shade, alpha=strength, linewidth=width, label=label if last else None)
     for ax in (trajectory, inputs):
         ax.plot(time, wanted, "--", color=style.BLACK, linewidth=1.0, label="desired $q$")
 
@@ -144,11 +144,11 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
     return figure
 
 
-def _draw_distribution(ax: Axes, errors: np.ndarray, colour: str, label: str, line: object = "-") -> None:  # type: ignore[type-arg]
+def _draw_distribution(ax: Axes, errors: Array, colour: str, label: str, line: Any = "-") -> None:
     finite = np.sort(errors[np.isfinite(errors)])
     shares = np.arange(1, len(finite) + 1) / len(errors)
     ax.step([finite[0], *finite] if len(finite) else [], [0.0, *shares] if len(finite) else [], where="post", color=colour,
-            linestyle=line, label=label)  # type: ignore[arg-type]  # fmt: skip
+            linestyle=line, label=label)  # fmt: skip
 
 
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> None:

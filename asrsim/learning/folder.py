@@ -59,7 +59,8 @@ def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overw
     origin, trials = state_origin(folder / STATE) or (_recorded_origin(folder / NUMBERS), 0)
     if files and not overwrite and origin != origin_of(scenario):
         raise OutputError(
-            f"{folder}: holds {_words(origin)}; nothing was written. Choose another folder with --out, or replace it with --overwrite"
+            f"{folder}: holds {_words(origin)}; nothing was written. Choose another folder with --out, or replace it with "
+            f"--overwrite"
         )
     return Earlier(files=files, trials=trials, finished=(folder / NUMBERS).is_file())
 

@@ -36,8 +36,8 @@ class Session:
     transfer: TransferReport | None = None
     nominal_transfer: TransferReport | None = None
     """Of inputs learned on the one nominal plant, to compare with, where several plants were learned at once."""
-    replaced: Earlier = Earlier()
-    """What the folder held of an earlier run."""
+    replaced: Earlier | None = None
+    """What the folder held of an earlier run, if anything."""
 
 
 def run_session(
@@ -98,7 +98,9 @@ def run_session(
             if plants:
                 alone = learn(prepared.problem, plant.outputs, prepared.settings)
                 nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
-    session = Session(prepared=prepared, result=result, transfer=report, nominal_transfer=nominal, replaced=earlier)
+    session = Session(
+        prepared=prepared, result=result, transfer=report, nominal_transfer=nominal, replaced=earlier if earlier.files else None
+    )
     _write(session, folder, picture=picture)
     return session
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from asrsim.api import Result
     from asrsim.reproduce.lab import Lab
+    from asrsim.samples import Array
 
 SCENARIO, JOINTS, PRESETS, AMPLITUDE = "sine_2dof", ("joint_1", "joint_2"), ("soft", "stiff"), 0.8
 EXPECTED = {("soft", "joint_1"): 0.58, ("soft", "joint_2"): 0.65, ("stiff", "joint_1"): 0.785, ("stiff", "joint_2"): 0.794}
@@ -28,26 +29,32 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     first = Part(
         title="0.8 sin(0.8 t) under gravity",
         text="The arm of figure 12, hanging, mode 6, AlterEgo's springs.",
-        claims=tuple(_claims(results)), tables=(_table(results),),
+        claims=tuple(_claims(results)),
+        tables=(_table(results),),
         pictures=(
-            picture("figure_13", "Both joints' links (vermilion) and equilibria (blue), soft and stiff.",
-                    lambda: joints_figure(results, ("position", "deflection"))),
+            picture(
+                "figure_13",
+                "Both joints' links (vermilion) and equilibria (blue), soft and stiff.",
+                lambda: joints_figure(results, ("link", "deflection")),
+            ),
         ),
-    )  # fmt: skip
+    )
     damped = {
         name: lab.run(SCENARIO, name, overrides=damping_overrides(result), label=f"{name}_damped")
         for name, result in results.items()
     }
     second = Part(
         title="With link damping that grows with the stiffness",
-        text=f"The same with an added damping ratio of {RATIO} at each moment's stiffness. The sag is a matter of springs and weight: "
+        text=f"The same with an added damping ratio of {RATIO} at each moment's stiffness. The sag is a matter of springs "
+        f"and weight: "
         "no damping takes it away.",
-        claims=tuple(_sags(damped, "beyond")), tables=(_table(damped),),
-    )  # fmt: skip
+        claims=tuple(_sags(damped, "beyond")),
+        tables=(_table(damped),),
+    )
     return first, second
 
 
-def _amplitude(values: np.ndarray) -> float:  # type: ignore[type-arg]
+def _amplitude(values: Array) -> float:
     return 0.5 * float(np.ptp(values))
 
 
@@ -58,19 +65,31 @@ def _claims(results: Mapping[str, Result]) -> list[Claim]:
             series = results[name][joint]
             claims.append(
                 Claim(
-                    figure=13, text=f"{name}, {joint}: the equilibrium tracks the reference", quantity="amplitude of the equilibrium",
-                    measured=_amplitude(series.equilibrium_position), comparison="==", value=AMPLITUDE, tolerance=0.015, unit="rad",
+                    figure=13,
+                    text=f"{name}, {joint}: the equilibrium tracks the reference",
+                    quantity="amplitude of the equilibrium",
+                    measured=_amplitude(series.equilibrium_position),
+                    comparison="==",
+                    value=AMPLITUDE,
+                    tolerance=0.015,
+                    unit="rad",
                 )
-            )  # fmt: skip
+            )
     claims += _sags(results, "paper")
     for (name, joint), value in EXPECTED.items():
         claims.append(
             Claim(
-                figure=13, origin="theory", text=f"{name}, {joint}: the amplitude of an independent simulation of the same arm",
-                quantity="amplitude of the link", measured=_amplitude(results[name][joint].link_position), comparison="==", value=value,
-                tolerance=0.015, unit="rad",
+                figure=13,
+                origin="simulation",
+                text=f"{name}, {joint}: the amplitude of an independent simulation of the same arm",
+                quantity="amplitude of the link",
+                measured=_amplitude(results[name][joint].link_position),
+                comparison="==",
+                value=value,
+                tolerance=0.015,
+                unit="rad",
             )
-        )  # fmt: skip
+        )
     return claims
 
 
@@ -80,14 +99,25 @@ def _sags(results: Mapping[str, Result], origin: Origin) -> list[Claim]:
         share = {name: _amplitude(results[name][joint].link_position) / AMPLITUDE for name in PRESETS}
         claims += [
             Claim(
-                figure=13, origin=origin, text=f"the soft {joint} does not get where it is told: gravity holds it back",
-                quantity="amplitude of the link / of the reference", measured=share["soft"], comparison="<", value=0.9,
+                figure=13,
+                origin=origin,
+                text=f"the soft {joint} does not get where it is told: gravity holds it back",
+                quantity="amplitude of the link / of the reference",
+                measured=share["soft"],
+                comparison="<",
+                value=0.9,
             ),
             Claim(
-                figure=13, origin=origin, text=f"the stiff {joint} tracks the reference",
-                quantity="amplitude of the link / of the reference", measured=share["stiff"], comparison="==", value=1.0, tolerance=0.03,
+                figure=13,
+                origin=origin,
+                text=f"the stiff {joint} tracks the reference",
+                quantity="amplitude of the link / of the reference",
+                measured=share["stiff"],
+                comparison="==",
+                value=1.0,
+                tolerance=0.03,
             ),
-        ]  # fmt: skip
+        ]
     return claims
 
 
@@ -99,23 +129,35 @@ def _table(results: Mapping[str, Result]) -> Table:
             error = series.reference_1 - series.link_position
             rows.append(
                 (
-                    f"{name}, {joint}", f"{_amplitude(series.link_position):.4f}", f"{_amplitude(series.equilibrium_position):.4f}",
-                    f"{np.max(np.abs(error)):.3f}", f"{np.sqrt(np.mean(error**2)):.3f}",
+                    f"{name}, {joint}",
+                    f"{_amplitude(series.link_position):.4f}",
+                    f"{_amplitude(series.equilibrium_position):.4f}",
+                    f"{np.max(np.abs(error)):.3f}",
+                    f"{np.sqrt(np.mean(error**2)):.3f}",
                     f"{np.max(np.abs(series.reference_1 - series.equilibrium_position)):.3f}",
                 )
-            )  # fmt: skip
+            )
     headings = (
-        "", "amplitude, link (rad)", "equilibrium (rad)", "largest error, link (rad)", "rms", "largest error, equilibrium (rad)",
-    )  # fmt: skip
+        "",
+        "amplitude, link (rad)",
+        "equilibrium (rad)",
+        "largest error, link (rad)",
+        "rms",
+        "largest error, equilibrium (rad)",
+    )
     return Table(caption="The sinusoid in numbers", headings=headings, rows=tuple(rows))
 
 
 FIGURES.add(
     "13",
     Figure(
-        number=13, title="A sinusoid of a vertical arm", section="4.2.2",
-        paper="Both joints follow 0.8 sin(0.8 t) under gravity. The equilibrium tracks the reference in both presets; the soft link "
+        number=13,
+        title="A sinusoid of a vertical arm",
+        section="4.2.2",
+        paper="Both joints follow 0.8 sin(0.8 t) under gravity. The equilibrium tracks the reference in both presets; the "
+        "soft link "
         "does not, since its springs give way under the weight, and the stiff one does.",
-        parts=parts, cost=6.0,
+        parts=parts,
+        cost=6.0,
     ),
-)  # fmt: skip
+)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.reproduce.claim import Claim, Origin
-from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
+from asrsim.reproduce.figure import FIGURES, Figure, Part, Picture, Table
 from asrsim.reproduce.law import RATIO, damping_overrides, swings
 from asrsim.reproduce.pictures import joints_figure, picture
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SCENARIO, JOINTS, GOAL, AT = "step_2dof", ("joint_1", "joint_2"), 0.8, 0.1
 MOTORS_OFF = 5e-4
 """rad by which the motors' friction and the last swings may keep the equilibrium off."""
+SHOWN = 2.5
+"""s of the pictures: then all is at rest."""
 LONG = "duration=8"
 """Long enough for the last swings of the arm with the default springs."""
 
@@ -30,46 +32,65 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     nominal = {name: lab.run(SCENARIO, f"nominal_{name}", overrides=[LONG]) for name in ("soft", "stiff")}
     first = Part(
         title="Steps of 0.8 rad, horizontal",
-        text="Two links, each a qbMove cube on its flange, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and friction "
+        text="Two links, each a qbMove cube on its flange, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
+        "friction "
         "0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
-        claims=(*_settled(plain, "AlterEgo's springs"), *_faster(plain)), tables=(_table(plain),),
+        claims=(*_settled(plain, "AlterEgo's springs"), *_faster(plain)),
+        tables=(_table(plain),),
         pictures=(_picture("figure_12", "Both joints' links (vermilion) and equilibria (blue), soft and stiff.", plain),),
-    )  # fmt: skip
+    )
     rings = [
         Claim(
-            figure=12, text=f"the stiff arm rings more than the soft one, {joint}", quantity="swings beyond 2 % of the step, stiff − soft",
-            measured=float(_swings(nominal["stiff"], joint) - _swings(nominal["soft"], joint)), comparison=">", value=0.0,
+            figure=12,
+            text=f"the stiff arm rings more than the soft one, {joint}",
+            quantity="swings beyond 2 % of the step, stiff - soft",
+            measured=float(_swings(nominal["stiff"], joint) - _swings(nominal["soft"], joint)),
+            comparison=">",
+            value=0.0,
         )
         for joint in JOINTS
-    ]  # fmt: skip
+    ]
     second = Part(
         title="With the toolbox's default springs",
-        text="Here it is as in the paper's simulation: the stiff arm oscillates. The soft springs are weak against the joint's friction, "
-        "so that a soft link may stop a quarter of a radian off.",
-        claims=(*_settled(nominal, "default springs"), *rings), tables=(_table(nominal),),
+        text="Here it is as in the paper's simulation: the stiff arm oscillates. The soft springs are weak against the "
+        "joint's friction, "
+        "so that a soft link may stop a sixth of a radian off.",
+        claims=(*_settled(nominal, "default springs"), *rings),
+        tables=(_table(nominal),),
         pictures=(_picture("figure_12_nominal", "The same steps with the toolbox's default springs.", nominal),),
-    )  # fmt: skip
+    )
     return first, second, _damped(lab, plain, nominal)
 
 
 def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "paper") -> list[Claim]:
     claims = []
     for name, result in results.items():
-        for joint in JOINTS:
-            series = result[joint]
-            band = _friction_band(result, joint)
-            claims += [
-                Claim(
-                    figure=12, origin=origin, text=f"{name}, {joint}: the equilibrium arrives at the reference ({springs})",
-                    quantity="equilibrium at the end", measured=float(series.equilibrium_position[-1]), comparison="==", value=GOAL,
-                    tolerance=MOTORS_OFF, unit="rad",
-                ),
-                Claim(
-                    figure=12, origin=origin, text=f"{name}, {joint}: the link settles on the reference, within friction ({springs})",
-                    quantity="link at the end", measured=float(np.mean(series.link_position[-200:])), comparison="==", value=GOAL,
-                    tolerance=band + MOTORS_OFF, unit="rad",
-                ),
-            ]  # fmt: skip
+        claims.append(
+            Claim(
+                figure=12,
+                origin=origin,
+                text=f"{name}: the equilibria arrive at the reference ({springs})",
+                quantity="largest distance of an equilibrium from the reference at the end",
+                measured=max(abs(float(result[joint].equilibrium_position[-1]) - GOAL) for joint in JOINTS),
+                comparison="<=",
+                value=MOTORS_OFF,
+                unit="rad",
+            )
+        )
+        claims += [
+            Claim(
+                figure=12,
+                origin=origin,
+                text=f"{name}, {joint}: the link settles on the reference, within friction ({springs})",
+                quantity="link at the end",
+                measured=float(np.mean(result[joint].link_position[-200:])),
+                comparison="==",
+                value=GOAL,
+                tolerance=_friction_band(result, joint) + MOTORS_OFF,
+                unit="rad",
+            )
+            for joint in JOINTS
+        ]
     return claims
 
 
@@ -85,11 +106,16 @@ def _friction_band(result: Result, joint: str) -> float:
 def _faster(results: Mapping[str, Result]) -> list[Claim]:
     return [
         Claim(
-            figure=12, origin="theory", text=f"the stiff {joint} swings faster than the soft one", quantity="frequency stiff / soft",
-            measured=_frequency(results["stiff"], joint) / _frequency(results["soft"], joint), comparison=">", value=2.0,
+            figure=12,
+            origin="theory",
+            text=f"the stiff {joint} swings faster than the soft one",
+            quantity="frequency stiff / soft",
+            measured=_frequency(results["stiff"], joint) / _frequency(results["soft"], joint),
+            comparison=">",
+            value=2.0,
         )
         for joint in JOINTS
-    ]  # fmt: skip
+    ]
 
 
 def _frequency(result: Result, joint: str) -> float:
@@ -118,11 +144,16 @@ def _settling(result: Result, joint: str) -> float:
 def _table(results: Mapping[str, Result]) -> Table:
     rows = [
         (
-            f"{name}, {joint}", f"{result[joint].link_position[-1]:.4f}", f"{result[joint].stiffness[-1]:.3g}",
-            f"{100 * _overshoot(result, joint):.1f} %", str(_swings(result, joint)), f"{_settling(result, joint):.2f}",
+            f"{name}, {joint}",
+            f"{result[joint].link_position[-1]:.4f}",
+            f"{result[joint].stiffness[-1]:.3g}",
+            f"{100 * _overshoot(result, joint):.1f} %",
+            str(_swings(result, joint)),
+            f"{_settling(result, joint):.2f}",
         )
-        for name, result in results.items() for joint in JOINTS
-    ]  # fmt: skip
+        for name, result in results.items()
+        for joint in JOINTS
+    ]
     headings = ("", "end (rad)", "stiffness (N m/rad)", "overshoot", "swings beyond 2 %", "settled after (s)")
     return Table(caption="The steps in numbers", headings=headings, rows=tuple(rows))
 
@@ -141,38 +172,56 @@ def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]
         before, after = (_settling(runs["stiff"], joint) for runs in (nominal, default))
         claims += [
             Claim(
-                figure=12, origin="beyond", text=f"the stiff {joint} no longer rings as in the paper's simulation (default springs)",
-                quantity="swings beyond 2 %, with − without", measured=float(_swings(default["stiff"], joint) - _swings(nominal["stiff"], joint)),
-                comparison="<", value=0.0,
+                figure=12,
+                origin="beyond",
+                text=f"the stiff {joint} no longer rings as in the paper's simulation (default springs)",
+                quantity="swings beyond 2 %, with - without",
+                measured=float(_swings(default["stiff"], joint) - _swings(nominal["stiff"], joint)),
+                comparison="<",
+                value=0.0,
             ),
             Claim(
-                figure=12, origin="beyond", text=f"the stiff {joint} settles sooner, as the real arm does (default springs)",
-                quantity="settling time with / without", measured=after / before, comparison="<", value=0.8,
+                figure=12,
+                origin="beyond",
+                text=f"the stiff {joint} settles sooner, as the real arm does (default springs)",
+                quantity="settling time with / without",
+                measured=after / before,
+                comparison="<",
+                value=0.8,
             ),
-        ]  # fmt: skip
+        ]
     return Part(
         title="What the paper could not show: damping that changes with the preset",
-        text="The authors explain the stiff simulation's ringing by a damping that stays fixed, where the real joint's grows with the "
+        text="The authors explain the stiff simulation's ringing by a damping that stays fixed, where the real joint's "
+        "grows with the "
         f"preset. The same steps with an added damping ratio of {RATIO} at each moment's stiffness and each joint's inertia.",
         claims=tuple(claims),
         tables=(_table({f"default {name}": run for name, run in default.items()} | alterego),),
         pictures=(
-            _picture("figure_12_nominal_damped", "Default springs, with damping that grows with the stiffness: the ringing is gone.", default),
+            _picture(
+                "figure_12_nominal_damped",
+                "Default springs, with damping that grows with the stiffness: the ringing is gone.",
+                default,
+            ),
             _picture("figure_12_damped", "AlterEgo's springs, with damping that grows with the stiffness.", alterego),
         ),
-    )  # fmt: skip
+    )
 
 
-def _picture(name: str, caption: str, results: Mapping[str, Result]):  # type: ignore[no-untyped-def]
-    return picture(name, caption, lambda: joints_figure(results, ("position", "stiffness")))
+def _picture(name: str, caption: str, results: Mapping[str, Result]) -> Picture:
+    return picture(name, caption, lambda: joints_figure(results, ("link", "stiffness"), until=SHOWN))
 
 
 FIGURES.add(
     "12",
     Figure(
-        number=12, title="Steps of a horizontal arm", section="4.2.2",
-        paper="Two joints step by 0.8 rad without gravity in the way. Links and equilibria reach the reference in both presets; "
+        number=12,
+        title="Steps of a horizontal arm",
+        section="4.2.2",
+        paper="Two joints step by 0.8 rad without gravity in the way. Links and equilibria reach the reference in both "
+        "presets; "
         "the stiff simulation oscillates more than the real arm, since its damping does not change with the preset.",
-        parts=parts, cost=4.0,
+        parts=parts,
+        cost=4.0,
     ),
-)  # fmt: skip
+)

@@ -33,15 +33,21 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     strips = [item for name in PRESETS for item in films(results[name], f"figure_14_{name}", f"The {name} arm meets the box.")]
     first = Part(
         title="Pushing a box of 2 kg",
-        text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is closed on the "
+        text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is "
+        "closed on the "
         "model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of 0.265 m and "
         "2 kg with friction 0.23 on the ground.",
-        claims=tuple(_claims(results, tips, "paper")), tables=(_table(results, tips),),
+        claims=tuple(_claims(results, tips, "paper")),
+        tables=(_table(results, tips),),
         pictures=(
-            picture("figure_14", "Tip and box along the push, and the force between them, soft and stiff.", lambda: _figure(results, tips)),
+            picture(
+                "figure_14",
+                "Tip and box along the push, and the force between them, soft and stiff.",
+                lambda: _figure(results, tips),
+            ),
             *strips,
         ),
-    )  # fmt: skip
+    )
     damped = {
         name: lab.run(SCENARIO, name, overrides=damping_overrides(result), label=f"{name}_damped")
         for name, result in results.items()
@@ -50,8 +56,9 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     second = Part(
         title="With link damping that grows with the stiffness",
         text=f"The same push with an added damping ratio of {RATIO} at each moment's stiffness.",
-        claims=tuple(_claims(damped, tips, "beyond")), tables=(_table(damped, tips),),
-    )  # fmt: skip
+        claims=tuple(_claims(damped, tips, "beyond")),
+        tables=(_table(damped, tips),),
+    )
     return first, second
 
 
@@ -63,26 +70,56 @@ def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Or
     weight = _resistance(soft)
     return [
         Claim(
-            figure=14, origin=origin, text="soft, the box stays where it is", quantity="displacement of the box along the push",
-            measured=abs(_moved(soft)), comparison="<", value=1e-3, unit="m",
+            figure=14,
+            origin=origin,
+            text="soft, the box stays where it is",
+            quantity="displacement of the box along the push",
+            measured=abs(_moved(soft)),
+            comparison="<",
+            value=1e-3,
+            unit="m",
         ),
         Claim(
-            figure=14, origin=origin, text="soft, the box stops the end effector", quantity="tip short of its goal",
-            measured=goal - float(tips["soft"][-1, Y]), comparison=">", value=0.05, unit="m",
+            figure=14,
+            origin=origin,
+            text="soft, the box stops the end effector",
+            quantity="tip short of its goal",
+            measured=goal - float(tips["soft"][-1, Y]),
+            comparison=">",
+            value=0.05,
+            unit="m",
         ),
         Claim(
-            figure=14, origin="theory" if origin == "paper" else origin, text="soft, the arm pushes less than friction can take up",
-            quantity="contact force while it holds", measured=float(np.mean(force[holding])), comparison="<", value=weight, unit="N",
+            figure=14,
+            origin="theory" if origin == "paper" else origin,
+            text="soft, the arm pushes less than friction can take up",
+            quantity="contact force while it holds",
+            measured=float(np.mean(force[holding])),
+            comparison="<",
+            value=weight,
+            unit="N",
         ),
         Claim(
-            figure=14, origin=origin, text="stiff, the arm takes the box along to the goal", quantity="box from its place at the goal",
-            measured=abs(_box_goal(stiff) - float(stiff.bodies[BOX][-1, Y])), comparison="<=", value=0.01, unit="m",
+            figure=14,
+            origin=origin,
+            text="stiff, the arm takes the box along to the goal",
+            quantity="box from its place at the goal",
+            measured=abs(_box_goal(stiff) - float(stiff.bodies[BOX][-1, Y])),
+            comparison="<=",
+            value=0.01,
+            unit="m",
         ),
         Claim(
-            figure=14, origin=origin, text="stiff, the end effector reaches its goal", quantity="tip from its goal",
-            measured=abs(goal - float(tips["stiff"][-1, Y])), comparison="<=", value=0.01, unit="m",
+            figure=14,
+            origin=origin,
+            text="stiff, the end effector reaches its goal",
+            quantity="tip from its goal",
+            measured=abs(goal - float(tips["stiff"][-1, Y])),
+            comparison="<=",
+            value=0.01,
+            unit="m",
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _goal(result: Result) -> float:
@@ -118,18 +155,21 @@ def _force(result: Result) -> Array:
     for pair, force in result.contacts.items():
         if BOX in pair.split("/") and "ground" not in pair:
             total += np.nan_to_num(force)
-    return np.linalg.norm(total, axis=1)
+    return np.asarray(np.linalg.norm(total, axis=1))
 
 
 def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Table:
     rows = [
         (
-            name, f"{1e3 * _moved(result):.2f}", f"{1e3 * (tips[name][-1, Y] - _goal(result)):+.1f}",
-            f"{np.mean(_force(result)[result.time > 0.8 * result.time[-1]]):.2f}", f"{np.max(_force(result)):.2f}",
+            name,
+            f"{1e3 * _moved(result):.2f}",
+            f"{1e3 * (tips[name][-1, Y] - _goal(result)):+.1f}",
+            f"{np.mean(_force(result)[result.time > 0.8 * result.time[-1]]):.2f}",
+            f"{np.max(_force(result)):.2f}",
             f"{_resistance(result):.2f}",
         )
         for name, result in results.items()
-    ]  # fmt: skip
+    ]
     headings = ("", "box moved (mm)", "tip from goal (mm)", "force while holding (N)", "largest force (N)", "μ m g (N)")
     return Table(caption="The push in numbers", headings=headings, rows=tuple(rows))
 
@@ -147,8 +187,11 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
         top.axhline(_goal(result), color=style.LIGHT, linewidth=2.6, label="goal of the tip")
         top.plot(result.time[::every], tips[name][::every, Y] + TIP_RADIUS, color=style.VERMILION, label="face of the tip")
         top.plot(
-            result.time[::every], result.bodies[BOX][::every, Y] - 0.5 * box.size[Y], color=style.BLACK, label="face of the box",
-        )  # fmt: skip
+            result.time[::every],
+            result.bodies[BOX][::every, Y] - 0.5 * box.size[Y],
+            color=style.BLACK,
+            label="face of the box",
+        )
         top.set_title(f"{name} (preset {0.2 if name == 'soft' else 0.6})", loc="left")
         force = run.bodies[BOX]["force"]
         bottom.plot(force.time, force.values, color=style.VERMILION, label="between tip and box")
@@ -164,9 +207,13 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
 FIGURES.add(
     "14",
     Figure(
-        number=14, title="An arm meets a box", section="4.2.3",
-        paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box stops it; stiff, "
+        number=14,
+        title="An arm meets a box",
+        section="4.2.3",
+        paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box "
+        "stops it; stiff, "
         "it moves the box and reaches its goal, on the real arm and in simulation.",
-        parts=parts, cost=10.0,
+        parts=parts,
+        cost=10.0,
     ),
-)  # fmt: skip
+)

@@ -8,10 +8,11 @@ from typing import Any, Literal
 
 from asrsim.metrics.expect import compares
 
-Origin = Literal["paper", "theory", "beyond"]
+Origin = Literal["paper", "theory", "simulation", "beyond"]
 ORIGINS: dict[str, str] = {
     "paper": "the paper says so",
     "theory": "a closed form or a law of mechanics says so",
+    "simulation": "an independent simulation of the same experiment gave this number",
     "beyond": "not in the paper: with link damping that grows with the stiffness",
 }
 """Where a claim comes from, in words."""

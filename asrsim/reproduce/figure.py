@@ -58,6 +58,8 @@ class Reproduction:
     """What the paper claims, in our own words."""
     parts: tuple[Part, ...]
     """The first is the paper's figure; the others are what it could not show."""
+    error: str = ""
+    """Why it could not be run."""
     simulated: float = 0.0
     """s of simulated time."""
     seconds: float = 0.0
@@ -72,8 +74,8 @@ class Reproduction:
 
     @property
     def holds(self) -> bool:
-        """Whether every claim holds."""
-        return all(claim.holds for claim in self.claims)
+        """Whether it could be run and every claim holds."""
+        return not self.error and all(claim.holds for claim in self.claims)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON, without pictures."""
@@ -83,6 +85,7 @@ class Reproduction:
             "section": self.section,
             "paper": self.paper,
             "holds": self.holds,
+            "error": self.error,
             "claims": [claim.as_dict() for claim in self.claims],
             "tables": [
                 {"caption": table.caption, "headings": list(table.headings), "rows": [list(row) for row in table.rows]}

@@ -33,7 +33,8 @@ class Held:
     """N m, of the joint."""
 
     def __str__(self) -> str:
-        return f"{self.joint} is held by friction: its springs give at most {self.torque:.4f} N m, its friction holds {self.friction:g} N m"
+        springs = f"its springs give at most {self.torque:.4f} N m, its friction holds {self.friction:g} N m"
+        return f"{self.joint} is held by friction: {springs}"
 
 
 def held_by_friction(result: Result, joints: Sequence[str] | None = None) -> tuple[Held, ...]:

@@ -7,13 +7,13 @@ a flexible element does to first order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from asrsim.api import Result
+    from asrsim.samples import Array
 
 RATIO = 0.3
 """Damping ratio that the law adds."""
@@ -33,9 +33,9 @@ def damping_overrides(result: Result) -> tuple[str, ...]:
     )
 
 
-def swings(values: Sequence[float], goal: float, *, share: float = 0.02) -> int:
-    """How often a series turns after its first arrival at `goal`, counting turns beyond `share` of the step only."""
-    x = np.asarray(values) - goal
+def swings(values: Array, goal: float, *, share: float = 0.02) -> int:
+    """How often a series (n,) turns after its first arrival at `goal`, counting turns beyond `share` of the step only."""
+    x = values - goal
     floor = share * abs(float(x[0]))
     state = np.where(x > floor, 1, np.where(x < -floor, -1, 0))
     state = state[state != 0]

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from asrsim.reproduce.figure import Picture
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from asrsim.api import Result
     from asrsim.plots.curves import RunCurves
+    from asrsim.plots.panels import Panel
 
 DPI = 130
 
@@ -48,15 +48,28 @@ def curves(results: Mapping[str, Result]) -> list[RunCurves]:
     return [replace(read_curves(result.log), label=label) for label, result in results.items() if result.log is not None]
 
 
-def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, joints: Sequence[str] | None = None) -> Figure:
-    """Panels by name (see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by line style."""
+def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until: float | None = None) -> Figure:
+    """Panels by name (`link`, or see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by line style.
+
+    until: s, end of the axes of time.
+    """
     from asrsim.plots.figures import grid_figure, joint_names
     from asrsim.plots.panels import PANELS
 
     runs = curves(results)
-    figure = grid_figure(runs, tuple(joints or joint_names(runs))[:3], [PANELS[name] for name in panels])
+    figure = grid_figure(runs, joint_names(runs), [link_panel() if name == "link" else PANELS[name] for name in panels])
     figure.suptitle("")
+    if until is not None:
+        figure.axes[0].set_xlim(0.0, until)
     return figure
+
+
+def link_panel() -> Panel:
+    """Reference, equilibrium and link, as in the paper's figures: without the motors."""
+    from asrsim.plots.curves import REFERENCE
+    from asrsim.plots.panels import Panel
+
+    return Panel(key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"))
 
 
 def films(result: Result, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:

@@ -11,7 +11,7 @@ from asrsim.reproduce.claim import Claim
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.friction import with_joint_losses
 from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.pictures import curves, picture
+from asrsim.reproduce.pictures import curves, link_panel, picture
 from asrsim.reproduce.ringing import fit_ringing
 from asrsim.reproduce.statics import Rest, rest
 
@@ -47,21 +47,32 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         rows.append(row)
     claims += _paper(results, rests)
     headings = (
-        "", "rest (rad)", "predicted", "stiffness (N m/rad)", "frequency (Hz)", "predicted", "ω h at 1 ms", "substeps",
-    )  # fmt: skip
+        "",
+        "rest (rad)",
+        "predicted",
+        "stiffness (N m/rad)",
+        "frequency (Hz)",
+        "predicted",
+        "ω h at 1 ms",
+        "substeps",
+    )
     table = Table(
         caption="Where the links rest, and the natural frequency of the last swings", headings=headings, rows=tuple(rows)
     )
     shown = picture(
-        "figure_8", "Links (vermilion) and equilibria (blue) after the step, soft and stiff. Below: the first 0.25 s.",
+        "figure_8",
+        "Links (vermilion) and equilibria (blue) after the step, soft and stiff. Below: the first 0.25 s.",
         lambda: _figure(results),
-    )  # fmt: skip
+    )
     first = Part(
         title="Steps of four actuators",
-        text="Ideal motors (mode 3), 0.2 kg at 0.04 m under gravity, a step of 0.8 rad; no joint friction, damping 0.02 N m s/rad. "
+        text="Ideal motors (mode 3), 0.2 kg at 0.04 m under gravity, a step of 0.8 rad; no joint friction, damping 0.02 N m "
+        "s/rad. "
         "Predicted values come from the law and the robot's file by root finding, without the simulation.",
-        claims=tuple(claims), tables=(table,), pictures=(shown,),
-    )  # fmt: skip
+        claims=tuple(claims),
+        tables=(table,),
+        pictures=(shown,),
+    )
     return first, _with_friction(lab, cases), _damped(lab, results)
 
 
@@ -80,10 +91,17 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     omega_h = wanted.natural * step
     claims = [
         Claim(
-            figure=8, origin="theory", text=f"{label} rests where its spring and gravity balance", quantity="rest − predicted rest",
-            measured=end - wanted.position, comparison="==", value=0.0, tolerance=RESIDUAL, unit="rad",
+            figure=8,
+            origin="theory",
+            text=f"{label} rests where its spring and gravity balance",
+            quantity="rest - predicted rest",
+            measured=end - wanted.position,
+            comparison="==",
+            value=0.0,
+            tolerance=RESIDUAL,
+            unit="rad",
         )
-    ]  # fmt: skip
+    ]
     sampled = result
     if omega_h > np.pi / 2:
         # Samples of 1 ms fold such a frequency back: a short run at a fine step shows it.
@@ -93,15 +111,27 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     found = fit_ringing(sampled.time, sampled["joint_1"].link_velocity, start=AT)
     claims.append(
         Claim(
-            figure=8, origin="theory", text=f"{label} swings at the frequency of its stiffness and inertia",
-            quantity="natural frequency of the last swings", measured=found.frequency, comparison="==", value=wanted.frequency,
-            tolerance=0.005 * wanted.frequency, unit="Hz",
+            figure=8,
+            origin="theory",
+            text=f"{label} swings at the frequency of its stiffness and inertia",
+            quantity="natural frequency of the last swings",
+            measured=found.frequency,
+            comparison="==",
+            value=wanted.frequency,
+            tolerance=0.005 * wanted.frequency,
+            unit="Hz",
         )
-    )  # fmt: skip
+    )
     row = (
-        label, f"{end:.6f}", f"{wanted.position:.6f}", f"{wanted.spring:.5g}", f"{found.frequency:.3f}",
-        f"{wanted.frequency:.3f}", f"{omega_h:.2f}", str(result.run.resolution.substeps),
-    )  # fmt: skip
+        label,
+        f"{end:.6f}",
+        f"{wanted.position:.6f}",
+        f"{wanted.spring:.5g}",
+        f"{found.frequency:.3f}",
+        f"{wanted.frequency:.3f}",
+        f"{omega_h:.2f}",
+        str(result.run.resolution.substeps),
+    )
     return claims, row
 
 
@@ -114,15 +144,29 @@ def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[
     unfolded = float(np.hypot(turns * 2.0 * np.pi / step - omega, found.decay)) / (2.0 * np.pi)
     return [
         Claim(
-            figure=8, origin="theory", text=f"{label} swings right at a step of {1e3 * step:g} ms too, though its frequency is beyond "
-            "what such a step samples", quantity="natural frequency at 1 ms, unfolded", measured=unfolded, comparison="==",
-            value=wanted.frequency, tolerance=0.005 * wanted.frequency, unit="Hz",
+            figure=8,
+            origin="theory",
+            text=f"{label} swings right at a step of {1e3 * step:g} ms too, though its frequency is beyond "
+            "what such a step samples",
+            quantity="natural frequency at 1 ms, unfolded",
+            measured=unfolded,
+            comparison="==",
+            value=wanted.frequency,
+            tolerance=0.005 * wanted.frequency,
+            unit="Hz",
         ),
         Claim(
-            figure=8, origin="theory", text=f"{label} decays right at a step of {1e3 * step:g} ms", quantity="decay rate at 1 ms",
-            measured=found.decay, comparison="==", value=wanted.decay, tolerance=0.005 * wanted.decay, unit="1/s",
+            figure=8,
+            origin="theory",
+            text=f"{label} decays right at a step of {1e3 * step:g} ms",
+            quantity="decay rate at 1 ms",
+            measured=found.decay,
+            comparison="==",
+            value=wanted.decay,
+            tolerance=0.005 * wanted.decay,
+            unit="1/s",
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _paper(results: dict[tuple[str, str], Result], rests: dict[tuple[str, str], Rest]) -> list[Claim]:
@@ -133,16 +177,25 @@ def _paper(results: dict[tuple[str, str], Result], rests: dict[tuple[str, str], 
         ratio = sag[name, "soft"] / sag[name, "stiff"]
         claims.append(
             Claim(
-                figure=8, text=f"gravity pulls the soft {ACTUATORS[name]} off its reference, far more than the stiff one",
-                quantity="sag soft / sag stiff", measured=ratio, comparison=">", value=5.0,
+                figure=8,
+                text=f"gravity pulls the soft {ACTUATORS[name]} off its reference, far more than the stiff one",
+                quantity="sag soft / sag stiff",
+                measured=ratio,
+                comparison=">",
+                value=5.0,
             )
-        )  # fmt: skip
+        )
         claims.append(
             Claim(
-                figure=8, text=f"the stiff {ACTUATORS[name]} is regulated correctly", quantity="reference − rest",
-                measured=sag[name, "stiff"], comparison="<", value=0.02, unit="rad",
+                figure=8,
+                text=f"the stiff {ACTUATORS[name]} is regulated correctly",
+                quantity="reference - rest",
+                measured=sag[name, "stiff"],
+                comparison="<",
+                value=0.02,
+                unit="rad",
             )
-        )  # fmt: skip
+        )
     return claims
 
 
@@ -159,21 +212,28 @@ def _with_friction(lab: Lab, cases: list[tuple[str, str]]) -> Part:
         label = f"{ACTUATORS[name]} {variant}"
         claims.append(
             Claim(
-                figure=8, origin="theory", text=f"{label}, with friction, rests within what friction can hold",
-                quantity="rest outside of the friction band", measured=wanted.outside(end), comparison="<=", value=RESIDUAL, unit="rad",
+                figure=8,
+                origin="theory",
+                text=f"{label}, with friction, rests within what friction can hold",
+                quantity="rest outside of the friction band",
+                measured=wanted.outside(end),
+                comparison="<=",
+                value=RESIDUAL,
+                unit="rad",
             )
-        )  # fmt: skip
+        )
         band = f"{wanted.lowest - wanted.position:+.2e} … {wanted.highest - wanted.position:+.2e}"
         rows.append((label, f"{end:.6f}", f"{end - wanted.position:+.2e}", band))
     return Part(
         title="With the joint friction of section 4.2",
-        text=f"The same steps with damping {DAMPING} N m s/rad and friction {FRICTION} N m, which the paper gives for its later "
+        text=f"The same steps with damping {DAMPING} N m s/rad and friction {FRICTION} N m, which the paper gives for its "
+        f"later "
         "experiments: a link may stop wherever friction outweighs what spring and gravity leave over.",
         claims=tuple(claims),
         tables=(
             Table(
                 caption="Rest and friction band",
-                headings=("", "rest (rad)", "rest − frictionless (rad)", "friction band (rad)"),
+                headings=("", "rest (rad)", "rest - frictionless (rad)", "friction band (rad)"),
                 rows=tuple(rows),
             ),
         ),
@@ -190,21 +250,29 @@ def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
         rows.append((label, f"{100 * before:.1f} %", f"{100 * after:.1f} %", f"{off:+.1e}"))
         claims.append(
             Claim(
-                figure=8, origin="beyond", text=f"damping that grows with the stiffness leaves {label} at rest where it was",
-                quantity="rest with − rest without", measured=off, comparison="==", value=0.0, tolerance=RESIDUAL, unit="rad",
+                figure=8,
+                origin="beyond",
+                text=f"damping that grows with the stiffness leaves {label} at rest where it was",
+                quantity="rest with - rest without",
+                measured=off,
+                comparison="==",
+                value=0.0,
+                tolerance=RESIDUAL,
+                unit="rad",
             )
-        )  # fmt: skip
+        )
     headings = ("", "overshoot beyond 0.8 rad", "with growing damping", "rest moves by (rad)")
     return Part(
         title="With link damping that grows with the stiffness",
         text=f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness.",
-        claims=tuple(claims), tables=(Table(caption="First swing", headings=headings, rows=tuple(rows)),),
-    )  # fmt: skip
+        claims=tuple(claims),
+        tables=(Table(caption="First swing", headings=headings, rows=tuple(rows)),),
+    )
 
 
 def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
     from asrsim.plots.figures import legend, new_figure, variants
-    from asrsim.plots.panels import PANELS, draw_panel
+    from asrsim.plots.panels import draw_panel
 
     figure = new_figure(12.5, 4.4)
     axes = figure.subplots(2, len(ACTUATORS), squeeze=False, sharey="col")
@@ -213,7 +281,7 @@ def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
         runs = curves({variant: results[name, variant] for variant in ("soft", "stiff")})
         for row in (0, 1):
             ax = axes[row, column]
-            drawn |= dict.fromkeys(draw_panel(ax, PANELS["position"], runs, "joint_1"))
+            drawn |= dict.fromkeys(draw_panel(ax, link_panel(), runs, "joint_1"))
             if column:
                 ax.set_ylabel("")
             ax.set_xlim(*((0.0, 1.0) if row == 0 else (0.09, 0.34)))
@@ -228,9 +296,13 @@ def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
 FIGURES.add(
     "8",
     Figure(
-        number=8, title="Step responses of four compliant actuators", section="4.1",
-        paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. The model "
+        number=8,
+        title="Step responses of four compliant actuators",
+        section="4.1",
+        paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. "
+        "The model "
         "shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
-        parts=parts, cost=5.0,
+        parts=parts,
+        cost=5.0,
     ),
-)  # fmt: skip
+)

@@ -15,6 +15,8 @@ from asrsim.reproduce.pictures import picture
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.figure import Figure as Drawing
+
     from asrsim.learning.session import Session
     from asrsim.reproduce.figure import Picture
     from asrsim.reproduce.lab import Lab
@@ -30,11 +32,14 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     result, joints = session.result, session.prepared.plant.joints
     rows = tuple(
         (
-            str(trial.number), *(f"{value:.4f}" for value in trial.largest), f"{trial.norm:.4f}",
-            "" if trial.ratio is None else f"{trial.ratio:.3f}", "" if trial.predicted is None else f"{trial.predicted:.3f}",
+            str(trial.number),
+            *(f"{value:.4f}" for value in trial.largest),
+            f"{trial.norm:.4f}",
+            "" if trial.ratio is None else f"{trial.ratio:.3f}",
+            "" if trial.predicted is None else f"{trial.predicted:.3f}",
         )
         for trial in result.trials
-    )  # fmt: skip
+    )
     headings = (
         "iteration",
         *(f"largest error, {joint} (rad)" for joint in joints),
@@ -51,13 +56,14 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     ]
     first = Part(
         title="Learning 0 to 0.8 rad in 20 s",
-        text="Equation 13 with K = 0.5 exp(-n / 10), zero first guess, preset 0.2, the identified springs (their labels a and k stand "
+        text="Equation 13 with K = 0.5 exp(-n / 10), zero first guess, preset 0.2, the identified springs (their labels a "
+        "and k stand "
         "swapped in the paper's text; as printed, learning never converges). Ratios compare each 2-norm with the one before; "
         "predicted ones come from the joints' linearisation before the trial is run.",
         claims=tuple(_claims(session, "paper")),
         tables=(Table(caption="Errors over the iterations", headings=headings, rows=rows),),
         pictures=tuple(pictures),
-    )  # fmt: skip
+    )
     return first, _hardware(session)
 
 
@@ -87,22 +93,44 @@ def _claims(session: Session, origin: Origin) -> list[Claim]:
     predicted = [abs(t.ratio - t.predicted) for t in result.trials if t.ratio is not None and t.predicted is not None]
     return [
         Claim(
-            figure=15, origin=origin, text="learning converges after 11 iterations", quantity="iterations", comparison="==",
-            measured=float(result.iterations) if result.converged else float("nan"), value=11.0, tolerance=1.0,
+            figure=15,
+            origin=origin,
+            text="learning converges after 11 iterations",
+            quantity="iterations",
+            comparison="==",
+            measured=float(result.iterations) if result.converged else float("nan"),
+            value=11.0,
+            tolerance=1.0,
         ),
         Claim(
-            figure=15, origin=origin, text="then both joints stay within the tolerance band", quantity="largest error of both joints",
-            measured=max(result.trials[-1].largest), comparison="<=", value=settings.tolerance, unit="rad",
+            figure=15,
+            origin=origin,
+            text="then both joints stay within the tolerance band",
+            quantity="largest error of both joints",
+            measured=max(result.trials[-1].largest),
+            comparison="<=",
+            value=settings.tolerance,
+            unit="rad",
         ),
         Claim(
-            figure=15, origin=origin, text="the error falls with every iteration", quantity="largest ratio of an error to the one before",
-            measured=max(after / before for before, after in pairwise(norms)), comparison="<", value=1.0,
+            figure=15,
+            origin=origin,
+            text="the error falls with every iteration",
+            quantity="largest ratio of an error to the one before",
+            measured=max(after / before for before, after in pairwise(norms)),
+            comparison="<",
+            value=1.0,
         ),
         Claim(
-            figure=15, origin="theory", text="the linearised joints predict how fast", quantity="largest error of a predicted ratio",
-            measured=max(predicted), comparison="<", value=0.05,
+            figure=15,
+            origin="theory",
+            text="the linearised joints predict how fast",
+            quantity="largest error of a predicted ratio",
+            measured=max(predicted),
+            comparison="<",
+            value=0.05,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _hardware(session: Session) -> Part:
@@ -116,25 +144,33 @@ def _hardware(session: Session) -> Part:
         ("plants", str(len(report.draws))),
         ("within the tolerance", f"{100 * report.within:.0f} %"),
         ("largest error, 5 / 50 / 95 % of plants (rad)", " / ".join(f"{value:.3f}" for value in quantiles.values())),
-        *((f"largest error of {joint}, median (rad)", f"{float(np.median(report.largest[:, column])):.3f}")
-          for column, joint in enumerate(report.joints)),
-    )  # fmt: skip
+        *(
+            (f"largest error of {joint}, median (rad)", f"{float(np.median(report.largest[:, column])):.3f}")
+            for column, joint in enumerate(report.joints)
+        ),
+    )
     ratio = float(np.median(report.largest[:, 0] / report.largest[:, 1]))
     claim = Claim(
-        figure=15, text="feed-forward on another plant, the first joint leaves its band sooner than the second",
-        quantity="median ratio of their largest errors", measured=ratio, comparison=">", value=1.0,
-    )  # fmt: skip
+        figure=15,
+        text="feed-forward on another plant, the first joint leaves its band sooner than the second",
+        quantity="median ratio of their largest errors",
+        measured=ratio,
+        comparison=">",
+        value=1.0,
+    )
     return Part(
         title="The stand-in for the hardware test",
-        text=f"The learned input, feed-forward, on {len(report.draws)} plants that differ from the learned one as the scenario's "
+        text=f"The learned input, feed-forward, on {len(report.draws)} plants that differ from the learned one as the "
+        f"scenario's "
         "`ilc.transfer` states. The paper's real arm left the band in its first joint for a while; so do most of these. "
         "`asrsim ilc --transfer` plays it to more plants and says which parameter matters most.",
-        claims=(claim,), tables=(Table(caption="Transfer", headings=("", ""), rows=rows),),
+        claims=(claim,),
+        tables=(Table(caption="Transfer", headings=("", ""), rows=rows),),
         pictures=(picture("figure_15_transfer", "Largest errors on the perturbed plants.", lambda: transfer_figure(report)),),
-    )  # fmt: skip
+    )
 
 
-def _figure(session: Session):  # type: ignore[no-untyped-def]
+def _figure(session: Session) -> Drawing:
     from asrsim.learning.figure import learning_figure
 
     return learning_figure(session.prepared.problem, session.result, session.prepared.settings)
@@ -143,9 +179,14 @@ def _figure(session: Session):  # type: ignore[no-untyped-def]
 FIGURES.add(
     "15",
     Figure(
-        number=15, title="Iterative learning control", section="4.3",
-        paper="The equilibrium over time that takes a vertical arm along a minimum-jerk trajectory is learned in simulation. After 11 "
-        "iterations both joints are within 0.08 rad; played to the real arm, only the first joint leaves that band for a while.",
-        parts=parts, cost=12.0,
+        number=15,
+        title="Iterative learning control",
+        section="4.3",
+        paper="The equilibrium over time that takes a vertical arm along a minimum-jerk trajectory is learned in "
+        "simulation. After 11 "
+        "iterations both joints are within 0.08 rad; played to the real arm, only the first joint leaves that band for a "
+        "while.",
+        parts=parts,
+        cost=12.0,
     ),
-)  # fmt: skip
+)

@@ -1,0 +1,68 @@
+"""`asrsim reproduce`: the paper's figures run again, judged, on one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from asrsim.reproduce import Reproduction
+
+
+def reproduce(
+    figures: Annotated[
+        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="8, 11, 12, 13, 14, 15; all by default.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path("out/reproduce"),
+    processes: Annotated[int, typer.Option(min=1, help="Figures that run at once.")] = 2,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print claims that do not hold only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Run the paper's experiments again: every figure with its claims, measured numbers and verdicts on one page.
+
+    Writes reproduce.html (self-contained), reproduce.json, pictures and the logs of all runs; what an earlier call left there
+    is replaced. Exit code: 0 if every claim holds, else 1; 130 after Ctrl-C.
+
+    Example: asrsim reproduce
+
+    Example: asrsim reproduce 8 15 --out paper
+    """
+    from asrsim.cli.console import json_errors, say, say_json
+
+    with json_errors(json):
+        from asrsim.reproduce.session import reproduce as run
+
+        outcome = run(
+            figures or (), out, processes=processes, on_figure=None if json else lambda one: _report(one, quiet=quiet)
+        )
+    if json:
+        say_json(outcome.as_dict())
+    elif not quiet:
+        simulated = sum(one.simulated for one in outcome.figures)
+        say(f"{simulated:.0f} s simulated in {outcome.seconds:.1f} s; wrote {outcome.page}")
+    if not outcome.holds:
+        raise typer.Exit(1)
+
+
+def _report(one: Reproduction, *, quiet: bool) -> None:
+    import sys
+
+    from asrsim.cli.console import complain, say, styled
+
+    good = sum(claim.holds for claim in one.claims)
+    if not quiet:
+        verdict = styled("holds", "green") if one.holds else styled("does not hold", "red")
+        say(
+            f"figure {one.number}, {one.title}: {verdict}, {good} of {len(one.claims)} claims "
+            f"({one.simulated:.0f} s simulated, {one.seconds:.1f} s)"
+        )
+        sys.stdout.flush()
+    if one.error:
+        complain(f"asrsim: figure {one.number} could not be run: {one.error}", "red")
+    for claim in one.claims:
+        if not claim.holds:
+            complain(
+                f"FAIL figure {one.number}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.expected}", "red"
+            )
