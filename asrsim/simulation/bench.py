@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive, make_drives
@@ -48,17 +49,28 @@ def run_bench(
 
     first_step: length of the first row's step in s; None: as long as the second.
     """
-    steps = np.diff(time, prepend=np.nan).tolist()
-    steps[0] = first_step if first_step is not None else (steps[1] if len(steps) > 1 else float(time[0]) or 1e-3)
-    rounding = 4.0 * np.finfo(float).eps * float(np.max(np.abs(time)))
-    steps = [_simplest(step, rounding) for step in steps]
+    steps = step_lengths(time, first_step)
     initial = {name: float(motion.position[0]) for name, motion in motions.items()} if stepping != "toolbox" else {}
     drives = make_drives(robot, STEPPINGS.get(stepping), initial_positions=initial, link_damping={})
     return {drive.name: _run_joint(drive, steps, motions[drive.name]) for drive in drives if drive.name in motions}
 
 
+def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
+    """Length of each row's step in s, as whoever wrote the times meant it: 0.001 and not 0.0010000000000000009."""
+    if len(time) < 2:
+        return [first_step if first_step is not None else (float(time[0]) or 1e-3)]
+    steps = np.diff(time)
+    rounding = 4.0 * float(np.spacing(np.max(np.abs(time))))
+    mean = float(time[-1] - time[0]) / len(steps)
+    if np.all(np.abs(steps - mean) <= rounding):
+        lengths = [_simplest(mean, rounding / len(steps) + np.spacing(mean))] * len(steps)
+    else:
+        lengths = [_simplest(step, rounding) for step in steps.tolist()]
+    return [lengths[0] if first_step is None else first_step, *lengths]
+
+
 def _simplest(step: float, rounding: float) -> float:
-    """The shortest decimal within `rounding` of a difference of two times: 0.001 and not 0.0010000000000000009."""
+    """The shortest decimal within `rounding` of `step`."""
     for digits in range(1, 17):
         candidate = float(f"{step:.{digits}g}")
         if abs(candidate - step) <= rounding:
@@ -72,11 +84,16 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str
     advance = drive.advance
     rows = []
     columns = (motion.position, motion.velocity, motion.reference_1, motion.reference_2)
-    for step, q, v, r_1, r_2 in zip(steps, *(column.tolist() for column in columns), strict=True):
+    for row, (step, q, v, r_1, r_2) in enumerate(zip(steps, *(column.tolist() for column in columns), strict=True)):
         if step not in constants:
             constants[step] = drive.constants(step)
         before = state
-        torque, state, record = advance(state, constants[step], q, v, *drive.goals(r_1, r_2))
+        try:
+            torque, state, record = advance(state, constants[step], q, v, *drive.goals(r_1, r_2))
+        except (ZeroDivisionError, OverflowError) as error:
+            raise SimulationError(
+                f"joint '{drive.name}', row {row + 1}: the law has no finite value at q = {q:g}, references {r_1:g} and {r_2:g}"
+            ) from error
         torque -= drive.link_brake * v
         rows.append((q, v, r_1, r_2, torque, *_outputs(drive, q, before, record)))
     table = np.array(rows, dtype=float).reshape(len(rows), len(OUTPUTS))

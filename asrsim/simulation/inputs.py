@@ -28,6 +28,7 @@ class Piece:
     rows: tuple[list[float], list[float], list[float]]
     """References 1, references 2, external torques, one a joint."""
     on_time: bool
+    substep: int
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ class Inputs:
             middles = np.array([now])
         samples = [array.tolist() for array in self._goals(self.sample(middles))]
         return tuple(
-            Piece((edges[i + 1] - edges[i]) / h, (samples[0][i], samples[1][i], samples[2][i]), edges[i] == now)
+            Piece((edges[i + 1] - edges[i]) / h, (samples[0][i], samples[1][i], samples[2][i]), edges[i] == now, step)
             for i in range(len(middles))
         )
 

@@ -28,6 +28,19 @@ CORIOLIS_PHASE = 1.0
 COUPLED = 0.25
 """c h / I between joints above which their damping is bounded by the row's sum."""
 
+UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
+"""What :mod:`math` raises where a law has no finite value."""
+
+
+class NoValueError(ArithmeticError):
+    """A law has no finite value where the run took it; becomes a DivergenceError."""
+
+    def __init__(self, joint: str, substep: int, reason: str) -> None:
+        super().__init__(f"its law has no finite value ({reason})")
+        self.joint = joint
+        self.substep = substep
+
+
 Hook = Callable[[int, Sequence[Any], Sequence[Any]], None]
 """Called before each substep with its number, the engine's joint states and the actuators' states."""
 
@@ -154,7 +167,10 @@ class Loop:
                     past = previous[j]
                     v = now * lagging + before * past
                     previous[j] = lagging
-                    torque, states[j], record = advance(states[j], constant, q, v, r_1, r_2)
+                    try:
+                        torque, states[j], record = advance(states[j], constant, q, v, r_1, r_2)
+                    except UNDEFINED as fault:
+                        raise NoValueError(self.drives[j].name, k, str(fault)) from fault
                     append(q)
                     append(lagging)
                     append(torque)
@@ -242,9 +258,11 @@ class Loop:
         constants = self.constants(self.substep * fraction)
         torques, rows = [], []
         for j, state in enumerate(joints):
-            torque, after, record = self._kinds[j](
-                self.states[j], constants[j], state[0], velocities[j], piece.rows[0][j], piece.rows[1][j]
-            )
+            goals = piece.rows[0][j], piece.rows[1][j]
+            try:
+                torque, after, record = self._kinds[j](self.states[j], constants[j], state[0], velocities[j], *goals)
+            except UNDEFINED as fault:
+                raise NoValueError(self.drives[j].name, piece.substep, str(fault)) from fault
             if fraction:
                 self.states[j] = after
             rows.append((state[0], state[1], torque, *record))

@@ -17,7 +17,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.divergence import EnergyGuard, blame, not_finite, runaway
-from asrsim.simulation.loop import Hook, Loop
+from asrsim.simulation.loop import Hook, Loop, NoValueError
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.recorder import Counts, Recorder
 from asrsim.simulation.substeps import Resolution
@@ -124,7 +124,12 @@ def _run(
             status = "interrupted"
             break
         block = prepared.inputs.block(done, min(BLOCK, total - done))
-        raw = loop.run(block)
+        try:
+            raw = loop.run(block)
+        except NoValueError as fault:
+            status = "diverged"
+            error = runaway(fault.joint, fault.substep * prepared.substep, str(fault), resolution.omega_h)
+            break
         error = _faults(prepared, raw, done)
         if error is not None:
             rows = max(round(error.time / prepared.substep) - done, 1)
