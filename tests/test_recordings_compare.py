@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.errors import RecordingError
+from asrsim.errors import RecordingError, ScenarioError
 from asrsim.metrics.output import write_metrics_csv, write_metrics_json
-from asrsim.recordings import band, compare, evaluate_claims, read_recording, resample, suspect_scale
+from asrsim.recordings import band, compare, read_recording, resample, suspect_scale
 from asrsim.recordings.data import Recording
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario.data import Expectation
+from asrsim.summary.claims import check_claims, claim_results
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -230,16 +231,49 @@ def test_rows_for_table_json_and_csv(tmp_path: Path) -> None:
     assert rise[0] == pytest.approx(rise[1], rel=0.05)
 
 
-def test_claims_against_a_recording(tmp_path: Path) -> None:
-    laboratory(tmp_path, offset=0.02)
-    claims = [
-        Expectation(quantity="link_position", measure="rmse", comparison="<", value=limit, joint="elbow", against="lab.csv")
-        for limit in (0.03, 0.01)
-    ]
-    results = evaluate_claims(claims, simulation(), folder=tmp_path)
-    assert [result.holds for result in results] == [True, False]
-    assert results[0].measured == pytest.approx(0.02, rel=0.02)
+ELBOW = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "reference_1"))
+
+
+def claim(path: Path, limit: float = 0.03, **options: object) -> Expectation:
+    return Expectation(quantity="link_position", measure="rmse", comparison="<", value=limit, joint="elbow",
+                       against=path, options=options, line=4)  # fmt: skip
+
+
+def test_claims_against_a_recording_align_it_as_a_comparison_does(tmp_path: Path) -> None:
+    path = laboratory(tmp_path, offset=0.02, late=0.37)
+    claims = [claim(path), claim(path, 0.01), claim(path, lag="off"), claim(path, lag=0.37)]
+    check_claims(claims, (ELBOW,), file=None)
+    results = claim_results(claims, (ELBOW,), lambda *_: simulation())
+    assert [result.holds for result in results] == [True, False, False, True]
+    compared = compare(simulation(), read(path)).find("elbow", "link_position")
+    assert compared is not None
+    assert results[0].measured == compared.metrics["rmse"] == pytest.approx(0.02, rel=0.02)
     assert "lab.csv" in results[0].text
+
+
+def test_claims_map_columns_and_give_a_rate(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "raw.csv", np.degrees(motion(TIME))[::5], header="alpha", comments="")
+    good = claim(tmp_path / "raw.csv", 1e-5, map=["alpha=elbow.link_position [deg]"], rate=200)
+    (result,) = claim_results([good], (ELBOW,), lambda *_: simulation())
+    assert result.holds
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"map": ["pos=elbow.stiffness"]}, "no such column"),
+        ({"map": ["elbow_pos=ignore"]}, "no column for elbow.link_position"),
+        ({"lag": "soon"}, "auto, off, start"),
+        ({"rate": -1}, "positive"),
+        ({"band": 0.1}, "not an option"),
+    ],
+)
+def test_claims_whose_recording_cannot_serve_are_errors_before_the_run(
+    tmp_path: Path, options: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ScenarioError, match=words) as error:
+        check_claims([claim(laboratory(tmp_path), **options)], (ELBOW,), file=None)
+    assert error.value.problems[0].line == 4
 
 
 @pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason="the shared recordings are not here")

@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
+RECORDING_OPTIONS = {
+    "lag": "auto, off, start or a number of seconds",
+    "lag_limit": "a positive number of seconds",
+    "map": "a list of COLUMN=JOINT.QUANTITY [unit]",
+    "rate": "a positive number of Hz",
+}
+"""Options of a claim with `against` beside those of its measure, as `asrsim plot` has them: what each must be."""
 BODY_QUANTITIES = ("position", "x", "y", "z", "contact_force")
 """What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts.
 
@@ -64,7 +71,7 @@ def evaluate_expectation(
     if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
         reference = columns["position_error"] + series
     try:
-        measured = measure(expectation.measure, time, series, reference, **expectation.options)
+        measured = measure(expectation.measure, time, series, reference, **_of_measure(expectation))
     except InputError as error:
         raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
     found = MEASURES.get(expectation.measure)
@@ -98,10 +105,9 @@ def check_expectation(expectation: Expectation) -> None:
         names = MEASURES.names()
         hint = did_you_mean(expectation.measure, names)
         raise _error(expectation, f"no measure is called '{expectation.measure}'", choices=names, hint=hint)
-    # `lag` chooses the alignment with a recording, before the measure.
-    common = ("start", "end", "lag") if expectation.against is not None else ("start", "end")
-    options = {key: value for key, value in expectation.options.items() if key not in common}
+    options = {key: value for key, value in _of_measure(expectation).items() if key not in ("start", "end")}
     problems += option_problems(MEASURES.get(expectation.measure), options)
+    problems += _recording_problems(expectation)
     if expectation.comparison not in COMPARISONS:
         raise _error(expectation, f"'{expectation.comparison}' is no comparison", choices=COMPARISONS)
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
@@ -111,6 +117,31 @@ def check_expectation(expectation: Expectation) -> None:
             [Problem(message=p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
              for p in problems]
         )  # fmt: skip
+
+
+def _of_measure(expectation: Expectation) -> dict[str, Any]:
+    """The options that are not about the recording."""
+    if expectation.against is None:
+        return dict(expectation.options)
+    return {key: value for key, value in expectation.options.items() if key not in RECORDING_OPTIONS}
+
+
+def _recording_problems(expectation: Expectation) -> list[Problem]:
+    if expectation.against is None:
+        return []
+    problems = []
+    for key, expected in RECORDING_OPTIONS.items():
+        value = expectation.options.get(key)
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if key == "lag":
+            good = value in ("auto", "off", "start") or number
+        elif key == "map":
+            good = isinstance(value, str) or (isinstance(value, list | tuple) and all(isinstance(v, str) for v in value))
+        else:
+            good = number and value > 0  # type: ignore[operator]
+        if key in expectation.options and not good:
+            problems.append(Problem(message=f"must be {expected}", key=f"options.{key}", value=value, code="bad-expectation"))
+    return problems
 
 
 def _is_body_quantity(name: str) -> bool:

@@ -17,8 +17,9 @@ from asrsim.plots.curves import Curve, Progress, available
 from asrsim.plots.decimate import BINS, decimate
 from asrsim.recordings import Comparison, Recording, Series, band, compare
 from asrsim.recordings.align import Alignment, LagChoice
+from asrsim.recordings.clock import align_recording, series_of
 from asrsim.recordings.compare import match_joints
-from asrsim.samples import Array
+from asrsim.samples import Array, Samples
 
 BUDGET = 128e6
 """Bytes of samples that are compared at once; a larger log is compared joint by joint."""
@@ -116,11 +117,20 @@ def compare_run(
         # Its own words are the better ones.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
         raise RecordingError(Problem(message="no joint and quantity that was asked for is in both", file=recordings[0].path))
+
+    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
+        return reader.read(quantities=quantities, joints=joints).samples
+
     alignments: dict[str, Alignment] = {}
     pairs: dict[tuple[str, str], Pair] = {}
     rows: list[MetricRow] = []
     findings: dict[str, Problem] = {}
     groups = list(_groups(reader, paired, common))
+    for recording, pairing in zip(recordings, pairings, strict=True):
+        name = str(recording.path)
+        given = lags.get(name, "auto") if isinstance(lags, Mapping) else lags
+        alignments[name] = align_recording(recording, pairing, series_of(read, reader.info.joints), lag=given, limit=lag_limit)
+        findings |= {str(problem): problem for problem in alignments[name].findings}
     for number, members in enumerate(groups):
         compared = []
         samples = reader.read(quantities=_stored(reader, common), joints=members).samples
@@ -128,13 +138,8 @@ def compare_run(
             mine = {a: b for a, b in pairing.items() if b in members}
             if not mine:
                 continue
-            name = str(recording.path)
-            given = lags.get(name, "auto") if isinstance(lags, Mapping) else lags
-            lag = alignments[name].lag if name in alignments else given
-            one = compare(
-                samples, recording, infos=reader.info.joints, joints=mine, quantities=common, lag=lag, lag_limit=lag_limit
-            )
-            alignments.setdefault(name, one.alignment)
+            lag = alignments[str(recording.path)].lag
+            one = compare(samples, recording, infos=reader.info.joints, joints=mine, quantities=common, lag=lag)
             compared.append(one)
             rows += one.rows(label)
             findings |= {str(problem): problem for problem in one.findings}

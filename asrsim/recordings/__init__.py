@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from asrsim.recordings.align import Alignment, align, resample
 from asrsim.recordings.checks import guess_rows, guess_table, suspect_scale
-from asrsim.recordings.claims import evaluate_claims
+from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.read import FORMATS, read_recording
@@ -15,15 +15,16 @@ __all__ = [
     "Band",
     "Column",
     "Comparison",
+    "RecordedSeries",
     "Recording",
     "Series",
     "align",
     "band",
     "compare",
-    "evaluate_claims",
     "guess_rows",
     "guess_table",
     "read_recording",
+    "require_columns",
     "resample",
     "suspect_scale",
 ]

@@ -1,104 +1,90 @@
-"""The claims of a scenario (`expect:`), evaluated on a run, against recordings too."""
+"""Claims against a recording: the same file, mapping, clock and samples as in `asrsim plot`, hence the same numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import Problem, RecordingError, ScenarioError
-from asrsim.metrics.expect import ExpectationResult, body_columns, evaluate_expectation
-from asrsim.recordings.compare import compare, simulated
+from asrsim.errors import Problem, RecordingError
+from asrsim.log.derived import DERIVED_SOURCES
+from asrsim.recordings.align import Alignment
+from asrsim.recordings.clock import Reader, align_recording, series_of
+from asrsim.recordings.compare import Series, compare, match_joints
 from asrsim.recordings.data import Recording
 from asrsim.recordings.read import read_recording
-from asrsim.samples import Array, JointInfo, Samples
+from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
 
 
-def evaluate_claims(
-    claims: Sequence[Expectation],
-    samples: Samples,
-    *,
-    infos: Sequence[JointInfo] = (),
-    variant: str | None = None,
-    folder: Path | None = None,
-) -> tuple[ExpectationResult, ...]:
-    """Evaluates all claims of a variant.
+class RecordedSeries:
+    """The recordings that the claims about one run name; each is read and aligned once."""
 
-    Args:
-        claims: Of the scenario; those of other variants are passed over.
-        samples: The whole run.
-        infos: Joints of the run, for derived quantities.
-        variant: Name of the run's variant; None: all claims are evaluated.
-        folder: Of the scenario, for relative `against` paths.
+    def __init__(self, infos: Sequence[JointInfo], read: Reader) -> None:
+        self._infos = infos
+        self._read = read
+        self._alignments: dict[str, Alignment] = {}
 
-    Raises:
-        ScenarioError: A claim that cannot be evaluated (unknown joint, quantity, measure), all of them together.
-        RecordingError: A recording that cannot be read or compared.
+    def series(self, claim: Expectation, joint: JointInfo) -> Series:
+        """The claim's quantity of a joint in both, aligned by the claim's options `lag` and `lag_limit`.
+
+        Raises RecordingError: the file cannot be read, has no such quantity, or does not overlap in time.
+        """
+        recording, pairing = require_columns(claim, self._infos, (joint,))
+        own = {recorded: name for recorded, name in pairing.items() if name == joint.name}
+        lag, limit = claim.options.get("lag", "auto"), claim.options.get("lag_limit")
+        key = f"{claim.against} {lag} {limit} {_mapping(claim)} {claim.options.get('rate')}"
+        if key not in self._alignments:
+            series = series_of(self._read, self._infos)
+            self._alignments[key] = align_recording(recording, pairing, series, lag=lag, limit=limit)
+        sources = DERIVED_SOURCES.get(claim.quantity, (claim.quantity,))
+        samples = self._read([name for name in joint.quantities if name in sources], (joint.name,))
+        result = compare(
+            samples, recording, infos=self._infos, joints=own, quantities=(claim.quantity,), lag=self._alignments[key].lag
+        )
+        return result.series[0]
+
+
+def require_columns(
+    claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
+) -> tuple[Recording, dict[str, str]]:
+    """The file under `against` with its pairing to the run's joints; kept while the file is unchanged.
+
+    Read with the claim's options `map` and `rate`. Raises RecordingError where it cannot be read or has no column of the
+    claim's quantity for one of the joints that the claim is about.
     """
-    results: list[ExpectationResult] = []
-    problems: list[Problem] = []
-    recordings: dict[str, Recording] = {}
-    for claim in claims:
-        if variant is not None and claim.variant not in (None, variant):
-            continue
-        try:
-            results.append(_evaluate(claim, samples, infos, folder, recordings))
-        except ScenarioError as error:
-            problems += error.problems
-    if problems:
-        raise ScenarioError(problems)
-    return tuple(results)
-
-
-def _evaluate(
-    claim: Expectation, samples: Samples, infos: Sequence[JointInfo], folder: Path | None, recordings: dict[str, Recording]
-) -> ExpectationResult:
-    if claim.body is not None:
-        columns = body_columns(samples, claim.body)
-        if not columns:
-            raise _error(claim, f"the run has no body '{claim.body}'", tuple(samples.bodies))
-        return evaluate_expectation(claim, samples.time, columns)
-    joint = claim.joint
-    if joint is None or joint not in samples.joints:
-        raise _error(claim, f"the run has no joint '{joint}'", samples.joints)
-    if claim.against is not None:
-        return _against(claim, joint, samples, infos, folder, recordings)
-    columns = {}
-    for quantity in (*samples.values, "position_error", claim.quantity):
-        values: Array | None = simulated(samples, joint, quantity, infos)
-        if values is not None:
-            columns[quantity] = values
-    return evaluate_expectation(claim, samples.time, columns)
-
-
-def _against(
-    claim: Expectation,
-    joint: str,
-    samples: Samples,
-    infos: Sequence[JointInfo],
-    folder: Path | None,
-    recordings: dict[str, Recording],
-) -> ExpectationResult:
-    """A claim of a difference to a recording; its option `lag` chooses the alignment (auto, off, start, or s)."""
-    name = str(claim.against)
-    path = Path(name) if folder is None or Path(name).is_absolute() else folder / name
-    if name not in recordings:
-        recordings[name] = read_recording(path, joints=samples.joints)
-    lag = claim.options.get("lag", "auto")
-    result = compare(samples, recordings[name], infos=infos, lag=lag)
-    series = result.find(joint, claim.quantity)
-    if series is None:
+    path = Path(str(claim.against))
+    newest = path.stat().st_mtime_ns if path.exists() else 0
+    joints = tuple(info.name for info in infos)
+    recording = _recording(path, newest, joints, _mapping(claim), claim.options.get("rate"))
+    pairing, _ = match_joints(joints, recording)
+    found = tuple(
+        f"{pairing[str(column.joint)]}.{column.quantity}"
+        for column in recording.channels.values()
+        if column.quantity and column.joint in pairing
+    )
+    missing = [joint.name for joint in about if f"{joint.name}.{claim.quantity}" not in found]
+    if missing:
         raise RecordingError(
-            Problem(message=f"has no column for {joint}.{claim.quantity}, which `expect` compares", file=path,
-                    choices=tuple(f"{s.joint}.{s.quantity}" for s in result.series), code="no-such-quantity")
+            Problem(
+                message=f"{path.name} has no column for {name}.{claim.quantity}, which `expect` compares", line=claim.line,
+                key="expect", choices=found, code="no-such-quantity",
+                hint=f"Its columns: {', '.join(list(recording.channels)[:30])}. Map one with "
+                f"options: {{map: ['COLUMN={name}.{claim.quantity}']}}",
+            )
+            for name in missing
         )  # fmt: skip
-    plain = replace(claim, options={key: value for key, value in claim.options.items() if key != "lag"})
-    return evaluate_expectation(plain, series.time, {claim.quantity: series.simulation}, reference=series.recording)
+    return recording, pairing
 
 
-def _error(claim: Expectation, message: str, choices: tuple[str, ...]) -> ScenarioError:
-    return ScenarioError(Problem(message=message, line=claim.line, key="expect", choices=choices, code="bad-expectation"))
+@lru_cache(maxsize=4)
+def _recording(path: Path, _newest: int, joints: tuple[str, ...], mapping: tuple[str, ...], rate: float | None) -> Recording:
+    return read_recording(path, joints=joints, mapping=list(mapping), rate=rate)
+
+
+def _mapping(claim: Expectation) -> tuple[str, ...]:
+    given: Any = claim.options.get("map", ())
+    return (given,) if isinstance(given, str) else tuple(given)

@@ -13,14 +13,11 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.align import Alignment, LagChoice, align, require_overlap, resample
+from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
 from asrsim.recordings.checks import suspect_scale
+from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array, JointInfo, Samples
-
-_ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
-"""What auto aligns on, the first that moves in both. The reference first: it is the same signal in both, whereas the lag of a
-response belongs to the difference that is to be judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +71,8 @@ class Comparison:
         for s in self.series:
             for name, value in s.metrics.items():
                 rows.append(_row(pair, s, name, value))
-            for name, (simulated, recorded) in s.steps.items():
-                rows.append(_row(source or "simulation", s, name, simulated))
+            for name, (ours, recorded) in s.steps.items():
+                rows.append(_row(source or "simulation", s, name, ours))
                 rows.append(_row(self.recording.name, s, name, recorded))
         return rows
 
@@ -117,7 +114,12 @@ def compare(
             found[joint, column.quantity] = (values, column)
     if not found:
         raise _nothing_common(samples, recording, pairing, quantities)
-    alignment = _align(samples.time, found, align_on, lag, lag_limit)
+
+    def series_of(joint: str, quantity: str) -> tuple[Array, Array] | None:
+        values = simulated(samples, joint, quantity, infos)
+        return None if values is None else (samples.time, values)
+
+    alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on)
     findings += alignment.findings
     series = tuple(
         _series(joint, quantity, samples.time, values, column, alignment.lag)
@@ -126,22 +128,6 @@ def compare(
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
     return Comparison(recording=recording.path, series=series, alignment=alignment, joints=pairing, findings=tuple(findings))
-
-
-def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:
-    """A joint's quantity of a simulation, (n,), derived ones too where `infos` is given; None if it is not recorded."""
-    index = samples.joints.index(joint)
-    if quantity in samples.values:
-        values = samples.values[quantity][:, index]
-    elif quantity in DERIVED and infos:
-        from asrsim.log.derived import DERIVED_FUNCTIONS
-
-        if quantity != "equilibrium_position" and "link_position" not in samples.values:
-            return None
-        values = DERIVED_FUNCTIONS[quantity](samples, infos)[:, index]
-    else:
-        return None
-    return None if np.all(np.isnan(values)) else values
 
 
 def match_joints(
@@ -198,28 +184,6 @@ def _nothing_common(
         Problem(message=f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
                 f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity")
     )  # fmt: skip
-
-
-def _align(
-    time: Array, found: Mapping[tuple[str, str], tuple[Array, Column]], on: tuple[str, str] | None, lag: LagChoice,
-    limit: float | None,
-) -> Alignment:  # fmt: skip
-    if on is not None and on not in found:
-        raise RecordingError(
-            Problem(message=f"cannot align on {on[0]}.{on[1]}, it is not in both", code="no-such-quantity",
-                    choices=tuple(f"{joint}.{quantity}" for joint, quantity in found))
-        )  # fmt: skip
-    if on is None:
-        rank = {quantity: i for i, quantity in enumerate(_ALIGN_ON)}
-        order = sorted(found, key=lambda key: rank.get(key[1], len(rank)))
-        on = next((key for key in order if _moves(found[key][0]) and _moves(found[key][1].values)), order[0])
-    values, column = found[on]
-    return align(time, values, column.time, column.values, choice=lag, limit=limit, name=f"{on[0]}.{on[1]}")
-
-
-def _moves(values: Array) -> bool:
-    finite = values[np.isfinite(values)]
-    return len(finite) > 1 and float(np.ptp(finite)) > 1e-9
 
 
 def _series(joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float) -> Series:

@@ -33,6 +33,8 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
                 message = f"'{claim.quantity}' is not recorded for joint '{joint.name}'"
                 choices = tuple(sorted(known))
                 problems.append(Problem(message=message, line=claim.line, key="expect", choices=choices, code="expect"))
+        if claim.against is not None and not problems:
+            problems += _unreadable(claim, joints)
     if problems:
         raise ScenarioError([replace(problem, file=problem.file or file) for problem in problems])
 
@@ -41,6 +43,9 @@ def claim_results(
     claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
     """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`."""
+    from asrsim.recordings import RecordedSeries
+
+    recorded = RecordedSeries(joints, read)
     results: list[ExpectationResult] = []
     for claim in claims:
         try:
@@ -48,19 +53,28 @@ def claim_results(
                 samples = read((), ())
                 results.append(evaluate_expectation(claim, samples.time, body_columns(samples, claim.body)))
             for joint in _joints_of(claim, joints):
-                samples = read(*_needed(claim, joint))
-                columns = _columns(samples, joint)
                 one = replace(claim, joint=joint.name)
-                time, reference = samples.time, None
                 if claim.against is not None:
-                    reference = _recorded(one, time, joint.name)
-                    common = np.isfinite(reference)
-                    time, reference = time[common], reference[common]
-                    columns = {name: column[common] for name, column in columns.items()}
-                results.append(evaluate_expectation(one, time, columns, reference=reference))
+                    series = recorded.series(one, joint)
+                    columns = {claim.quantity: series.simulation}
+                    results.append(evaluate_expectation(one, series.time, columns, reference=series.recording))
+                else:
+                    samples = read(*_needed(claim, joint))
+                    results.append(evaluate_expectation(one, samples.time, _columns(samples, joint)))
         except InputError as error:
             raise ScenarioError([replace(problem, file=problem.file or file) for problem in error.problems]) from error
     return tuple(results)
+
+
+def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem]:
+    """Why a claim's recording cannot serve it, as far as that does not depend on the run."""
+    from asrsim.recordings import require_columns
+
+    try:
+        require_columns(claim, joints, _joints_of(claim, joints))
+    except InputError as error:
+        return [replace(problem, line=problem.line or claim.line) for problem in error.problems]
+    return []
 
 
 def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInfo]:
@@ -81,15 +95,3 @@ def _columns(samples: Samples, joint: JointInfo) -> dict[str, Array]:
         if np.isfinite(column).any():
             columns[name] = column
     return columns
-
-
-def _recorded(claim: Expectation, time: Array, joint: str) -> Array:
-    """(n,) what the recording has of the claim's quantity, at the run's times; NaN outside of the recording."""
-    from asrsim.recordings import read_recording
-
-    assert claim.against is not None
-    column = read_recording(claim.against, joints=[joint]).column(joint, claim.quantity)
-    known = np.isfinite(column.values)
-    if not known.any():
-        return np.full(len(time), np.nan)
-    return np.interp(time, column.time[known], column.values[known], left=np.nan, right=np.nan)
