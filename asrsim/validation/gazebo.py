@@ -141,7 +141,8 @@ def velocity_limit() -> Iterator[Check]:
         fast = case.startswith("sea")
         yield Check(
             name=f"effect of Gazebo's velocity limit over .25 s, {case}",
-            figure=effect, bound=1e-3 if fast else 0.0, unit="rad", at_least=fast, source="torque zeroed above 100 rad/s" if fast else "never that fast",
+            figure=effect, bound=1e-3 if fast else 0.0, unit="rad", at_least=fast,
+            source="torque zeroed above 100 rad/s" if fast else "never that fast",
         )  # fmt: skip
 
 

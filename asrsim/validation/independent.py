@@ -77,6 +77,20 @@ def step_responses() -> Iterator[Check]:
         yield Check(name=f"RMS distance over 5 s, {name}", figure=error, bound=bound, unit="rad", source=source)
 
 
+def certificates() -> Iterator[Check]:
+    """The numerical error that `--certify` reports, over the true one."""
+    from asrsim.simulation.certify import certify
+
+    truth = np.load(DATA / "ideal.npz")
+    for case in CASES:
+        result = simulate_case(case)
+        error = rms(positions(result) - truth[case][:, 1])
+        reported = certify(result.scenario, result, load_robot(result.scenario.robot)).joints["joint"]
+        factor = max(reported.position_rms / error, error / reported.position_rms)
+        name = f"reported over true error, {case}: order {reported.order:.2f}"
+        yield Check(name=name, figure=factor, bound=2.0, source="RK4 at 1e-5 s; either way")
+
+
 def steady_states() -> Iterator[Check]:
     """Where the eight cases come to rest."""
     for case in CASES:

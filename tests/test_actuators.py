@@ -1,0 +1,222 @@
+"""A battery that every registered actuator goes through: its laws against physics, and its joint in the simulation."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.base import saturate
+from asrsim.actuators.checker import check_actuator, parameter_sets
+from asrsim.actuators.motor import motor_coefficients, motor_kick
+from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
+from asrsim.validation.models import Body, chain, column, run
+
+NAMES = ACTUATORS.names()
+BODY = Body(mass=0.3, reach=0.05, inertia=1e-3, damping=0.05)
+
+
+def points(law: type[Actuator], count: int = 40) -> list[tuple[float, float, float, tuple[float, ...]]]:
+    """Positions inside and beyond the deflection limit, with the defaults and perturbed parameters."""
+    source = random.Random(7)
+    found = []
+    for parameters in parameter_sets(law):
+        limit = dict(zip((p.name for p in law.parameters), parameters, strict=True)).get("max_deflection", 0.5)
+        for _ in range(count):
+            q = source.uniform(-1.0, 1.0)
+            theta_1 = q + source.uniform(-1.3, 1.3) * limit
+            theta_2 = q + source.uniform(-1.3, 1.3) * limit
+            if law.adjuster:
+                theta_2 = law.typical_preset * source.uniform(0.5, 1.5)
+            found.append((q, theta_1, theta_2, parameters))
+    return found
+
+
+@pytest.fixture(params=NAMES)
+def law(request: pytest.FixtureRequest) -> type[Actuator]:
+    return ACTUATORS.get(request.param)
+
+
+# -- laws --------------------------------------------------------------------------------------------------------------
+
+
+def test_it_passes_the_checker(law: type[Actuator]) -> None:
+    report = check_actuator(law)
+    assert not [check for check in report.checks if not check.passed]
+
+
+def test_its_energy_has_the_torques_as_slopes(law: type[Actuator]) -> None:
+    if law.elastic_energy is Actuator.elastic_energy:
+        pytest.skip("its energy is integrated from its torques")
+    h = 1e-5
+    for q, x, y, parameters in points(law):
+
+        def energy(q: float, x: float, y: float, parameters: tuple[float, ...] = parameters) -> float:
+            return law.elastic_energy(q, x, y, parameters)
+
+        torques = law.elastic_torques(q, x, y, parameters)
+        scale = max(abs(law.stiffness(q, x, y, parameters)) * 0.3, *map(abs, torques), 1e-6)
+        slopes = [(energy(q, x + h, y) - energy(q, x - h, y)) / (2 * h), -(energy(q + h, x, y) - energy(q - h, x, y)) / (2 * h)]
+        assert slopes[0] == pytest.approx(torques[0], abs=2e-4 * scale)
+        assert slopes[1] == pytest.approx(sum(torques), abs=2e-4 * scale)
+        if not law.adjuster and law.motors == 2:
+            slope = (energy(q, x, y + h) - energy(q, x, y - h)) / (2 * h)
+            assert slope == pytest.approx(torques[1], abs=2e-4 * scale)
+
+
+def test_its_energy_is_counted_from_the_undeflected_spring(law: type[Actuator]) -> None:
+    energy = energy_over_arrays(law)
+    for q, x, y, parameters in points(law):
+        theta_2 = y if law.adjuster else q
+        still = float(energy(np.array([q]), np.array([q]), np.array([theta_2]), parameters)[0])
+        bent = float(energy(np.array([q]), np.array([x]), np.array([y]), parameters)[0])
+        assert still == pytest.approx(0.0, abs=1e-12)
+        if law.elastic_torques(q, q, theta_2, parameters)[0] == 0.0:
+            assert bent >= 0.0
+
+
+def test_its_laws_on_arrays_are_its_laws(law: type[Actuator]) -> None:
+    q, x, y = (np.array(values) for values in zip(*[point[:3] for point in points(law)[:40]], strict=True))
+    parameters = points(law)[0][3]
+    torques = over_arrays(law.elastic_torques)(q, x, y, parameters)
+    stiffness = over_arrays(law.stiffness)(q, x, y, parameters)
+    for k in range(len(q)):
+        point = float(q[k]), float(x[k]), float(y[k])
+        np.testing.assert_allclose(torques[:, k], law.elastic_torques(*point, parameters), rtol=1e-13, atol=1e-15)
+        assert stiffness[k] == pytest.approx(law.stiffness(*point, parameters), rel=1e-13)
+
+
+def test_beyond_the_deflection_limit_the_torque_stays(law: type[Actuator]) -> None:
+    names = [parameter.name for parameter in law.parameters]
+    if "max_deflection" not in names:
+        pytest.skip("it has no deflection limit")
+    parameters = tuple(parameter.default for parameter in law.parameters)
+    limit = parameters[names.index("max_deflection")]
+    second = law.typical_preset if law.adjuster else 0.0
+    at = law.elastic_torques(0.0, limit, second, parameters)[0]
+    assert law.elastic_torques(0.0, 1.5 * limit, second, parameters)[0] == at
+    assert law.elastic_torques(0.0, 0.9 * limit, second, parameters)[0] < at
+
+
+# -- joints ------------------------------------------------------------------------------------------------------------
+
+
+def references(law: type[Actuator], mode: int) -> dict[str, float]:
+    if MODES[mode].mapped:
+        return {"equilibrium_position": 0.2, "stiffness_preset": law.typical_preset}
+    first, second = law.motor_references(0.2, law.typical_preset)
+    if law.adjuster:
+        second = law.typical_preset
+    return {
+        0: {"link_torque": 0.05},
+        1: {"link_position": 0.2},
+        2: {"reference_1": first, "reference_2": second},
+        4: {"motor_1_torque": 0.05, "motor_2_torque": second if law.adjuster else 0.05},
+        5: {"reference_1": first, "reference_2": second},
+    }[mode]
+
+
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
+@pytest.mark.parametrize("mode", sorted(MODES))
+def test_every_mode_runs_in_every_stepping(law: type[Actuator], mode: int, stepping: str) -> None:
+    result = run(chain(replace_actuator(law)), mode=mode, references=references(law, mode), duration=0.3, stepping=stepping)
+    assert result.samples is not None
+    joint = result.samples.joint("joint_1")
+    assert set(result.info.joints[0].quantities) >= set(joint)
+    for name, values in joint.items():
+        assert len(values) == 301, name
+        assert np.all(np.isfinite(values)), name
+    # In the released order AwAS-II's adjuster is a motor, whose friction this torque does not overcome: no spring, no motion.
+    if not (law.adjuster and mode == 4 and stepping == "toolbox"):
+        assert np.max(np.abs(joint["link_position"])) > 1e-4
+    assert ("motor_1_velocity" in joint) == MODES[mode].motor
+    assert ("motor_2_velocity" in joint) == (MODES[mode].motor and law.motors == 2)
+    assert ("stiffness" in joint) == MODES[mode].spring
+
+
+@pytest.mark.parametrize("mode", [2, 3, 5, 6])
+def test_without_load_the_link_rests_at_the_equilibrium(law: type[Actuator], mode: int) -> None:
+    """Gravity off: the reference map's equilibrium is where the link goes, in every mode that holds motors."""
+    result = run(
+        chain(replace_actuator(law)), mode=mode, gravity=0.0, references=references(law, mode), duration=5.0,
+        parameters={f"motor_{i}_friction_torque": 0.0 for i in range(1, law.motors + 1)},
+    )  # fmt: skip
+    assert column(result, "link_position")[-1] == pytest.approx(0.2, abs=2e-4)
+    assert column(result, "link_torque")[-1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_is_logged_is_the_law(law: type[Actuator]) -> None:
+    """Torques and stiffness of a log follow from its positions."""
+    result = run(chain(replace_actuator(law)), mode=6, references=references(law, 6), duration=0.2)
+    elastic = tuple(result.robot.actuators[0].values()[parameter.name] for parameter in law.parameters)
+    second: Any = column(result, "motor_2_position") if law.motors == 2 or law.adjuster else np.zeros(201)
+    for k in (0, 57, 200):
+        point = float(column(result, "link_position")[k]), float(column(result, "motor_1_position")[k]), float(second[k])
+        torques = law.elastic_torques(*point, elastic)
+        assert column(result, "elastic_torque_1")[k] == pytest.approx(torques[0], rel=1e-12, abs=1e-15)
+        assert column(result, "link_torque")[k] == pytest.approx(sum(torques), rel=1e-12, abs=1e-15)
+        assert column(result, "stiffness")[k] == pytest.approx(law.stiffness(*point, elastic), rel=1e-12)
+
+
+def replace_actuator(law: type[Actuator], **changes: Any) -> Body:
+    values = {name: getattr(BODY, name) for name in ("mass", "reach", "inertia", "damping")}
+    return Body(actuator=law.name, **{**values, **changes})
+
+
+# -- the motor ---------------------------------------------------------------------------------------------------------
+
+MOTOR = {
+    "motor_1_inertia": 0.0233, "motor_1_damping": 0.2698, "motor_1_max_torque": 6.0, "motor_1_max_velocity": 6.0,
+    "motor_1_min_position": -math.inf, "motor_1_max_position": math.inf, "motor_1_friction_torque": 0.02,
+    "controller_1_proportional": 125.0, "controller_1_integral": 0.0, "controller_1_derivative": 4.5,
+}  # fmt: skip
+
+
+def kick(x: float, v: float, *, reference: float, load: float = 0.0, controlled: bool = False, **values: float) -> Any:
+    coefficients = motor_coefficients({**MOTOR, **values}, 1, step=1e-3, implicitness=0.5, controlled=controlled)
+    return motor_kick(x, v, 0.0, 0.0, reference, load, coefficients)
+
+
+def test_a_kick_is_the_midpoint_rule() -> None:
+    after, middle, _, _, torque, friction = kick(1e-5, 0.4, reference=2.0, load=0.3)
+    assert middle == 0.5 * (0.4 + after)
+    assert torque == 2.0
+    assert friction == pytest.approx(FRICTION_STIFFNESS * 1e-5)
+    assert 0.0233 * (after - 0.4) / 1e-3 == pytest.approx(2.0 - 0.3 - friction - 0.2698 * middle, rel=1e-12)
+
+
+def test_the_controllers_torque_uses_the_middle_velocity() -> None:
+    after, _, _, _, torque, _ = kick(0.0, 0.4, reference=0.03, controlled=True)
+    assert torque == pytest.approx(125.0 * 0.03 - 4.5 * 0.5 * (0.4 + after), rel=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_torque_and_speed_keep_their_limits(sign: float) -> None:
+    after, _, _, _, torque, friction = kick(0.0, 0.0, reference=sign * 50.0)
+    assert torque == sign * 6.0
+    assert after == pytest.approx((sign * 6.0 - friction) * 1e-3 / (0.0233 + 0.5e-3 * 0.2698), rel=1e-12)
+    fast, *_ = kick(0.0, sign * 5.99, reference=sign * 6.0)
+    assert fast == sign * 6.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_bristles_bend_to_the_coulomb_level_and_slip(sign: float) -> None:
+    slip = 0.02 / FRICTION_STIFFNESS
+    _, _, anchor, _, _, friction = kick(sign * 3.0 * slip, 0.0, reference=0.0)
+    assert friction == pytest.approx(sign * 0.02)
+    assert anchor == pytest.approx(sign * 2.0 * slip)
+
+
+def test_integral_action_takes_the_mean_of_the_step() -> None:
+    _, middle, _, integral, torque, _ = kick(0.0, 0.0, reference=0.01, controlled=True, controller_1_integral=200.0)
+    assert integral == pytest.approx(200.0 * 0.01 * 1e-3)
+    assert torque == pytest.approx(125.0 * 0.01 + 0.5 * integral - 4.5 * middle, rel=1e-12)
+
+
+def test_saturation_clips_both_sides() -> None:
+    assert [saturate(value, 0.3) for value in (-1.0, -0.3, 0.1, 0.3, 1.0)] == [-0.3, -0.3, 0.1, 0.3, 0.3]

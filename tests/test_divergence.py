@@ -1,0 +1,183 @@
+"""Divergence by physics: what is unstable is stopped, with its cause; what is fine is never touched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.errors import DivergenceError, UnresolvedSpringError
+from asrsim.scenario.data import Wrench
+from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
+from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.run import Run
+from asrsim.validation.contacts import push, slide
+from asrsim.validation.models import LOAD, SETTINGS, Body, chain, run
+
+STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
+AWAS = replace(LOAD, actuator="awas_ii", damping=0.065)
+LIMITS = '<limit lower="-3" upper="3" effort="{effort}" velocity="100"/>'
+STOPS = '<limit lower="-0.2" upper="0.3" effort="100" velocity="100"/>'
+
+
+def test_a_spring_that_one_step_cannot_resolve_is_refused() -> None:
+    with pytest.raises(UnresolvedSpringError, match=r"joint 'joint_1'.*omega h = 3\.33.*at least 17 substeps"):
+        run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substeps=1)
+
+
+def test_the_cap_on_substeps_is_kept() -> None:
+    with pytest.raises(UnresolvedSpringError, match="the cap is 10"):
+        run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=10)
+    resolved = run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=17)
+    assert resolved.resolution.substeps == 17
+
+
+@pytest.mark.parametrize("effort", ["1e6", "300"], ids=["no limit", "effort limit"])
+@pytest.mark.parametrize("friction", [0.0, 0.025])
+def test_the_released_order_on_the_same_spring_diverges_in_energy(effort: str, friction: float) -> None:
+    """Finite numbers all the way: the deflection saturates. Only the energy tells."""
+    robot = chain(replace(AWAS, friction=friction, limits=LIMITS.format(effort=effort)))
+    with pytest.raises(DivergenceError, match=r"joint 'joint_1' diverged.* J .* its actuator; omega h is 3\.3") as caught:
+        run(robot, mode=3, references=STIFF, duration=2.0, stepping="toolbox")
+    error = caught.value
+    assert error.joint == "joint_1"
+    assert 0.0 < error.time <= 2.0
+    stopped = error.run
+    assert isinstance(stopped, Run)
+    assert stopped.status == "diverged"
+    assert stopped.samples is not None
+    assert len(stopped.samples.time) > 10
+    assert np.all(np.isfinite(stopped.samples.values["link_position"]))
+
+
+def test_among_several_joints_the_right_one_is_named() -> None:
+    robot = chain(Body(actuator="sea", mass=1.0, reach=0.05, inertia=0.05), replace(AWAS, mass=0.2))
+    with pytest.raises(DivergenceError) as caught:
+        run(
+            robot, mode=3, duration=1.0, stepping="toolbox",
+            joints={"joint_1": {"equilibrium_position": 0.1}, "joint_2": STIFF},
+        )  # fmt: skip
+    assert caught.value.joint == "joint_2"
+
+
+def test_numbers_that_leave_all_bounds_are_told_from_springs() -> None:
+    """A constant torque on a free link: nothing wrong with the numerics, but no robot is that fast."""
+    with pytest.raises(DivergenceError, match=r"no longer finite or sane.*input or gain"):
+        run(chain(LOAD), duration=1.0, gravity=0.0, external={"joint_1": Constant(value=10.0)})
+
+
+def test_short_runs_are_looked_at_too() -> None:
+    with pytest.raises(DivergenceError):
+        run(chain(AWAS), mode=3, references=STIFF, duration=0.05, stepping="toolbox")
+
+
+# -- what is fine ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
+@pytest.mark.parametrize("name", [name for name in SETTINGS if name != "AwAS-II .04"])
+def test_the_papers_settings_run_in_every_stepping(name: str, stepping: str) -> None:
+    actuator, preset, parameters = SETTINGS[name]
+    result = run(
+        chain(replace(LOAD, actuator=actuator, damping=0.065, friction=0.025, limits=LIMITS.format(effort="300"))), mode=3,
+        references={"equilibrium_position": 0.8, "stiffness_preset": preset}, parameters=parameters, duration=0.5,
+        stepping=stepping,
+    )  # fmt: skip
+    assert result.status == "complete"
+
+
+ARM = Body(actuator="qbmove", mass=0.5, reach=0.08, inertia=6e-4)
+WAVE = {"equilibrium_position": Sinusoid(amplitude=0.5, frequency=1.0), "stiffness_preset": 0.2}
+FINE: dict[str, dict[str, Any]] = {
+    "joint stops hit at speed": {"bodies": [replace(ARM, limits=STOPS)], "mode": 3, "references": WAVE},
+    "strong dry friction": {"bodies": [replace(ARM, friction=0.3)] * 2, "mode": 6, "references": WAVE},
+    "strong damping": {"bodies": [replace(ARM, damping=5.0)], "mode": 6, "references": WAVE},
+    "motors at torque and speed limits": {
+        "bodies": [ARM], "mode": 6, "parameters": {"motor_1_max_torque": 0.3, "motor_2_max_velocity": 0.5},
+        "references": WAVE,
+    },
+    "motors at their stops": {
+        "bodies": [ARM], "mode": 6, "parameters": {"motor_1_max_position": 0.2, "motor_2_min_position": -0.2},
+        "references": WAVE,
+    },
+    "springs far beyond their deflection limit": {
+        "bodies": [ARM], "mode": 3, "parameters": {"max_deflection": 0.05},
+        "references": {"equilibrium_position": Step(at=0.1, after=3.0), "stiffness_preset": 0.2},
+    },
+    "effort limit": {"bodies": [replace(ARM, limits=LIMITS.format(effort="0.1"))], "mode": 6, "references": WAVE},
+    "references that jump often": {
+        "bodies": [ARM] * 2, "mode": 3,
+        "references": {
+            "equilibrium_position": PulseTrain(high=1.0, width=0.0313, period=0.0717), "stiffness_preset": 0.3,
+        },
+    },
+    "an adjuster that moves fast": {
+        "bodies": [replace(ARM, actuator="awas_ii")], "mode": 6,
+        "references": {
+            "equilibrium_position": 0.5, "stiffness_preset": Sinusoid(amplitude=0.01, frequency=5.0, offset=0.02),
+        },
+    },
+    "a free fall of three links": {"bodies": [replace(ARM, actuator=None)] * 3, "initial": [1.5, 1.0, -2.0]},
+    "a wrench": {
+        "bodies": [ARM], "mode": 6, "references": WAVE,
+        "wrenches": (Wrench(link="link_1", force=(Sinusoid(amplitude=20.0, frequency=3.0), None, None)),),
+    },
+    "a slow trajectory, repeated": {
+        "bodies": [replace(ARM, damping=0.065, friction=0.025)] * 2, "mode": 6,
+        "references": {"equilibrium_position": Ramp(final=1.4, duration=1.5), "stiffness_preset": 0.2},
+    },
+    "motor torques": {
+        "bodies": [ARM], "mode": 4,
+        "references": {"motor_1_torque": Sinusoid(amplitude=3.0, frequency=4.0), "motor_2_torque": -0.5},
+    },
+    "a PID on the link": {"bodies": [ARM] * 2, "mode": 1, "references": {"link_position": Step(at=0.1, after=1.0)}},
+    "a torque on the link": {
+        "bodies": [ARM] * 2, "mode": 0, "references": {"link_torque": Sinusoid(amplitude=0.6, frequency=1.0)},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("stepping", ["leapfrog", "toolbox"])
+@pytest.mark.parametrize("name", FINE)
+def test_hard_but_sound_runs_are_left_alone(name: str, stepping: str) -> None:
+    options = dict(FINE[name])
+    bodies = options.pop("bodies")
+    parameters = options.pop("parameters", {})
+    result = run(chain(*bodies), duration=1.5, parameters=parameters, stepping=stepping, **options)
+    assert result.status == "complete"
+    assert result.samples is not None
+    assert np.all(np.isfinite(result.samples.values["link_position"]))
+
+
+def test_contacts_are_left_alone() -> None:
+    assert push(Ramp(final=20.0, start=0.1, duration=0.5), duration=0.8).status == "complete"
+    assert slide(0.5, duration=0.5).status == "complete"
+
+
+# -- the guard by itself -----------------------------------------------------------------------------------------------
+
+
+def guard(energy: float | None, *, given: float = 0.0, residual: float = 0.0, turnover: float = 10.0) -> str | None:
+    fault = EnergyGuard(2.0).fault(
+        energy, given=np.array([given, 0.0]), residual=np.array([residual, 0.0]), turnover=np.array([turnover, 1.0]),
+        names=["a", "b"],
+    )  # fmt: skip
+    return None if fault is None else " ".join(fault)
+
+
+def test_the_guard_knows_what_was_given() -> None:
+    assert guard(9.0, given=7.0) is None
+    assert "links hold 7 J that nothing gave them" in str(guard(9.0))
+    assert guard(-50.0) is None, "friction and stops of the joints may take anything"
+
+
+def test_the_guard_sees_springs_on_both_sides() -> None:
+    assert guard(2.0, residual=3.0) is None
+    assert str(guard(2.0, residual=9.0)) == "a 9 J vanished in its actuator"
+    assert str(guard(2.0, residual=-9.0)) == "a 9 J came from nowhere in its actuator"
+    assert guard(None, residual=math.nextafter(5.5, 0.0)) is None
+    assert guard(None, residual=-5.6) is not None, "in a world with contacts the springs are still watched"
+    assert guard(1e9, residual=0.0, given=1e9 - 2.0) is None

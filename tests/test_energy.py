@@ -1,0 +1,159 @@
+"""Where the energy goes: what is logged adds up, whatever limits and stops do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.signals import PulseTrain, Sinusoid, Step
+from asrsim.simulation import run as run_module
+from asrsim.simulation.run import Run
+from asrsim.validation.conservation import energy_gain, motors
+from asrsim.validation.models import Body, chain, column, run
+
+BODY = Body(mass=0.4, reach=0.05, inertia=2e-3, damping=0.02)
+WAVE = Sinusoid(amplitude=0.3, frequency=2.0)
+
+
+def shares(robot: Any, **options: Any) -> list[float]:
+    """Residual over work at 1 ms and a quarter of it, without substeps."""
+    found = []
+    for step in (1e-3, 2.5e-4):
+        result = run(robot, step=step, substeps=1, motor_substeps=1, **options)
+        work = np.max(np.abs(column(result, "motor_work"))) + np.max(np.abs(column(result, "link_work")))
+        found.append(float(np.max(np.abs(column(result, "energy_residual"))) / work))
+    return found
+
+
+@pytest.mark.parametrize("actuator", ACTUATORS.names())
+@pytest.mark.parametrize("mode", [2, 3, 4, 5, 6])
+def test_the_balance_of_any_actuator_closes_to_second_order(actuator: str, mode: int) -> None:
+    law = ACTUATORS.get(actuator)
+    names = {
+        2: ("reference_1", "reference_2"), 3: ("equilibrium_position", "stiffness_preset"),
+        4: ("motor_1_torque", "motor_2_torque"), 5: ("reference_1", "reference_2"),
+        6: ("equilibrium_position", "stiffness_preset"),
+    }[mode]  # fmt: skip
+    second: Any = law.typical_preset
+    if mode in (2, 5) and not law.adjuster:
+        second = Sinusoid(amplitude=0.3, frequency=2.0, offset=-0.05)
+    if mode == 4 and not law.adjuster:
+        second = -0.05
+    coarse, fine = shares(
+        chain(replace(BODY, actuator=actuator)), mode=mode, duration=0.4, references={names[0]: WAVE, names[1]: second}
+    )
+    assert coarse < 3e-3
+    # 16 where forces are smooth; springs that pass their deflection limit and motors that stick have corners.
+    assert fine < coarse / 6.0 or fine < 1e-12
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        pytest.param({"motor_1_max_torque": 0.5}, id="torque limit of the motor"),
+        pytest.param({"motor_1_max_velocity": 1.0}, id="speed limit of the motor"),
+        pytest.param({"motor_1_max_position": 0.1, "motor_1_min_position": -0.1}, id="stops of the motor"),
+        pytest.param({"motor_1_friction_torque": 0.5}, id="strong friction"),
+        pytest.param({"max_deflection": 0.02}, id="deflection limit"),
+        pytest.param({"controller_1_integral": 400.0}, id="integral action"),
+    ],
+)
+def test_the_balance_closes_at_limits(parameters: dict[str, float]) -> None:
+    coarse, fine = shares(
+        chain(replace(BODY, actuator="sea")), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
+        parameters={"spring_stiffness": 20.0, **parameters},
+    )  # fmt: skip
+    assert coarse < 1e-2
+    assert fine < 0.6 * coarse
+
+
+def test_the_effort_limit_takes_its_share() -> None:
+    limits = '<limit lower="-3" upper="3" effort="0.5" velocity="100"/>'
+    coarse, fine = shares(
+        chain(replace(BODY, actuator="sea", limits=limits)), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
+        parameters={"spring_stiffness": 20.0},
+    )  # fmt: skip
+    assert coarse < 1e-2
+    assert fine < 0.6 * coarse
+
+
+def test_a_jump_at_the_seam_of_two_blocks_is_seen() -> None:
+    """Samples are made block by block; an input that jumps where one ends and the next begins belongs to both."""
+    residuals = []
+    for at in (run_module.BLOCK, run_module.BLOCK - 1, run_module.BLOCK + 1, run_module.BLOCK - 0.4, run_module.BLOCK - 100):
+        result = run(
+            chain(replace(BODY, actuator="sea")), mode=4, duration=2.2, substeps=1, motor_substeps=1,
+            references={"motor_1_torque": Step(at=at * 1e-3, before=0.05, after=0.4)}, parameters={"spring_stiffness": 20.0},
+        )  # fmt: skip
+        jumps = np.abs(np.diff(column(result, "energy_residual")))
+        residuals.append(float(np.max(jumps[-300:])))
+    assert max(residuals) < 3.0 * min(residuals)
+
+
+def test_what_is_logged_adds_up() -> None:
+    """Motor work = losses + springs + kinetic energy of the motor + link work, at every row; all start at zero."""
+    result = run(
+        chain(replace(BODY, actuator="sea")), mode=4, duration=0.5, references={"motor_1_torque": WAVE},
+        parameters={"spring_stiffness": 20.0},
+    )  # fmt: skip
+    parts = {name: column(result, name) for name in ("motor_work", "friction_loss", "link_work", "energy_residual")}
+    for name, values in parts.items():
+        assert values[0] == 0.0, name
+    kinetic = 0.5 * 0.0233 * column(result, "motor_1_velocity") ** 2
+    held = column(result, "spring_energy") + kinetic
+    left = parts["motor_work"] - parts["friction_loss"] - parts["link_work"] - (held - held[0])
+    np.testing.assert_allclose(left, parts["energy_residual"], atol=1e-12)
+    # Of what went into friction, only what bends its bristles can come back.
+    bristles = 0.02**2 / (2.0 * 1000.0)
+    assert np.max(np.maximum.accumulate(parts["friction_loss"]) - parts["friction_loss"]) < 2.1 * bristles
+    assert np.all(np.diff(column(result, "damping_loss")) >= 0.0)
+    # The link: what it was given is in its motion, less what damping took.
+    mass = BODY.inertia + BODY.mass * BODY.reach**2
+    link = 0.5 * mass * column(result, "link_velocity") ** 2
+    link += BODY.mass * 9.81 * BODY.reach * (1.0 - np.cos(column(result, "link_position")))
+    np.testing.assert_allclose(parts["link_work"] - column(result, "damping_loss"), link, atol=2e-4 * np.max(link))
+
+
+def test_energies_do_not_depend_on_how_often_rows_are_logged() -> None:
+    options: dict[str, Any] = {
+        "mode": 6, "duration": 0.3, "references": {"equilibrium_position": WAVE, "stiffness_preset": 0.2},
+    }  # fmt: skip
+    every = run(chain(replace(BODY, actuator="qbmove")), **options)
+    some = run(chain(replace(BODY, actuator="qbmove")), log_every=7, **options)
+    assert every.samples is not None
+    assert some.samples is not None
+    for name, values in some.samples.values.items():
+        np.testing.assert_array_equal(values, every.samples.values[name][::7])
+
+
+@pytest.mark.parametrize("mode", [0, 1])
+def test_a_rigid_joint_has_no_spring_energy(mode: int) -> None:
+    name = {0: "link_torque", 1: "link_position"}[mode]
+    result = run(chain(replace(BODY, actuator="sea")), mode=mode, duration=0.1, references={name: 0.1})
+    quantities = result.info.joints[0].quantities
+    assert "link_work" in quantities
+    assert not {"spring_energy", "energy_residual", "friction_loss"} & set(quantities)
+    np.testing.assert_array_equal(column(result, "motor_work"), column(result, "link_work"))
+
+
+def test_no_run_without_input_gains_energy_beyond_theory() -> None:
+    assert energy_gain("bavs", 3, friction=0.0, damping=0.0) <= 1.001
+    assert energy_gain("qbmove", 4, friction=0.0, damping=0.0) <= 1.001
+    assert energy_gain("sea", 6, friction=0.02, damping=0.02) <= 1.001
+
+
+def test_a_push_leaves_energy_and_momentum_alone_afterwards() -> None:
+    still = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf}
+    result: Run = run(
+        chain(replace(BODY, actuator="qbmove", damping=0.0)), mode=4, duration=1.0, substeps=1, motor_substeps=1, gravity=0.0,
+        parameters=motors("qbmove", still), references={"motor_1_torque": PulseTrain(high=0.6, width=0.05, period=1e3)},
+    )  # fmt: skip
+    mass = BODY.inertia + BODY.mass * BODY.reach**2
+    momentum = mass * column(result, "link_velocity")
+    momentum = momentum + 0.0233 * (column(result, "motor_1_velocity") + column(result, "motor_2_velocity"))
+    np.testing.assert_allclose(momentum[60:], 0.6 * 0.05, rtol=1e-12)

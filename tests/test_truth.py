@@ -1,0 +1,48 @@
+"""The simulator against facts from outside it: every check of docs/validation.md, with its bound."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from asrsim.validation.check import Check, Section, available
+from asrsim.validation.document import document, number
+from asrsim.validation.sections import SECTIONS
+
+
+def _measures() -> Iterator[Any]:
+    for section in SECTIONS:
+        for measure in section.measures:
+            marks = [pytest.mark.slow] if measure.__name__ in section.slow else []
+            yield pytest.param(section, measure, id=measure.__name__, marks=marks)
+
+
+@pytest.mark.parametrize(("section", "measure"), _measures())
+def test_every_figure_keeps_its_bound(section: Section, measure: Callable[[], Iterator[Check]]) -> None:
+    if not available(section):
+        pytest.skip(f"needs {section.needs}")
+    checks = list(measure())
+    assert checks
+    assert not [str(check) for check in checks if not check.passed]
+
+
+def test_a_check_passes_on_the_right_side_of_its_bound_only() -> None:
+    assert Check(name="error", figure=1.0, bound=1.0).passed
+    assert not Check(name="error", figure=1.1, bound=1.0).passed
+    assert Check(name="order", figure=1.9, bound=1.8, at_least=True).passed
+    assert not Check(name="order", figure=1.7, bound=1.8, at_least=True).passed
+    assert not Check(name="lost", figure=float("nan"), bound=1.0).passed
+    assert not Check(name="lost", figure=float("nan"), bound=1.0, at_least=True).passed
+
+
+def test_the_document_is_made_of_the_checks_own_numbers() -> None:
+    section = Section(title="Title", text="Text.", measures=())
+    good = Check(name="good", figure=1.234e-7, bound=1e-6, unit="rad", source="theory")
+    bad = Check(name="bad", figure=1.5, bound=1.8, at_least=True, source="2")
+    page = document([(section, [good, bad])])
+    assert "## Title\n\nText.\n" in page
+    assert "| good | 1.2e-07 rad | ≤ 1.0e-06 | theory |" in page
+    assert "| bad | 1.5 **missed** | ≥ 1.8 | 2 |" in page
+    assert number(0.0) == "0"
