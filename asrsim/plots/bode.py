@@ -44,7 +44,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
         axes[0, c].set_title(f"{shorten(name, 40)}\n{describe(info)}", loc="left")
     handles: list[Any] = []
     for one in {(r.variant, r.experiment): r for r in found}.values():
-        text = f"{'experiment' if one.experiment else 'simulation'}\n{one.label}"
+        text = f"{'experiment' if one.experiment else 'simulation'}\n{style.plain(one.label)}"
         handles.append(Line2D([], [], color=_colour(one), linestyle=style.line_style(one.variant), linewidth=1.6, label=text))
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
     confidence = found[0].response.confidence if found else 0.95

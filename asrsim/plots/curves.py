@@ -219,13 +219,15 @@ def _stored(names: Sequence[str]) -> list[str]:
 def _table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
     """Quantity -> (n, joints)."""
     table: dict[str, Array] = {}
-    for name in names:
-        if name == REFERENCE:
-            table[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
-        elif name in DERIVED_FUNCTIONS:
-            table[name] = DERIVED_FUNCTIONS[name](part, joints)
-        else:
-            table[name] = part.values[name]
+    # Infinite values of a run that diverged: their differences are no numbers, and no news.
+    with np.errstate(invalid="ignore"):
+        for name in names:
+            if name == REFERENCE:
+                table[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
+            elif name in DERIVED_FUNCTIONS:
+                table[name] = DERIVED_FUNCTIONS[name](part, joints)
+            else:
+                table[name] = part.values[name]
     return table
 
 

@@ -42,8 +42,11 @@ class Envelope:
         self.samples += len(time)
         index = np.clip(((time - self._start) * self._scale).astype(np.intp), 0, self._bins - 1)
         edges = [0, *(np.flatnonzero(np.diff(index)) + 1).tolist(), len(time)]
-        gone = np.isnan(values)
-        low, high = (np.where(gone, np.inf, values), np.where(gone, -np.inf, values)) if gone.any() else (values, values)
+        gone = ~np.isfinite(values)
+        low = high = values
+        if gone.any():
+            # What is infinite cannot be drawn; it is a gap like any other.
+            values, low, high = (np.where(gone, instead, values) for instead in (np.nan, np.inf, -np.inf))
         for begin, end in pairwise(edges):
             self._merge(int(index[begin]), time[begin:end], values[begin:end], low[begin:end], high[begin:end])
 

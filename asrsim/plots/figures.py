@@ -155,7 +155,7 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
                         gid=f"{body}.{key}.{number}",
                     )  # fmt: skip
             frame(axes[r, c], drawn)
-        axes[0, c].set_title(body, loc="left")
+        axes[0, c].set_title(shorten(body, 40), loc="left")
         axes[0, c].set_ylabel("displacement (m)")
         axes[1, c].set_ylabel("contact force\nwithout ground (N)")
         axes[1, c].set_xlabel("time (s)")
@@ -258,8 +258,8 @@ def describe(joint: JointInfo) -> str:
 
 
 def shorten(text: str, length: int) -> str:
-    """The text, its middle left out where it is longer than `length`."""
-    return text if len(text) <= length else f"{text[: length // 2 - 1]}…{text[-(length // 2) + 1 :]}"
+    """The text for a picture, its middle left out where it is longer than `length`."""
+    return style.plain(text if len(text) <= length else f"{text[: length // 2 - 1]}…{text[-(length // 2) + 1 :]}")
 
 
 def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int]) -> None:
@@ -268,7 +268,7 @@ def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: 
     scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
     words = [shorten(robots, 40), *(shorten(name, 40) for name in scenarios if name and len(scenarios) == 1)]
     if len(runs) == 1 and runs[0].label not in ("default", ""):
-        words.append(runs[0].label)
+        words.append(style.plain(runs[0].label))
     if runs[0].status not in ("complete",):
         words.append(f"run {runs[0].status}")
     if subject:

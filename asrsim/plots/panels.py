@@ -137,7 +137,7 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
             color=style.colour(name),
             linestyle=style.line_style(number),
             linewidth=2.6 if reference else style.WIDTH,
-            label=style.symbol(name) if len(runs) == 1 else f"{style.symbol(name)} {runs[number].label}",
+            label=style.symbol(name) if len(runs) == 1 else f"{style.symbol(name)} {style.plain(runs[number].label)}",
             gid=f"{joint}.{name}.{number}",
             zorder=1.5 if reference else 2.0,
         )

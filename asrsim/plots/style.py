@@ -133,7 +133,7 @@ def tint(colour_text: str, index: int) -> str:
 def symbol(quantity: str) -> str:
     """The short label of a quantity for legends, in mathtext."""
     known = KNOWN.get(quantity)
-    return known.label if known else quantity.replace("_", " ")
+    return known.label if known else plain(quantity.replace("_", " "))
 
 
 def name(quantity: str) -> str:
@@ -164,6 +164,11 @@ def has_adjuster(joint: JointInfo) -> bool:
     from asrsim.actuators import ACTUATORS
 
     return joint.actuator in ACTUATORS and ACTUATORS.get(joint.actuator).adjuster
+
+
+def plain(text: str) -> str:
+    """A name from a file as it is: matplotlib would take text between dollars for mathematics."""
+    return text.replace("$", r"\$")
 
 
 def axis_label(words: str, unit_text: str) -> str:

@@ -44,6 +44,7 @@ def film_strip(frames: Sequence[Frame], *, title: str = "") -> Figure:
 
 def write_strip(film: Film, path: Path, *, count: int = 6, progress: Progress | None = None) -> Path:
     """A film strip as PNG. Raises OutputError."""
+    from asrsim.plots import style
     from asrsim.plots.output import styled
 
     frames = []
@@ -53,7 +54,7 @@ def write_strip(film: Film, path: Path, *, count: int = 6, progress: Progress | 
             progress(number / count)
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
     with styled():
-        figure = film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
+        figure = film_strip(frames, title=style.plain(" · ".join(filter(None, (film.info.robot, variant)))))
         try:
             figure.savefig(path, format=path.suffix[1:] or "png")
         except OSError as error:

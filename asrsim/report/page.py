@@ -113,7 +113,8 @@ def _strips(runs: Sequence[RunContent], labels: Sequence[str], strips: Mapping[P
         for run, label in zip(runs, labels, strict=True)
         if run.log in strips
     ]
-    return _section("Motion", "".join(figures)) if figures else ""
+    left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
+    return _section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
 
 
 _MEASURES = (
@@ -170,11 +171,13 @@ def _compared(compared: Compared | None) -> str:
 
 def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
     parts = [
-        "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its line. All plots show the same "
+        "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its lines. All plots show the same "
         "time."
         + (" Long series are thinned: every interval keeps its smallest and largest sample." if thinned else "")
         + "</p>"
     ]
+    if len(data["runs"]) > 1:
+        parts.append('<div id="runs" role="group" aria-label="variants"></div>')
     for index, joint in enumerate(data["joints"]):
         opened = " open" if index < 2 else ""
         parts.append(

@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from asrsim.plots import style
+from asrsim.plots.curves import RunCurves
+from asrsim.plots.decimate import Envelope
 from asrsim.plots.figures import describe, joint_names
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
 from asrsim.report.series import PageRun, pack
+from asrsim.samples import Array
 
-_DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
+DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
+"""Of the n-th run, in pixels."""
 
 QUANTITIES: tuple[str, ...] = tuple(
     dict.fromkeys(name for key in (*JOINT_PANELS, *ENERGY_PANELS) for name in PANELS[key].quantities)
@@ -18,7 +24,7 @@ QUANTITIES: tuple[str, ...] = tuple(
 """Everything that a page shows of a joint."""
 
 
-def joint_sections(runs: Sequence[PageRun], labels: Sequence[str]) -> list[dict[str, Any]]:
+def joint_sections(runs: Sequence[PageRun]) -> list[dict[str, Any]]:
     """One section a joint: its name, its actuator, and its plots with packed series."""
     curves = [run.curves for run in runs]
     sections = []
@@ -35,26 +41,14 @@ def joint_sections(runs: Sequence[PageRun], labels: Sequence[str]) -> list[dict[
             for name, number, curve in drawn:
                 # A reference that all share belongs to none of them.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
-                label = style.name(name) if len(runs) == 1 or shared else f"{style.name(name)} · {labels[number]}"
-                series.append(
-                    {
-                        "label": label,
-                        "colour": style.colour(name),
-                        "dash": _DASHES[number % len(_DASHES)],
-                        "width": 3 if name.startswith("reference") else 1.5,
-                        "unit": style.unit(name, info),
-                        **pack(curve.values),
-                    }
-                )
+                series.append(_series(style.name(name), name, style.unit(name, info), None if shared else number, curve.values))
             plots.append({"title": panel.words, "unit": " or ".join(filter(None, units)), "series": series})
         sections.append({"joint": joint, "actuator": describe(info), "plots": plots})
     return sections
 
 
-def object_plots(runs: Sequence[Any], labels: Sequence[str], time: Any) -> list[dict[str, Any]]:
+def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]:
     """Displacement and contact force of the world's objects. runs: RunCurves with bodies; time: (count,) of the page."""
-    import numpy as np
-
     plots = []
     for body in dict.fromkeys(name for run in runs for name in run.bodies):
         for words, unit, keys in (("displacement", "m", ("dx", "dy", "dz")), ("contact force without ground", "N", ("force",))):
@@ -68,24 +62,25 @@ def object_plots(runs: Sequence[Any], labels: Sequence[str], time: Any) -> list[
                     values = np.interp(time, curve.time, curve.values, right=np.nan)
                     if len(curve.time) > len(time):
                         values = _envelope(time, curve.time, curve.values)
-                    series.append(
-                        {
-                            "label": name if len(runs) == 1 else f"{name} · {labels[number]}",
-                            "colour": style.colour(key),
-                            "dash": _DASHES[number % len(_DASHES)],
-                            "width": 1.5,
-                            "unit": unit,
-                            **pack(values),
-                        }
-                    )
+                    series.append(_series(name, key, unit, number, values))
             plots.append({"title": f"{body}: {words}", "unit": unit, "series": series})
     return plots
 
 
-def _envelope(grid: Any, time: Any, values: Any) -> Any:
-    """Smallest and largest value of every interval of the grid's pairs."""
-    from asrsim.plots.decimate import Envelope
+def _series(label: str, quantity: str, unit: str, run: int | None, values: Array) -> dict[str, Any]:
+    return {
+        "label": label,
+        "colour": style.colour(quantity),
+        "dash": DASHES[(run or 0) % len(DASHES)],
+        "width": 3 if quantity.startswith("reference") else 1.5,
+        "unit": unit,
+        "run": run,
+        **pack(values),
+    }
 
+
+def _envelope(grid: Array, time: Array, values: Array) -> Array:
+    """Smallest and largest value of every interval of the grid's pairs."""
     step = grid[1] - grid[0]
     start = float(grid[0] - 0.5 * step)
     envelope = Envelope(1, start=start, end=start + step * len(grid), bins=len(grid) // 2)

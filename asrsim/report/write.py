@@ -11,7 +11,7 @@ from asrsim.errors import OutputError
 from asrsim.plots.curves import distinct_labels, read_curves
 from asrsim.report.content import RunContent, film_strips, find_comparison, find_logs, read_content
 from asrsim.report.page import build_page
-from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
+from asrsim.report.plots import DASHES, QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
 
 PAGE = "report.html"
@@ -50,7 +50,12 @@ def write_report(
     contents = [read_content(log) for log in logs]
     tell("reading", 0.8)
     worlds = [read_curves(log, quantities=("link_position",)) for log in logs] if _have_objects(contents) else []
-    data = {"grid": grid.as_dict(), "joints": joint_sections(runs, labels), "objects": object_plots(worlds, labels, grid.time)}
+    data = {
+        "grid": grid.as_dict(),
+        "runs": [{"label": label, "dash": DASHES[n % len(DASHES)]} for n, label in enumerate(labels)],
+        "joints": joint_sections(runs),
+        "objects": object_plots(worlds, grid.time),
+    }
     tell("film strip", 0.9)
     strips, notes = film_strips(logs if film else [])
     text = build_page(

@@ -21,6 +21,13 @@
 
   const shown = (value) => (value == null ? "" : String(Number(value.toPrecision(5))));
 
+  // Very small and very large numbers would not fit beside the axis.
+  function ticksText(splits) {
+    const size = Math.max(...splits.map((v) => Math.abs(v ?? 0)));
+    const far = size > 0 && (size < 2e-3 || size >= 1e5);
+    return splits.map((v) => (v == null ? "" : v === 0 ? "0" : far ? v.toExponential(1) : String(Number(v.toPrecision(6)))));
+  }
+
   // Values that rest are not blown up to show their last digits.
   function range(_, low, high) {
     if (low == null) return [0, 1];
@@ -43,31 +50,87 @@
     zooming = false;
   }
 
-  function height(width) { return width < 420 ? 190 : 220; }
+  function height(width) { return width < 420 ? 190 : 225; }
+
+  // What is hidden, by run and in each plot by name.
+  const hiddenRuns = new Set();
+
+  function apply(chart) {
+    chart.batch(() => chart.plot.series.forEach((s, i) => {
+      const show = !chart.hidden.has(s.label) && !hiddenRuns.has(s.run);
+      if (chart.series[i + 1].show !== show) chart.setSeries(i + 1, { show }, false);
+    }));
+  }
+
+  // One entry a quantity; under the cursor the values of all runs that are shown.
+  function makeLegend(chart, box) {
+    const legend = document.createElement("div");
+    legend.className = "legend";
+    chart.entries = new Map();
+    for (const s of chart.plot.series) {
+      if (chart.entries.has(s.label)) continue;
+      const entry = document.createElement("button"), value = document.createElement("span");
+      entry.type = "button";
+      entry.style.setProperty("--colour", s.colour);
+      entry.setAttribute("aria-pressed", "true");
+      value.className = "value";
+      entry.append(s.label + " ", value);
+      entry.addEventListener("click", () => {
+        if (!chart.hidden.delete(s.label)) chart.hidden.add(s.label);
+        entry.setAttribute("aria-pressed", String(!chart.hidden.has(s.label)));
+        apply(chart);
+      });
+      legend.append(entry);
+      chart.entries.set(s.label, value);
+    }
+    box.append(legend);
+  }
+
+  function tell(chart) {
+    const at = chart.cursor.idx;
+    chart.clock.textContent = at == null ? "" : chart.data[0][at].toFixed(3) + " s";
+    for (const [label, place] of chart.entries) {
+      let text = "";
+      if (at != null) {
+        const values = [];
+        chart.plot.series.forEach((s, i) => {
+          if (s.label === label && chart.series[i + 1].show && chart.data[i + 1][at] != null) values.push(shown(chart.data[i + 1][at]));
+        });
+        const unit = chart.plot.series.find((s) => s.label === label).unit;
+        text = values.length ? values.join(" | ") + " " + unit : "";
+      }
+      place.textContent = text;
+    }
+  }
 
   function draw(body, plot) {
     const width = body.clientWidth;
+    const font = "11px system-ui, sans-serif", grid = { stroke: "#eee", width: 1 }, ticks = { stroke: "#ccc", size: 4, width: 1 };
     const options = {
       width, height: height(width),
+      legend: { show: false },
+      padding: [8, 10, 0, 0],
       cursor: { sync: { key: "time", setSeries: false }, drag: { x: true, y: false }, points: { size: 5 } },
       scales: { x: { time: false }, y: { range } },
       axes: [
-        { label: "time (s)", labelSize: 18, size: 34, grid: { stroke: "#eee" }, ticks: { stroke: "#ccc", size: 4 },
-          font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif", stroke: "#555" },
-        { size: 56, grid: { stroke: "#eee" }, ticks: { stroke: "#ccc", size: 4 }, font: "11px system-ui, sans-serif",
-          stroke: "#555", values: (_, splits) => splits.map((v) => (v == null ? "" : String(Number(v.toPrecision(6))))) },
+        { label: "time (s)", labelSize: 16, labelGap: 0, size: 26, grid, ticks, font, labelFont: font, stroke: "#555" },
+        { size: 54, grid, ticks, font, stroke: "#555",
+          values: (_, splits) => ticksText(splits) },
       ],
       series: [
-        { label: "time", value: (_, v) => (v == null ? "" : v.toFixed(3) + " s") },
+        {},
         ...plot.series.map((s) => ({
           label: s.label, stroke: s.colour, width: s.width, dash: s.dash.length ? s.dash : undefined,
-          points: { show: false }, spanGaps: false,
-          value: (_, v) => (v == null ? "" : shown(v) + " " + s.unit),
+          points: { show: false }, spanGaps: false, show: !hiddenRuns.has(s.run),
         })),
       ],
-      hooks: { setScale: [zoomAll] },
+      hooks: { setScale: [zoomAll], setCursor: [(chart) => chart.entries && tell(chart)] },
     };
     const chart = new uPlot(options, [time, ...plot.series.map(unpack)], body);
+    chart.plot = plot;
+    chart.hidden = new Set();
+    chart.clock = body.parentElement.querySelector(".time");
+    makeLegend(chart, body.parentElement);
     const other = charts.find((c) => c.scales.x.min != null);
     charts.push(chart);
     if (other) chart.setScale("x", { min: other.scales.x.min, max: other.scales.x.max });
@@ -76,6 +139,26 @@
       if (now > 0 && Math.abs(now - chart.width) > 1) chart.setSize({ width: now, height: height(now) });
     }).observe(body);
   }
+
+  const bar = document.getElementById("runs");
+  if (bar) data.runs.forEach((run, number) => {
+    const button = document.createElement("button"), space = "http://www.w3.org/2000/svg";
+    const picture = document.createElementNS(space, "svg"), line = document.createElementNS(space, "line");
+    picture.setAttribute("width", "34");
+    picture.setAttribute("height", "6");
+    for (const [key, value] of Object.entries({ x1: 0, y1: 3, x2: 34, y2: 3, stroke: "#1a1a1a", "stroke-width": 1.6 })) line.setAttribute(key, value);
+    line.setAttribute("stroke-dasharray", run.dash.join(" "));
+    picture.append(line);
+    button.type = "button";
+    button.setAttribute("aria-pressed", "true");
+    button.append(picture, run.label);
+    button.addEventListener("click", () => {
+      if (!hiddenRuns.delete(number)) hiddenRuns.add(number);
+      button.setAttribute("aria-pressed", String(!hiddenRuns.has(number)));
+      charts.forEach(apply);
+    });
+    bar.append(button);
+  });
 
   // Plots are drawn when they come near the window: a robot of many joints has hundreds.
   const near = new IntersectionObserver((entries) => {
@@ -101,6 +184,9 @@
         unit.textContent = "(" + plot.unit + ")";
         head.append(unit);
       }
+      const clock = document.createElement("span");
+      clock.className = "time";
+      head.append(clock);
       body.plot = plot;
       box.append(head, body);
       place.append(box);

@@ -1,0 +1,208 @@
+"""Pictures of runs: what is drawn, with which units and colours, into which files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from log_example import INFO, example_samples
+from plot_example import made_up_log, simulated_log
+
+from asrsim.errors import InputError, LogError, OutputError
+from asrsim.log import LogWriter
+from asrsim.plots import draw_run, draw_runs, read_curves, style
+from asrsim.plots.curves import distinct_labels
+from asrsim.plots.figures import new_figure, run_pages
+from asrsim.plots.panels import PANELS, draw_panel
+
+
+def lines(axes) -> dict[str, object]:
+    return {line.get_gid(): line for line in axes.get_lines()}
+
+
+def test_positions_show_link_motors_equilibrium_and_reference(tmp_path: Path):
+    run = read_curves(made_up_log(tmp_path / "log.mcap"))
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["position"], [run], "joint_1")
+    drawn = lines(axes)
+    assert set(drawn) == {
+        f"joint_1.{name}.0"
+        for name in ("link_position", "motor_1_position", "motor_2_position", "equilibrium_position", "reference_position")
+    }
+    time, values = drawn["joint_1.link_position.0"].get_data()
+    np.testing.assert_allclose(values, 0.4 * np.sin(2 * np.pi * (time - 0.05)), atol=1e-12)
+    _, reference = drawn["joint_1.reference_position.0"].get_data()
+    np.testing.assert_allclose(reference, 0.5 * np.sin(2 * np.pi * time), atol=1e-12)
+    assert axes.get_ylabel() == "position (rad)"
+
+
+@pytest.mark.parametrize(
+    ("key", "label"),
+    [("deflection", "deflection (rad)"), ("stiffness", "stiffness (N·m/rad)"), ("torque", "link torque (N·m)")],
+)
+def test_axes_carry_their_units(tmp_path: Path, key: str, label: str):
+    run = read_curves(made_up_log(tmp_path / "log.mcap"))
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS[key], [run], "joint_1")
+    assert axes.get_ylabel() == label
+
+
+def test_an_external_torque_that_is_never_there_is_not_drawn(tmp_path: Path):
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["torque"], [read_curves(made_up_log(tmp_path / "log.mcap"))], "joint_1")
+    assert list(lines(axes)) == ["joint_1.link_torque.0"]
+
+
+def test_variants_differ_in_line_style_and_share_colour_and_reference(tmp_path: Path):
+    runs = [read_curves(made_up_log(tmp_path / name / "log.mcap", variant=name)) for name in ("soft", "stiff")]
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["position"], runs, "joint_1")
+    drawn = lines(axes)
+    soft, stiff = drawn["joint_1.link_position.0"], drawn["joint_1.link_position.1"]
+    assert soft.get_color() == stiff.get_color() == style.colour("link_position")
+    assert soft.is_dashed() != stiff.is_dashed()
+    assert "joint_1.reference_position.1" not in drawn
+
+
+def test_colours_tell_the_quantities_of_a_panel_apart():
+    for panel in PANELS.values():
+        colours = [style.colour(name) for name in panel.quantities if not name.startswith("reference")]
+        assert len(set(colours)) == len(colours), panel.key
+
+
+def test_a_prismatic_joint_has_metres_and_an_adjuster_too(tmp_path: Path):
+    with LogWriter(tmp_path / "log.mcap", INFO) as log:
+        log.write(example_samples(200))
+    run = read_curves(tmp_path / "log.mcap")
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["position"], [run], "slide")
+    assert axes.get_ylabel() == "position (m)"
+    axes = new_figure(4, 3).subplots()
+    assert draw_panel(axes, PANELS["adjuster"], [run], "lever") == ("reference_2", "motor_2_position")
+    assert "(m)" in axes.get_ylabel()
+
+
+def test_a_resting_value_is_not_blown_up(tmp_path: Path):
+    values = {"stiffness": 10.0 + 1e-13 * np.sin(np.arange(1001.0))}
+    run = read_curves(made_up_log(tmp_path / "log.mcap", values=values))
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["stiffness"], [run], "joint_1")
+    low, high = axes.get_ylim()
+    assert low < 9.5
+    assert high > 10.5
+
+
+def test_a_spike_of_one_sample_in_a_long_log_is_in_the_picture(tmp_path: Path):
+    torque = np.zeros(60_000)
+    torque[31_234] = 5.0
+    run = read_curves(made_up_log(tmp_path / "log.mcap", count=60_000, values={"link_torque": torque}))
+    curve = run.get("joint_1", "link_torque")
+    assert curve is not None
+    assert curve.values.max() == 5.0
+    assert curve.time[curve.values.argmax()] == pytest.approx(31.234)
+    assert len(curve.time) <= 6000
+    assert run.samples == 60_000
+
+
+@pytest.mark.parametrize(("joints", "pages"), [(1, 1), (3, 1), (4, 2), (14, 5)])
+def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: int, pages: int):
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=joints, count=50))
+    names = [page.name for page in run_pages([run])]
+    assert len([name for name in names if name.startswith("joints")]) == pages
+    assert ("overview" in names) == (joints >= 5)
+
+
+def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
+    runs = distinct_labels([read_curves(made_up_log(tmp_path / v / "log.mcap", joints=2, variant=v)) for v in ("a", "b")])
+    page = next(iter(run_pages(runs)))
+    page.figure.canvas.draw()
+    renderer = page.figure.canvas.get_renderer()
+    boxes = [axes.get_window_extent(renderer) for axes in page.figure.axes]
+    texts = [axes.get_legend().get_window_extent(renderer) for axes in page.figure.axes if axes.get_legend() is not None]
+    texts += [legend.get_window_extent(renderer) for legend in page.figure.legends]
+    assert texts
+    for text in texts:
+        assert not any(text.overlaps(box) for box in boxes)
+        assert page.figure.bbox.containsx(text.x1)
+    titles = [axes.title.get_window_extent(renderer) if axes.get_title() else axes._left_title.get_window_extent(renderer)
+              for axes in page.figure.axes[:2]]  # fmt: skip
+    assert not titles[0].overlaps(titles[1])
+
+
+def test_draw_run_writes_pngs_that_hold_colour(tmp_path: Path):
+    from matplotlib.image import imread
+
+    files = draw_run(made_up_log(tmp_path / "log.mcap"), tmp_path / "new" / "folder")
+    assert [path.name for path in files] == ["joints.png"]
+    image = imread(files[0])[:, :, :3]
+    link = np.array([0xD5, 0x5E, 0x00]) / 255
+    assert (np.abs(image - link).max(axis=2) < 0.02).sum() > 200
+
+
+def test_vector_formats_and_the_users_settings(tmp_path: Path):
+    import matplotlib
+
+    before = matplotlib.rcParams["font.size"]
+    files = draw_runs([made_up_log(tmp_path / "log.mcap")], tmp_path, formats=["svg", "pdf", "svg"])
+    assert [path.suffix for path in files] == [".svg", ".pdf"]
+    text = files[0].read_text(encoding="utf-8")
+    assert 'id="joint_1.link_position.0"' in text
+    assert "deflection (rad)" in text
+    assert files[1].read_bytes().startswith(b"%PDF")
+    assert matplotlib.rcParams["font.size"] == before
+
+
+def test_the_same_log_gives_the_same_file(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=100)
+    first, second = (draw_run(log, tmp_path / name, formats=["svg"])[0].read_bytes() for name in "ab")
+    assert first == second
+
+
+def test_chosen_quantities_get_a_row_each(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", joints=2, count=100)
+    files = draw_runs([log], tmp_path, quantities=["position_error", "link_velocity"], joints=["joint_2"], formats=["svg"])
+    text = files[0].read_text(encoding="utf-8")
+    assert set(re.findall(r'id="(joint_\d\.\w+)\.0"', text)) == {"joint_2.position_error", "joint_2.link_velocity"}
+
+
+def test_odd_names_and_numbers_can_be_drawn(tmp_path: Path):
+    from dataclasses import replace
+
+    joints = (replace(INFO.joints[0], name="a $x$ {b"), *INFO.joints[1:])
+    info = replace(INFO, joints=joints, variant="$soft$", robot="two $arms$")
+    with LogWriter(tmp_path / "log.mcap", info) as log:
+        log.write(example_samples(300, info=info, bodies=("box",), contacts=("box/robot",)))
+    names = [path.name for path in draw_run(tmp_path / "log.mcap", tmp_path)]
+    assert "objects.png" in names
+
+
+def test_objects_are_drawn_from_where_they_started(tmp_path: Path):
+    run = read_curves(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.05))
+    box = run.bodies["box"]
+    assert set(box) == {"dx", "dy", "dz", "force"}
+    assert box["dx"].values[0] == box["dy"].values[0] == 0.0
+
+
+def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path: Path):
+    whole = made_up_log(tmp_path / "log.mcap", count=30_000).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) // 2])
+    run = read_curves(cut)
+    assert run.status == "truncated"
+    assert 1000 < run.samples < 30_000
+    assert draw_run(cut, tmp_path / "cut")
+
+
+def test_bad_requests_say_what_there_is(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=50)
+    with pytest.raises(LogError, match="Did you mean 'stiffness'"):
+        draw_runs([log], tmp_path, quantities=["stifness"])
+    with pytest.raises(LogError, match="joint_1"):
+        draw_runs([log], tmp_path, joints=["joint_9"])
+    with pytest.raises(InputError, match="png, pdf, svg"):
+        draw_runs([log], tmp_path, formats=["bmp"])
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be made"):
+        draw_run(log, tmp_path / "file")

@@ -1,0 +1,181 @@
+"""`asrsim plot`: runs beside experiments, their metrics, frequency responses and verdicts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plot_example import made_up_log, simulated_log
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.errors import InputError
+from asrsim.log import read_log
+from asrsim.plots.figures import new_figure
+from asrsim.plots.job import PlotJob, plot
+from asrsim.plots.overlay import draw_difference, draw_overlay
+from asrsim.plots.pairing import assign
+
+
+def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
+    """A recording of the made-up run: its position times a gain, its clock late."""
+    time = np.arange(0.0, 1.0, rate)
+    q = gain * 0.4 * np.sin(2 * np.pi * (time - late - 0.05)) * (180 / np.pi if unit == "deg" else 1.0)
+    reference = 0.5 * np.sin(2 * np.pi * (time - late))
+    rows = [f"{t:.6f},{a:.9f},{b:.9f}" for t, a, b in zip(time, q, reference, strict=True)]
+    path.write_text("\n".join([f"time [s],joint_1_position [{unit}],joint_1_reference [rad]", *rows]) + "\n")
+    return path
+
+
+def test_the_lag_is_found_and_the_difference_is_what_is_left(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=2001)
+    recording = lab(tmp_path / "lab.csv", late=0.1, gain=0.9, unit="deg")
+    result = plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(recording),)))
+    (alignment,) = result.compared[0].alignments.values()
+    assert alignment.lag == pytest.approx(0.1, abs=1e-3)
+    pair = result.compared[0].pairs["joint_1", "link_position"]
+    assert np.nanmax(np.abs(pair.difference.values)) == pytest.approx(0.04, abs=2e-3)
+    rmse = next(row for row in result.rows if (row.quantity, row.measure) == ("link_position", "rmse"))
+    assert rmse.unit == "rad"
+    assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
+    assert {path.name for path in result.files} == {"comparison.png", "metrics.json", "metrics.csv"}
+    data = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert {row["measure"] for row in data["metrics"]} >= {"rmse", "nrmse", "maximum_error", "bias", "delay", "r2", "rise"}
+
+
+def test_the_lag_can_be_set_and_switched_off(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=0.1)
+    for choice, lag in ((0.07, 0.07), ("off", 0.0)):
+        result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag=choice))
+        assert next(iter(result.compared[0].alignments.values())).lag == lag
+
+
+def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
+    axes = new_figure(4, 4).subplots(2, 1)
+    draw_overlay(axes[0], result.runs, result.compared, "joint_1", "link_position")
+    draw_difference(axes[1], result.runs, result.compared, "joint_1", "link_position")
+    drawn = {line.get_gid(): line for ax in axes for line in ax.get_lines() if line.get_gid()}
+    simulation = drawn["joint_1.link_position.simulation.0"].get_ydata()
+    experiment = drawn["joint_1.link_position.experiment.0"].get_ydata()
+    difference = drawn["joint_1.link_position.difference.0"].get_ydata()
+    np.testing.assert_allclose(experiment, 0.5 * simulation, atol=1e-3)
+    np.testing.assert_allclose(difference, simulation - experiment, atol=1e-12)
+    assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
+
+
+def test_several_recordings_are_a_band(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap")
+    files = tuple(str(lab(tmp_path / f"run{n}.csv", gain=gain)) for n, gain in enumerate((0.8, 1.0, 1.2)))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=files, lag="off"))
+    pair = result.compared[0].pairs["joint_1", "link_position"]
+    assert pair.count == 3
+    assert pair.low is not None
+    assert pair.high is not None
+    peak = int(np.argmax(pair.recording.values))
+    assert pair.recording.values[peak] == pytest.approx(0.4, rel=1e-3)
+    assert (pair.low.values[peak], pair.high.values[peak]) == pytest.approx((0.32, 0.48), rel=1e-3)
+
+
+def test_recordings_go_to_the_variant_that_they_name(tmp_path: Path):
+    labels = ["soft", "stiff"]
+    assert assign(labels, ["lab_soft_2.csv"]) == [(Path("lab_soft_2.csv"), 0, True)]
+    assert assign(labels, ["lab.csv"]) == [(Path("lab.csv"), None, False)]
+    assert assign(labels, ["stiff=lab.csv"]) == [(Path("lab.csv"), 1, False)]
+    assert assign(["soft"], ["lab_soft.csv"])[0][1] is None
+    with pytest.raises(InputError, match="Did you mean 'stiff'"):
+        assign(labels, ["stif=lab.csv"])
+
+
+def test_a_wrong_unit_is_suspected(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap")
+    recording = lab(tmp_path / "lab.csv", unit="deg")
+    recording.write_text(recording.read_text().replace("[deg]", "[rad]"))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
+    assert any("degrees" in problem.message for problem in result.findings)
+
+
+def test_a_long_log_is_compared_joint_by_joint_with_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    log = made_up_log(tmp_path / "log.mcap", joints=3)
+    text = lab(tmp_path / "lab.csv", late=0.05).read_text().splitlines()
+    more = [",".join([line, *line.split(",")[1:], *line.split(",")[1:]]) for line in text]
+    more[0] = ",".join(["time [s]", *(f"joint_{n}_{k} [rad]" for n in (1, 2, 3) for k in ("position", "reference"))])
+    (tmp_path / "lab.csv").write_text("\n".join(more))
+    job = PlotJob(logs=(log,), folder=tmp_path, experiments=(str(tmp_path / "lab.csv"),))
+    whole = plot(job)
+    monkeypatch.setattr("asrsim.plots.pairing.BUDGET", 1.0)
+    parts = plot(job)
+    assert {(r.joint, r.quantity, r.measure): r.value for r in whole.rows} == pytest.approx(
+        {(r.joint, r.quantity, r.measure): r.value for r in parts.rows}, nan_ok=True
+    )
+
+
+def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path: Path):
+    log = simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="stiff", duration=8.0)
+    samples = read_log(log).samples
+    q, r = samples.values["link_position"][:, 0], samples.values["reference_1"][:, 0]
+    rows = [f"{samples.time[i]:.4f},{0.5 * q[max(i - 20, 0)]:.9f},{r[i]:.9f}" for i in range(0, len(q), 4)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time [s],joint_1_position [rad],joint_1_reference [rad]", *rows]))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(tmp_path / "lab.csv"),), bode=True))
+    simulated, recorded = (one.response for one in result.responses)
+    f = np.linspace(1.0, 2.0, 5)
+    ratio = recorded.at(f) / simulated.at(f)
+    np.testing.assert_allclose(np.abs(ratio), 0.5, rtol=0.02)
+    np.testing.assert_allclose(np.angle(ratio), -2 * np.pi * f * 0.02, atol=0.02)
+    assert "bode.png" in {path.name for path in result.files}
+
+
+def test_a_run_without_excitation_has_no_bode_plot(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", values={"reference_1": np.zeros(1001)})
+    with pytest.raises(InputError, match="no joint has a reference that moves"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, bode=True))
+
+
+CLAIM = {"joint": "joint_1", "quantity": "link_position", "measure": "maximum", "value": 0.4, "tolerance": 0.01}
+
+
+@pytest.mark.parametrize(("value", "code", "word"), [(0.4, 0, "pass"), (0.7, 1, "FAIL")])
+def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path: Path, value: float, code: int, word: str):
+    log = made_up_log(tmp_path / "log.mcap", expect=({**CLAIM, "value": value}, {**CLAIM, "variant": "other", "value": 9.0}))
+    result = CliRunner().invoke(app, ["plot", str(log)])
+    assert result.exit_code == code
+    assert f"{word} joint_1: maximum of link_position is 0.4 rad" in result.output
+    assert "other" not in result.output
+
+
+def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=0.05)
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
+    assert result.exit_code == 0, result.output
+    assert "joint_1.link_position" in result.output
+    assert "0.05 s late" in result.output
+    assert "rmse" in result.output
+    assert (out / "comparison.svg").is_file()
+    again = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
+    assert "3 replaced" in again.output
+
+
+def test_json_is_one_document(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
+    out = str(tmp_path / "out")
+    result = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--json", "--out", out, "--layout", "side"])
+    data = json.loads(result.stdout)
+    assert data["ok"] is True
+    assert data["experiments"][0]["columns"]["joint_1_position [rad]"] == "joint_1.link_position"
+    assert Path(data["files"][0]).name == "side_by_side_position.png"
+    bad = CliRunner().invoke(app, ["plot", str(log), "-e", "nowhere.csv", "--json", "--out", out])
+    assert bad.exit_code == 1
+    assert json.loads(bad.stdout)["errors"]
+
+
+def test_no_common_joint_says_what_there_is(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", joints=2)
+    (tmp_path / "lab.csv").write_text("time [s],knee_position [rad]\n" + "".join(f"{n / 100},{n}\n" for n in range(100)))
+    with pytest.raises(InputError, match="no common joint") as caught:
+        plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(tmp_path / "lab.csv"),)))
+    assert "joint_1" in str(caught.value)
+    assert not (tmp_path / "out").exists()
