@@ -1,15 +1,15 @@
-"""Renews what the documentation takes from the code: the schema, and parts between `<!-- generated: NAME -->` and `<!-- end -->`.
+"""Renews what the documentation takes from the code: the schema, and parts from `<!-- generated: NAME -->` to `<!-- end -->`.
 
 Usage: python docs/generate.py
 """
 
 from __future__ import annotations
 
-import inspect
 import re
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any
 
 import asrsim
 from asrsim.document.tables import markdown_table
@@ -36,15 +36,22 @@ def parts() -> dict[str, str]:
 
 def commands() -> str:
     """Every command with the first sentence of its help and its first example."""
+    rows = []
+    for name, command in all_commands().items():
+        what, *rest = (" ".join(part.split()) for part in str(command.help).split("\n\n"))
+        example = next(part for part in rest if part.startswith("Example: "))
+        rows.append((f"`{name}`", what, f"`{example.removeprefix('Example: ')}`"))
+    return markdown_table(("command", "what it does", "example"), rows)
+
+
+def all_commands() -> dict[str, Any]:
+    """Every command of the command line, with its options and help."""
+    from typer.main import get_command
+
     from asrsim.cli.app import app
 
-    rows = []
-    for command in app.registered_commands:
-        text = inspect.cleandoc(command.callback.__doc__ or "") if command.callback else ""
-        what, *rest = (" ".join(part.split()) for part in text.split("\n\n"))
-        example = next(part for part in rest if part.startswith("Example: "))
-        rows.append((f"`{command.name or command.callback.__name__}`", what, f"`{example.removeprefix('Example: ')}`"))
-    return markdown_table(("command", "what it does", "example"), rows)
+    group: Any = get_command(app)
+    return {name: group.get_command(None, name) for name in group.list_commands(None)}
 
 
 def packages() -> str:
