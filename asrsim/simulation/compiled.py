@@ -108,7 +108,8 @@ class CompiledLoop(Loop):
         read, apply, advance_engine = engine.read, engine.apply, engine.advance
         now, before, every = self._now, self._before, self._correct_every
         self._push()
-        inputs = np.stack(block.goals, axis=2)[start:end]
+        # The kernel's entry point checks no types: the layout must be the one it was compiled for.
+        inputs = np.ascontiguousarray(np.stack([array[start:end] for array in block.goals], axis=2))
         out = np.empty((end - start, len(self.drives), len(COLUMNS)))
         offset = block.first + start
         for k in range(end - start):
