@@ -48,10 +48,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
             *strips,
         ),
     )
-    damped = {
-        name: lab.run(SCENARIO, name, overrides=damping_overrides(result), label=f"{name}_damped")
-        for name, result in results.items()
-    }
+    damped = {name: lab.run(SCENARIO, name, overrides=damping_overrides(result), log=False) for name, result in results.items()}
     tips = {name: tip_path(result) for name, result in damped.items()}
     second = Part(
         title="With link damping that grows with the stiffness",

@@ -8,31 +8,26 @@ import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.reproduce.claim import Claim
-from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
+from asrsim.reproduce.figure import FIGURES, Figure, Part
 from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import RATIO, damping_overrides
 from asrsim.reproduce.pictures import joints_figure, picture
+from asrsim.reproduce.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from matplotlib.figure import Figure as Drawing
-
     from asrsim.api import Result
     from asrsim.reproduce.lab import Lab
 
-SCENARIO, JOINT = "chirp_1dof_qbmove", "joint_1"
-BAND = (0.5, 6.0)
-"""Hz, of the chirp."""
-POINTS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-"""Hz, of the table."""
-PRESETS = ("soft", "stiff")
+SCENARIO, PRESETS = "chirp_1dof_qbmove", ("soft", "stiff")
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
     """AlterEgo's springs, the toolbox's default springs, and growing damping."""
     results = lab.pairs(SCENARIO, PRESETS)
-    found = {name: response(result) for name, result in results.items()}
+    wide = {name: lab.run(SCENARIO, name, overrides=WIDER, label=f"{name}_wider") for name in PRESETS}
+    found = {name: response(result) for name, result in wide.items()}
     pictures = (
         picture(
             "figure_11",
@@ -42,33 +37,27 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         picture(
             "figure_11_response",
             "Gain, phase and coherence of the link's position to its reference.",
-            lambda: _bode(results, ""),
+            lambda: response_figure(wide),
         ),
     )
     first = Part(
         title="Chirp of 0.15 rad from 0.5 to 6 Hz",
         text="One qbMove that carries a second one, hanging, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
-        "friction "
-        "0.025 N m. The paper leaves the chirp's law, its length and the load open: linear, 20 s, one cube.",
-        claims=tuple(_claims(results, found)),
-        tables=(_table(found),),
+        "friction 0.025 N m. The paper leaves the chirp's law, its length and the load open: linear, 20 s, one cube. Gain and "
+        "phase come from a sweep at the same rate over a little more than the band, at whose ends a chirp's power fades.",
+        claims=tuple(_claims(results, wide, found)),
+        tables=(response_table(found),),
         pictures=pictures,
     )
-    return first, _nominal(lab), _damped(lab, results, found)
+    return first, _nominal(lab), _damped(lab, wide, found)
 
 
-def response(result: Result) -> FrequencyResponse:
-    """Response of the link's position to the reference of its equilibrium."""
-    series = result[JOINT]
-    return frequency_response(result.time, series.reference_1, series.link_position, band=BAND)
-
-
-def _claims(results: Mapping[str, Result], found: Mapping[str, FrequencyResponse]) -> list[Claim]:
+def _claims(results: Mapping[str, Result], wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]) -> list[Claim]:
     claims = []
     for name in PRESETS:
-        series, one = results[name][JOINT], found[name]
+        series, one = wide[name][JOINT], found[name]
         low, high = one.band
-        motor = frequency_response(results[name].time, series.reference_1, series.equilibrium_position, band=BAND)
+        motor = frequency_response(wide[name].time, series.reference_1, series.equilibrium_position, band=BAND)
         claims += [
             Claim(
                 figure=11,
@@ -81,6 +70,7 @@ def _claims(results: Mapping[str, Result], found: Mapping[str, FrequencyResponse
             ),
             Claim(
                 figure=11,
+                origin="simulation",
                 text=f"{name}: the equilibrium follows the chirp until the motors' own bandwidth",
                 quantity="-3 dB of the equilibrium",
                 measured=motor.bandwidth or float("nan"),
@@ -90,12 +80,13 @@ def _claims(results: Mapping[str, Result], found: Mapping[str, FrequencyResponse
                 unit="Hz",
             ),
         ]
-    through = {name: _from_equilibrium(results[name]) for name in PRESETS}
+    through = {name: from_equilibrium(wide[name]) for name in PRESETS}
     soft = through["soft"].resonance
     peak = {name: float(np.max(np.abs(results[name][JOINT].link_position))) for name in PRESETS}
     claims += [
         Claim(
             figure=11,
+            origin="simulation",
             text="the soft joint resonates within the sweep",
             quantity="peak of the gain from equilibrium to link",
             measured=soft[0] if soft else float("nan"),
@@ -106,6 +97,7 @@ def _claims(results: Mapping[str, Result], found: Mapping[str, FrequencyResponse
         ),
         Claim(
             figure=11,
+            origin="simulation",
             text="there the soft link swings wider than its equilibrium",
             quantity="gain from equilibrium to link at the peak",
             measured=soft[1] if soft else float("nan"),
@@ -140,6 +132,7 @@ def _claims(results: Mapping[str, Result], found: Mapping[str, FrequencyResponse
         ),
         Claim(
             figure=11,
+            origin="simulation",
             text="the largest deflection of the link is about the same in both presets",
             quantity="peak soft / peak stiff",
             measured=peak["soft"] / peak["stiff"],
@@ -151,37 +144,19 @@ def _claims(results: Mapping[str, Result], found: Mapping[str, FrequencyResponse
     return claims
 
 
-def _from_equilibrium(result: Result) -> FrequencyResponse:
-    """Response of the link to where its motors are: the spring, the load and friction alone."""
-    series = result[JOINT]
-    return frequency_response(result.time, series.equilibrium_position, series.link_position, band=BAND)
-
-
-def _table(found: Mapping[str, FrequencyResponse]) -> Table:
-    rows = []
-    for frequency in POINTS:
-        cells = [f"{frequency:g}"]
-        for one in found.values():
-            i = int(np.argmin(np.abs(one.frequency - frequency)))
-            cells += [f"{one.gain[i]:.3f}", f"{one.phase[i]:.0f}°", f"{one.coherence[i]:.4f}"]
-        rows.append(tuple(cells))
-    headings = ("Hz", *(f"{word}, {name}" for name in found for word in ("gain", "phase", "coherence")))
-    return Table(caption="Response of the link's position to its reference", headings=headings, rows=tuple(rows))
-
-
 def _nominal(lab: Lab) -> Part:
     names = ("nominal_soft", "nominal_stiff")
     results = lab.pairs(SCENARIO, names)
-    soft, stiff = (results[name] for name in names)
+    soft = results[names[0]]
     held = held_by_friction(soft)
-    one = response(stiff)
+    one = response(lab.run(SCENARIO, names[1], overrides=WIDER, log=False))
     friction = soft.run.robot.joint(JOINT).friction
     torque = float(np.max(np.abs(soft[JOINT].link_torque)))
     claims = [
         Claim(
             figure=11,
             origin="theory",
-            text="the soft link's springs are weaker than its joint's friction, so it does not move",
+            text="the soft link's springs are weaker than its joint's friction",
             quantity=f"largest spring torque, friction {friction:g} N m",
             measured=torque,
             comparison="<",
@@ -191,7 +166,7 @@ def _nominal(lab: Lab) -> Part:
         Claim(
             figure=11,
             origin="theory",
-            text="nor does it",
+            text="the soft link does not move",
             quantity="amplitude of the soft link",
             measured=0.5 * float(np.ptp(soft[JOINT].link_position)),
             comparison="<",
@@ -207,12 +182,14 @@ def _nominal(lab: Lab) -> Part:
             value=0.9,
         ),
     ]
-    said = "; ".join(str(item) for item in held) or "No link is held by friction"
+    said = "No link is held by friction."
+    if held:
+        said = f"Soft, {'; '.join(str(item) for item in held)}. A frequency response of such a joint does not exist."
     return Part(
         title="With the toolbox's default springs",
-        text=f"{said}. A frequency response of such a joint does not exist.",
+        text=said,
         claims=tuple(claims),
-        tables=(_table({"nominal stiff": one}),),
+        tables=(response_table({"nominal stiff": one}),),
         pictures=(
             picture(
                 "figure_11_nominal",
@@ -225,7 +202,8 @@ def _nominal(lab: Lab) -> Part:
 
 def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, FrequencyResponse]) -> Part:
     results = {
-        name: lab.run(SCENARIO, name, overrides=damping_overrides(plain[name]), label=f"{name}_damped") for name in PRESETS
+        name: lab.run(SCENARIO, name, overrides=[*WIDER, *damping_overrides(plain[name])], label=f"{name}_damped")
+        for name in PRESETS
     }
     found = {name: response(result) for name, result in results.items()}
     peaks = [float(np.max(one.gain)) for one in (before["soft"], found["soft"])]
@@ -242,22 +220,13 @@ def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, Frequenc
         title="With link damping that grows with the stiffness",
         text=f"The same chirp with an added damping ratio of {RATIO} at each moment's stiffness.",
         claims=(claim,),
-        tables=(_table(found),),
+        tables=(response_table(found),),
         pictures=(
-            picture("figure_11_damped", "The response with damping that grows with the stiffness.", lambda: _bode(results, "")),
+            picture(
+                "figure_11_damped", "The response with damping that grows with the stiffness.", lambda: response_figure(results)
+            ),
         ),
     )
-
-
-def _bode(results: Mapping[str, Result], title: str) -> Drawing:
-    from asrsim.plots.bode import bode_figure
-    from asrsim.plots.responses import responses
-
-    found = []
-    for number, (name, result) in enumerate(results.items()):
-        if result.log is not None:
-            found += responses(result.log, label=name, variant=number, band=BAND)[0]
-    return bode_figure(found, title=title)
 
 
 FIGURES.add(

@@ -61,7 +61,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     )
     shown = picture(
         "figure_8",
-        "Links (vermilion) and equilibria (blue) after the step, soft and stiff. Below: the first 0.25 s.",
+        "Links (vermilion) and equilibria (blue) after the step, above soft, below stiff.",
         lambda: _figure(results),
     )
     first = Part(
@@ -244,10 +244,10 @@ def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
     claims, rows = [], []
     for (name, variant), plain in results.items():
         damped = lab.run(f"step_1dof_{name}", variant, overrides=damping_overrides(plain), label=f"{variant}_damped", log=False)
-        before, after = (float(np.max(run["joint_1"].link_position)) / STEP - 1.0 for run in (plain, damped))
+        before, after = (float(np.max(run["joint_1"].link_position)) for run in (plain, damped))
         off = float(damped["joint_1"].link_position[-1] - plain["joint_1"].link_position[-1])
         label = f"{ACTUATORS[name]} {variant}"
-        rows.append((label, f"{100 * before:.1f} %", f"{100 * after:.1f} %", f"{off:+.1e}"))
+        rows.append((label, f"{before:.3f}", f"{after:.3f}", f"{off:+.1e}"))
         claims.append(
             Claim(
                 figure=8,
@@ -261,7 +261,7 @@ def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
                 unit="rad",
             )
         )
-    headings = ("", "overshoot beyond 0.8 rad", "with growing damping", "rest moves by (rad)")
+    headings = ("", "largest position (rad)", "with growing damping", "rest moves by (rad)")
     return Part(
         title="With link damping that grows with the stiffness",
         text=f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness.",
@@ -271,25 +271,22 @@ def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
 
 
 def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
-    from asrsim.plots.figures import legend, new_figure, variants
+    from asrsim.plots.figures import legend, new_figure
     from asrsim.plots.panels import draw_panel
 
     figure = new_figure(12.5, 4.4)
-    axes = figure.subplots(2, len(ACTUATORS), squeeze=False, sharey="col")
+    axes = figure.subplots(2, len(ACTUATORS), squeeze=False, sharex=True, sharey="col")
     drawn: dict[str, None] = {}
     for column, (name, title) in enumerate(ACTUATORS.items()):
-        runs = curves({variant: results[name, variant] for variant in ("soft", "stiff")})
-        for row in (0, 1):
+        for row, variant in enumerate(("soft", "stiff")):
             ax = axes[row, column]
-            drawn |= dict.fromkeys(draw_panel(ax, link_panel(), runs, "joint_1"))
-            if column:
-                ax.set_ylabel("")
-            ax.set_xlim(*((0.0, 1.0) if row == 0 else (0.09, 0.34)))
+            drawn |= dict.fromkeys(draw_panel(ax, link_panel(), curves({variant: results[name, variant]}), "joint_1"))
+            ax.set_ylabel(f"{variant}: position (rad)" if not column else "")
         axes[0, column].set_title(title, loc="left")
         axes[1, column].set_xlabel("time (s)")
+    axes[0, 0].set_xlim(0.08, 0.5)
     names = ("reference_position", "equilibrium_position", "link_position")
     legend(axes[0, -1], [name for name in names if name in drawn])
-    variants(figure, ["soft", "stiff"])
     return figure
 
 
