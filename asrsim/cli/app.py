@@ -15,6 +15,7 @@ COMMANDS = {
     "plot": "asrsim.cli.plot",
     "rerun": "asrsim.cli.rerun",
     "ilc": "asrsim.cli.ilc",
+    "reproduce": "asrsim.cli.reproduce",
     "check": "asrsim.cli.check",
     "actuators": "asrsim.cli.actuators",
     "bench": "asrsim.cli.bench",
