@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from asrsim.runs.from_recording import Written
 
 
 def init(
@@ -14,6 +17,15 @@ def init(
     mode: Annotated[
         int | None, typer.Option("--mode", min=0, max=6, help="Operation mode of all joints instead of the robot file's.")
     ] = None,
+    experiment: Annotated[
+        Path | None,
+        typer.Option("--experiment", "-e", metavar="FILE", help="Play this recording's commands, compare with its motion."),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is; may be repeated."),
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
     force: Annotated[bool, typer.Option("--force", "-f", help="Replace the file if it is there.")] = False,
     schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
     plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
@@ -25,20 +37,46 @@ def init(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
 ) -> None:
-    """Write a commented starter scenario for a robot.
+    """Write a commented starter scenario for a robot, or one from a recording of it.
 
     Example: asrsim init arm.urdf --mode 6 --out step.yaml
+
+    Example: asrsim init arm.urdf --experiment lab.csv --map 'alpha=elbow.link_position [deg]' --out lab.yaml
     """
-    # `--experiment lab.csv` (a scenario from a recording) belongs here; it branches off before write_starter.
     from asrsim.actuators.user import load_plugin_file
     from asrsim.cli.check import _pairs
-    from asrsim.scenario.start_file import write_starter
 
     for path in plugin or []:
         load_plugin_file(path)
     packages = {name: Path(folder) for name, folder in _pairs(package, "--package").items()}
-    written = write_starter(
-        robot, out, mode=mode, force=force, schema=schema, arguments=_pairs(argument, "--arg"), packages=packages
-    )
+    arguments = _pairs(argument, "--arg")
+    if experiment is not None:
+        from asrsim.runs.from_recording import write_from_recording
+
+        made = write_from_recording(
+            robot, experiment, out, mapping=mapping or (), rate=rate, mode=mode, force=force, schema=schema,
+            arguments=arguments, packages=packages,
+        )  # fmt: skip
+        if not quiet:
+            _print(made, out)
+        return
+    if mapping or rate is not None:
+        raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
+    from asrsim.scenario.start_file import write_starter
+
+    written = write_starter(robot, out, mode=mode, force=force, schema=schema, arguments=arguments, packages=packages)
     if not quiet:
         typer.echo(f"Wrote {', '.join(map(str, written))}. Run it: asrsim run {out}")
+
+
+def _print(made: Written, out: Path) -> None:
+    from asrsim.cli.console import say, say_problems
+    from asrsim.cli.recording_table import say_columns
+
+    say(f"{made.recording.path}: {made.recording.format}, {len(made.recording.time)} samples", "bold")
+    say_columns(made.recording)
+    say_problems(made.recording.findings, "note", "yellow")
+    for text in (*made.remarks, *([made.message] if made.message else [])):
+        say(f"note: {text}", "yellow")
+    limits = "a first run" if made.compared else "nothing but the recorded ranges"
+    typer.echo(f"Wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}. Run it: asrsim run {out}")

@@ -13,8 +13,8 @@ import typer
 if TYPE_CHECKING:
     from asrsim.metrics import MetricRow
     from asrsim.plots.job import PlotResult
+    from asrsim.recordings import Recording
     from asrsim.recordings.align import LagChoice
-    from asrsim.recordings.checks import GuessRow
 
 
 def plot(
@@ -151,24 +151,19 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
 
 
 def _print_experiments(result: PlotResult) -> None:
-    from asrsim.cli.console import say, say_table
+    from asrsim.cli.console import say
+    from asrsim.cli.recording_table import say_columns
     from asrsim.recordings import guess_rows
 
-    shown: list[GuessRow] = []
+    shown: Recording | None = None
     for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
         whose = "" if len(result.runs) == 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
         say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
-        rows = [row for row in guess_rows(recording) if row.meaning != "-"]
-        if rows == shown:
+        if shown is not None and guess_rows(shown) == guess_rows(recording):
             say("  columns as above", "dim")
-        elif rows:
-            headings = ("column", "read as", "unit", "conversion", "why")
-            cells = [[r.column, r.meaning, r.unit, r.conversion, r.origin] for r in rows]
-            say_table([(h, [line[i] for line in cells], False) for i, h in enumerate(headings)])
-        shown = rows
-        unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
-        if unused:
-            say(f"  not used: {', '.join(unused)}", "dim")
+        else:
+            say_columns(recording)
+        shown = recording
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""

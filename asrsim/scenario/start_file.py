@@ -41,7 +41,7 @@ def write_starter(
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
     )
     beside = out.parent / SCHEMA_FILE
-    if schema and _is_foreign(beside):
+    if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
     write_new(out, text, force=force)
     if not schema:
@@ -70,7 +70,8 @@ def relative_path(target: Path, folder: Path) -> str:
         return target.absolute().as_posix()
 
 
-def _is_foreign(path: Path) -> bool:
+def is_foreign(path: Path) -> bool:
+    """Whether a file that is no schema of ours stands there."""
     try:
         return path.exists() and '"asrsim scenario"' not in path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -48,28 +48,34 @@ class Drive:
         highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
         return min(soft, 0.5 * highest), min(3.0 * soft, highest)
 
-    def references(self, preset: float) -> Iterator[tuple[str, str, str]]:
-        """(reference, unit, signal as YAML) for a second reference in the sense of preset or adjuster."""
+    def levels(self, position: float, torque: float, preset: float) -> Iterator[tuple[str, str, float]]:
+        """(reference, unit, value) that hold the joint at a position, or its motors at a torque.
+
+        preset: a second reference in the sense of preset or adjuster.
+        """
         mode = MODES[self.block.mode]
         second = self.actuator.motors > 1 or self.actuator.adjuster
         if not mode.spring:
-            before, after = (0.0, TORQUE) if mode.number == 0 else (self.start, self.target)
-            yield mode.references[0], mode.units[0], _step(before, after)
+            yield mode.references[0], mode.units[0], torque if mode.number == 0 else position
         elif mode.number == 4:
-            yield mode.references[0], "N m", _step(0.0, TORQUE)
+            yield mode.references[0], "N m", torque
             if self.actuator.adjuster:
-                yield mode.references[1], self.actuator.reference_2_unit, _number(preset)
+                yield mode.references[1], self.actuator.reference_2_unit, preset
             elif second:
-                yield mode.references[1], "N m", _step(0.0, TORQUE)
+                yield mode.references[1], "N m", torque
         elif mode.mapped or self.actuator.adjuster or not second:
-            yield mode.references[0], "rad", _step(self.start, self.target)
+            yield mode.references[0], "rad", position
             if second:
-                yield mode.references[1], self.actuator.reference_2_unit, _number(preset)
+                yield mode.references[1], self.actuator.reference_2_unit, preset
         else:
-            at_start = self.actuator.motor_references(self.start, preset)
-            at_target = self.actuator.motor_references(self.target, preset)
-            for name, low, high in zip(mode.references, at_start, at_target, strict=True):
-                yield name, "rad", _step(low, high)
+            motors = self.actuator.motor_references(position, preset)
+            yield from zip(mode.references, ("rad", "rad"), motors, strict=True)
+
+    def references(self, preset: float) -> Iterator[tuple[str, str, str]]:
+        """(reference, unit, signal as YAML) of the starter's step."""
+        before, after = self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset)
+        for (name, unit, low), (_, _, high) in zip(before, after, strict=True):
+            yield name, unit, number(low) if low == high else _step(low, high)
 
 
 def starter_text(
@@ -86,13 +92,13 @@ def starter_text(
     robot_file: path of the robot as the scenario shall name it. schema: path of the JSON Schema for editors, if any.
     arguments, packages: xacro arguments and folders of ROS packages that the robot was read with.
     """
-    drives = tuple(_drive(robot, block) for block in robot.actuators)
+    drives = tuple(drive_of(robot, block) for block in robot.actuators)
     lines = [f"# yaml-language-server: $schema={schema}"] if schema else []
     lines += [
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
         "# Every key is explained in docs/scenario.md, every signal in docs/signals.md.",
         "",
-        *_robot(robot_file, arguments or {}, packages or {}),
+        *robot_lines(robot_file, arguments or {}, packages or {}),
         "duration: 3          # s",
         "step: 0.001          # s; springs that are too stiff for it get substeps by themselves",
         "# log_rate: 500      # Hz; without it every step is logged",
@@ -103,23 +109,25 @@ def starter_text(
     moved = [drive for drive in drives if drive.start]
     if moved:
         lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
-        lines += [f"  {_word(drive.joint.name)}: {_number(drive.start)}" for drive in moved]
+        lines += [f"  {word(drive.joint.name)}: {number(drive.start)}" for drive in moved]
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
     return "\n".join(lines) + "\n"
 
 
-def _robot(file: str, arguments: Mapping[str, str], packages: Mapping[str, str]) -> Iterator[str]:
+def robot_lines(file: str, arguments: Mapping[str, str], packages: Mapping[str, str]) -> Iterator[str]:
+    """The key `robot`."""
     if not arguments and not packages:
-        yield f"robot: {_word(file)}"
+        yield f"robot: {word(file)}"
         return
     yield "robot:"
-    yield f"  file: {_word(file)}"
+    yield f"  file: {word(file)}"
     for key, items in (("arguments", arguments), ("packages", packages)):
         if items:
-            yield f"  {key}: {{{', '.join(f'{_word(name)}: {_word(text)}' for name, text in items.items())}}}"
+            yield f"  {key}: {{{', '.join(f'{word(name)}: {word(text)}' for name, text in items.items())}}}"
 
 
-def _drive(robot: Robot, block: ActuatorBlock) -> Drive:
+def drive_of(robot: Robot, block: ActuatorBlock) -> Drive:
+    """The starter's motion of an actuated joint: from 0 or the nearest that its limits allow, by a small step."""
     joint = robot.joint(block.joint)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
     bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
@@ -141,7 +149,7 @@ def _references(drives: tuple[Drive, ...]) -> Iterator[str]:
     yield "references:"
     for drive in drives:
         mode = MODES[drive.block.mode]
-        yield f"  {_word(drive.joint.name)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
+        yield f"  {word(drive.joint.name)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
         presets = drive.presets()
         for name, unit, signal in drive.references(presets[0] if presets else drive.actuator.typical_preset):
             yield f"    {name}: {signal}  # {unit}"
@@ -163,7 +171,7 @@ def _variants(drives: tuple[Drive, ...]) -> Iterator[str]:
         for drive, presets in soft_and_stiff:
             changed = drive.references(presets[index])
             items = ", ".join(f"{key}: {signal}" for key, _, signal in changed if _differs(drive, key))
-            yield f"      {_word(drive.joint.name)}: {{{items}}}"
+            yield f"      {word(drive.joint.name)}: {{{items}}}"
 
 
 def _differs(drive: Drive, reference: str) -> bool:
@@ -173,11 +181,11 @@ def _differs(drive: Drive, reference: str) -> bool:
 
 
 def _further(drives: tuple[Drive, ...]) -> Iterator[str]:
-    joint = _word(drives[0].joint.name) if drives else "joint"
+    joint = word(drives[0].joint.name) if drives else "joint"
     parameter = ACTUATORS.get(drives[0].block.actuator).parameters[0] if drives else None
     yield "# More that a scenario can say:"
     if parameter is not None:
-        yield f'# parameters: {{"*": {{{parameter.name}: {_number(parameter.default)}}}}}  # replaces the robot file\'s value'
+        yield f'# parameters: {{"*": {{{parameter.name}: {number(parameter.default)}}}}}  # replaces the robot file\'s value'
     yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # N m"
     yield '# effects: {commands: {"*": {delay: 0.005, rate: 200}}}  # s, Hz'
     yield "# expect:"
@@ -185,14 +193,15 @@ def _further(drives: tuple[Drive, ...]) -> Iterator[str]:
 
 
 def _step(before: float, after: float) -> str:
-    return f"{{step: {{at: {STEP_TIME:g}, from: {_number(before)}, to: {_number(after)}}}}}"
+    return f"{{step: {{at: {STEP_TIME:g}, from: {number(before)}, to: {number(after)}}}}}"
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """A number as YAML, to six digits."""
     return f"{value + 0.0:.6g}"
 
 
-def _word(text: str) -> str:
+def word(text: str) -> str:
     """Text as YAML, quoted where it must be."""
     plain = _SIMPLE.fullmatch(text) and isinstance(plain_scalar(text), str)
     return text if plain else json.dumps(text, ensure_ascii=False)

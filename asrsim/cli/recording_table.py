@@ -1,0 +1,25 @@
+"""A recording's columns in the terminal: what each was taken for, and why."""
+
+from __future__ import annotations
+
+from asrsim.cli.console import say, say_table
+from asrsim.recordings import Recording, guess_rows
+
+_MOST = 40
+"""Columns that are named; a file may have thousands."""
+
+
+def say_columns(recording: Recording) -> None:
+    """The mapped columns as a table, and the names of the others."""
+    rows = guess_rows(recording)
+    used = [row for row in rows if row.meaning != "-"]
+    if used:
+        headings = ("column", "read as", "unit", "conversion", "why")
+        cells = [[r.column, r.meaning, r.unit, r.conversion, r.origin] for r in used[:_MOST]]
+        say_table([(heading, [line[i] for line in cells], False) for i, heading in enumerate(headings)])
+        if len(used) > _MOST:
+            say(f"  and {len(used) - _MOST} more", "dim")
+    others = [row.column for row in rows if row.meaning == "-"]
+    if others:
+        more = f", and {len(others) - _MOST} more" if len(others) > _MOST else ""
+        say(f"  not used: {', '.join(others[:_MOST])}{more}", "dim")

@@ -1,0 +1,103 @@
+"""A scenario from a recording: written, run once, and its claims set from that first comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import AsrsimError, OutputError, RecordingError
+from asrsim.recordings import Recording, compare, read_recording
+from asrsim.robot import load_robot, with_overrides
+from asrsim.scenario.load import load_scenario
+from asrsim.scenario.schema import schema_text
+from asrsim.scenario.start_file import SCHEMA_FILE, is_foreign, relative_path, write_new
+from asrsim.scenario.starter_playback import Plan, extract, make_plan
+from asrsim.scenario.starter_recording import STEP, Names, first_claims, placeholders, recording_text
+from asrsim.simulation.run import simulate
+
+MOST = 2_000_000
+"""Samples of joints (steps times joints) up to which the scenario is run for the claims' limits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """What was made of a recording."""
+
+    files: tuple[Path, ...]
+    recording: Recording
+    remarks: tuple[str, ...]
+    """Assumptions, in words."""
+    compared: bool
+    """The limits of the claims come from a first run; else they are placeholders."""
+    message: str = ""
+    """Why there was no first comparison."""
+
+
+def write_from_recording(
+    robot: Path,
+    experiment: Path,
+    out: Path,
+    *,
+    mapping: Sequence[str] = (),
+    rate: float | None = None,
+    mode: int | None = None,
+    force: bool = False,
+    schema: bool = True,
+    arguments: Mapping[str, str] | None = None,
+    packages: Mapping[str, Path] | None = None,
+) -> Written:
+    """Write a scenario that plays the recorded commands and compares with the recorded motion.
+
+    Where the playback signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the
+    scenario as `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; the others as for
+    :func:`asrsim.scenario.start_file.write_starter`.
+
+    Raises RobotError, RecordingError (unreadable, no common joint, no command), OutputError.
+    """
+    loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
+    if mode is not None:
+        loaded = with_overrides(loaded, modes={"*": mode})
+    joints = [joint.name for joint in loaded.moving_joints]
+    recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
+    plan = make_plan(loaded, recording, step=STEP)
+    extracted = extract(plan, f"{out.stem}_commands.csv")
+    names = Names(
+        scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
+        extract=f"{out.stem}_commands.csv", schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
+        packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
+    )  # fmt: skip
+    beside = out.parent / SCHEMA_FILE
+    if schema and is_foreign(beside):
+        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    said = {"mode": mode, "mapping": tuple(mapping), "rate": rate}
+    for name, text in extracted.items():
+        write_new(out.parent / name, text, force=force)
+    write_new(out, recording_text(plan, names, placeholders(plan), **said), force=force)  # type: ignore[arg-type]
+    measured, message = _first_comparison(out, plan)
+    if measured:
+        write_new(out, recording_text(plan, names, first_claims(plan, measured), **said), force=True)  # type: ignore[arg-type]
+    if schema:
+        write_new(beside, schema_text(), force=True)
+    files = (out, *(out.parent / name for name in extracted), *([beside] if schema else []))
+    return Written(files=files, recording=recording, remarks=plan.remarks, compared=bool(measured), message=message)
+
+
+def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], tuple[float, float]], str]:
+    """(joint, quantity) -> (RMSE, NRMSE) of the scenario as written; empty, with the reason, where it cannot be had."""
+    if plan.duration / STEP * len(plan.robot.moving_joints) > MOST:
+        return {}, "the recording is too long for a first comparison here"
+    (scenario,) = load_scenario(path)
+    try:
+        run = simulate(scenario)
+        if run.samples is None:
+            return {}, "the first run kept no samples"
+        found = compare(run.samples, plan.recording, infos=run.info.joints, joints=plan.pairing, lag=plan.lag)
+    except RecordingError as error:
+        return {}, str(error)
+    except AsrsimError as error:
+        return {}, f"the first run failed: {error}"
+    result = {(s.joint, s.quantity): (s.metrics["rmse"], s.metrics["nrmse"]) for s in found.series}
+    return {key: pair for key, pair in result.items() if np.isfinite(pair[0])}, ""

@@ -1,0 +1,245 @@
+"""Recorded commands as playbacks: which column drives which reference, on which time, from which file."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.recordings.compare import match_joints
+from asrsim.recordings.data import Column, Recording
+from asrsim.robot import ActuatorBlock, Robot, with_overrides
+from asrsim.signals.playback import Playback
+
+LATEST = 1.0
+"""s: a recording that begins later, or before 0, is played from 0."""
+STAIRS = 0.5
+"""Share of equal neighbours above which a command is taken for stairs, which are held; others are joined by lines."""
+FALLBACKS = ("equilibrium_position", "motor_1_position")
+"""Recorded quantities that stand in for a command that was not recorded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Played:
+    """One column that drives one input of the simulation."""
+
+    joint: str
+    slot: int | None
+    """Of the mode's references: 0 or 1; None: the external torque."""
+    column: Column
+    direct: bool
+    """Played from the recording itself; else from the extract beside the scenario."""
+    hold: bool
+
+    @property
+    def label(self) -> str:
+        """Column of the extract."""
+        what = "external_torque" if self.slot is None else f"reference_{self.slot + 1}"
+        return f"{self.joint}.{what}" + (f" [{self.column.unit}]" if self.column.unit else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is played and compared."""
+
+    robot: Robot
+    """With the modes that the commands need."""
+    modes: Mapping[str, int]
+    """Joint -> mode that replaces the robot file's, because of its command."""
+    recording: Recording
+    pairing: Mapping[str, str]
+    """Joint of the recording -> joint of the robot."""
+    played: tuple[Played, ...]
+    compared: tuple[tuple[str, Column], ...]
+    """(joint of the robot, column) of what is recorded and simulated, commands left out."""
+    lag: float
+    """s that the recording's clock is ahead of the simulation's."""
+    duration: float
+    """s."""
+    initial: Mapping[str, float]
+    """Joint -> its first recorded position, where that is not 0."""
+    remarks: tuple[str, ...] = ()
+
+
+def make_plan(robot: Robot, recording: Recording, *, step: float) -> Plan:
+    """What of the recording is played into the robot, and what is compared.
+
+    Raises RecordingError where no joint is common, or no column is a command, with what there is.
+    """
+    names = [joint.name for joint in robot.moving_joints]
+    pairing, found = match_joints(names, recording)
+    remarks = [problem.message for problem in found]
+    columns = {
+        (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
+    }
+    lag, end = _span(columns)
+    modes: dict[str, int] = {}
+    played: list[Played] = []
+    for block in robot.actuators:
+        command = _command(columns, block, remarks)
+        if command is not None:
+            second = columns.get((block.joint, "reference_2"))
+            mode = _mode(block, command, second)
+            if mode != block.mode:
+                modes[block.joint] = mode
+                remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, which cannot take this command")
+            played.append(_played(block.joint, 0, command, recording, lag))
+            if second is not None and len(_references(replace(block, mode=mode))) > 1:
+                played.append(_played(block.joint, 1, second, recording, lag))
+        if (torque := columns.get((block.joint, "external_torque"))) is not None:
+            played.append(_played(block.joint, None, torque, recording, lag))
+    if not any(one.slot == 0 for one in played):
+        raise _no_command(recording, robot)
+    changed = with_overrides(robot, modes=modes) if modes else robot
+    commands = {one.column.source for one in played}
+    return Plan(
+        robot=changed, modes=modes, recording=recording, pairing=pairing, played=tuple(played),
+        compared=tuple(
+            (joint, column) for (joint, quantity), column in columns.items()
+            if not quantity.startswith("reference") and column.source not in commands and np.isfinite(column.values).sum() > 1
+        ),
+        lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
+        initial=_initial(changed, columns, played, remarks), remarks=tuple(remarks),
+    )  # fmt: skip
+
+
+def extract(plan: Plan, name: str) -> dict[str, str]:
+    """File name -> text of the played columns that the signal cannot read from the recording itself, in SI.
+
+    One file a time base; `name`: of the first.
+    """
+    groups: dict[int, list[Played]] = {}
+    for one in plan.played:
+        if not one.direct:
+            groups.setdefault(id(one.column.time), []).append(one)
+    return {file: _table(members) for (file, members) in zip(_names(name, len(groups)), groups.values(), strict=True)}
+
+
+def file_of(plan: Plan, one: Played, name: str) -> str:
+    """Name of the extract in which a column is."""
+    times = list(dict.fromkeys(id(other.column.time) for other in plan.played if not other.direct))
+    return _names(name, len(times))[times.index(id(one.column.time))]
+
+
+def _names(name: str, count: int) -> list[str]:
+    stem, dot, ending = name.rpartition(".")
+    return [name if number == 1 else f"{stem}_{number}{dot}{ending}" for number in range(1, count + 1)]
+
+
+def _table(members: list[Played]) -> str:
+    time = members[0].column.time
+    values = np.column_stack([time, *(one.column.values for one in members)])
+    # A playback must be whole: what is missing is bridged by the samples around it.
+    for i in range(1, values.shape[1]):
+        good = np.isfinite(values[:, i])
+        values[:, i] = np.interp(time, time[good], values[good, i])
+    text = io.StringIO()
+    header = ",".join(["time [s]", *(f'"{one.label}"' for one in members)])
+    np.savetxt(text, values, delimiter=",", header=header, comments="", fmt="%.12g")
+    return text.getvalue()
+
+
+def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
+    """Recorded time that becomes 0, and the recorded end; of the columns that are used."""
+    start = min(float(column.time[0]) for column in columns.values())
+    end = max(float(column.time[-1]) for column in columns.values())
+    return (0.0 if 0.0 <= start <= LATEST and end > start else start), end
+
+
+def _command(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str]) -> Column | None:
+    for quantity in ("reference_1", *FALLBACKS):
+        column = columns.get((block.joint, quantity))
+        if column is None or not np.isfinite(column.values).any():
+            continue
+        if quantity != "reference_1":
+            remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
+        return column
+    recorded = [quantity for joint, quantity in columns if joint == block.joint]
+    if recorded:
+        remarks.append(f"{block.joint}: no column is its command; it is told to rest where it starts")
+    return None
+
+
+def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
+    """The block's mode if it can take the command, else the nearest one that can."""
+    mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
+    if command.unit in ("N m", "N"):
+        return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 else 0
+    if mode.number in (0, 4):
+        return 6 if mode.number == 4 else 1
+    if mode.number in (2, 5) and actuator.motors > 1 and second is None:
+        return mode.number + 1
+    return mode.number
+
+
+def _references(block: ActuatorBlock) -> tuple[str, ...]:
+    actuator = ACTUATORS.get(block.actuator)
+    names = MODES[block.mode].references
+    return names if actuator.motors > 1 or actuator.adjuster else names[:1]
+
+
+def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
+    finite = column.values[np.isfinite(column.values)]
+    changes = float(np.mean(np.diff(finite) == 0.0)) if len(finite) > 1 else 1.0
+    direct = recording.format == "csv" and _plays(recording.path, column, lag)
+    return Played(joint=joint, slot=slot, column=column, direct=direct, hold=changes > STAIRS)
+
+
+def _plays(path: Path, column: Column, lag: float) -> bool:
+    """Whether the playback signal reads the same numbers from the recording itself."""
+    try:
+        times, values = Playback(file=path, column=column.source, start=0.0 if lag else None).samples
+    except InputError:
+        return False
+    shifted = column.time - lag
+    return (
+        len(times) == len(shifted)
+        and bool(np.allclose(times, shifted, rtol=0.0, atol=1e-9))
+        and bool(np.allclose(values, column.values, rtol=1e-12, atol=0.0))
+    )
+
+
+def _initial(
+    robot: Robot, columns: Mapping[tuple[str, str], Column], played: list[Played], remarks: list[str]
+) -> dict[str, float]:
+    starts = dict(_starts(columns, played))
+    initial: dict[str, float] = {}
+    for joint in robot.moving_joints:
+        start = starts.get(joint.name, 0.0)
+        bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None
+        inside = min(max(start, joint.lower or 0.0), joint.upper or 0.0) if bounded else start
+        if inside != start:
+            remarks.append(f"{joint.name}: it begins at {start:.6g}, outside of its limits, and is put to {inside:.6g}")
+        if abs(inside) > 1e-9:
+            initial[joint.name] = float(f"{inside:.9g}")
+    return initial
+
+
+def _starts(columns: Mapping[tuple[str, str], Column], played: list[Played]) -> Iterator[tuple[str, float]]:
+    """First recorded position of each joint: of its link, else of what else is an angle at its link."""
+    for one in played:
+        if one.slot == 0 and one.column.unit not in ("N m", "N"):
+            yield one.joint, _first(one.column)
+    for quantity in ("motor_1_position", "equilibrium_position", "link_position"):
+        for (joint, name), column in columns.items():
+            if name == quantity and np.isfinite(column.values).any():
+                yield joint, _first(column)
+
+
+def _first(column: Column) -> float:
+    return float(column.values[np.isfinite(column.values)][0])
+
+
+def _no_command(recording: Recording, robot: Robot) -> RecordingError:
+    found = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
+                      for c in list(recording.channels.values())[:30])  # fmt: skip
+    joint = robot.actuators[0].joint if robot.actuators else "JOINT"
+    return RecordingError(
+        Problem(message=f"no column is a command that could be played; its columns: {found}", file=recording.path,
+                hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command")
+    )  # fmt: skip

@@ -1,0 +1,195 @@
+"""The text of a scenario from a recording: commands played, motion compared, and every guess in its comments."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.recordings.checks import guess_rows
+from asrsim.recordings.data import Recording
+from asrsim.scenario.starter import drive_of, number, robot_lines, word
+from asrsim.scenario.starter_playback import Plan, Played, file_of
+
+STEP = 0.001
+"""s."""
+SHARE = 0.1
+"""Of the recorded range: the limit of a claim before the first comparison."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Names:
+    """Files as the scenario names them, from its own folder."""
+
+    scenario: str
+    robot: str
+    recording: str
+    extract: str
+    schema: str | None = None
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    """Of xacro."""
+    packages: Mapping[str, str] = field(default_factory=dict)
+    """Of ROS, with their folders."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A limit on the RMSE of one quantity, and where it comes from."""
+
+    joint: str
+    quantity: str
+    limit: float
+    said: str
+
+
+def recording_text(
+    plan: Plan, names: Names, claims: Sequence[Claim], *, mode: int | None = None, mapping: Sequence[str] = (),
+    rate: float | None = None,
+) -> str:  # fmt: skip
+    """The scenario's YAML. mode, mapping, rate: as they were asked for on the command line, and are written down."""
+    lines = [f"# yaml-language-server: $schema={names.schema}"] if names.schema else []
+    lines += [*_head(plan, names, mapping, rate), "", *robot_lines(names.robot, names.arguments, names.packages)]
+    lines += [
+        f"duration: {exact(plan.duration)}".ljust(21) + "# s, of the recording",
+        f"step: {number(STEP)}".ljust(21) + "# s",
+    ]
+    modes = {**({"*": mode} if mode is not None else {}), **plan.modes}
+    if modes:
+        lines.append("modes: {" + ", ".join(f"{word(joint)}: {value}" for joint, value in modes.items()) + "}")
+    if plan.initial:
+        lines += ["initial:".ljust(21) + "# rad, m; where the recording begins"]
+        lines += [f"  {word(joint)}: {exact(value)}" for joint, value in plan.initial.items()]
+    lines += ["", "references:", *_references(plan, names)]
+    torques = [one for one in plan.played if one.slot is None]
+    if torques:
+        lines += ["", "external_torques:"]
+        lines += [f"  {word(one.joint)}: {_playback(plan, one, names)}  # {one.column.source}" for one in torques]
+    lines += ["", *_expect(plan, names, claims, mapping, rate)]
+    return "\n".join(lines) + "\n"
+
+
+def placeholders(plan: Plan) -> list[Claim]:
+    """A claim for each quantity that is compared: an RMSE of a tenth of the recorded range, which nobody has tried."""
+    claims = []
+    for joint, column in plan.compared:
+        values = column.values[np.isfinite(column.values)]
+        extent = float(np.ptp(values))
+        if extent > 0.0:
+            said = f"a placeholder: {100 * SHARE:g} % of the recorded range"
+            claims.append(Claim(joint=joint, quantity=str(column.quantity), limit=_rounded(SHARE * extent), said=said))
+    return claims
+
+
+def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> Iterator[str]:
+    recording = plan.recording
+    name = Path(names.scenario).stem
+    options = [f"--lag {exact(plan.lag)}", *(f"--map '{text}'" for text in mapping), *([f"--rate {rate:g}"] if rate else [])]
+    yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`."
+    yield "# It plays the recorded commands into the simulation and compares the motion with the recorded one. Units are SI."
+    yield f"#   asrsim run {names.scenario}"
+    yield f"#   asrsim plot out/{name}/default/log.mcap --experiment {names.recording} {' '.join(options)}"
+    yield "#"
+    yield f"# How the file was read ({recording.format}, {_sampling(recording)}); --map COLUMN=JOINT.QUANTITY corrects it:"
+    rows = [row for row in guess_rows(recording) if row.meaning != "-"]
+    cells = [("column", "read as", "unit", "conversion", "why")]
+    cells += [(row.column, row.meaning, row.unit, row.conversion, row.origin) for row in rows]
+    widths = [min(34, max(len(line[i]) for line in cells)) for i in range(4)]
+    for line in cells:
+        yield "#   " + "  ".join(text.ljust(width) for text, width in zip(line, [*widths, 0], strict=True)).rstrip()
+    unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
+    if unused:
+        more = f", and {len(unused) - 12} more" if len(unused) > 12 else ""
+        yield from _wrapped(f"not used: {', '.join(unused[:12])}{more}", "#   ", "#     ")
+    said = [*plan.remarks, *(f"{p.key}: {p.message}" if p.key else p.message for p in recording.findings)]
+    if said:
+        yield "# Assumed, or odd about the file:"
+        for text in said[:20]:
+            yield from _wrapped(text, "#   - ", "#     ")
+        if len(said) > 20:
+            yield f"#   - and {len(said) - 20} more"
+    if plan.lag:
+        yield f"# The recording begins at {exact(plan.lag)} s of its own clock, which is 0 here."
+    extracted = [one for one in plan.played if not one.direct]
+    if extracted:
+        yield f"# The commands are played from {names.extract} beside this file: cleaned, in SI, on the recording's clock."
+
+
+def _sampling(recording: Recording) -> str:
+    step = float(np.median(np.diff(recording.time)))
+    return f"{len(recording.time)} samples at {1 / step:.4g} Hz"
+
+
+def _references(plan: Plan, names: Names) -> Iterator[str]:
+    for block in plan.robot.actuators:
+        mode = MODES[block.mode]
+        drive = drive_of(plan.robot, block)
+        own = {one.slot: one for one in plan.played if one.joint == block.joint and one.slot is not None}
+        yield f"  {word(block.joint)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
+        presets = drive.presets()
+        preset = presets[0] if presets else drive.actuator.typical_preset
+        for slot, (name, unit, rest) in enumerate(drive.levels(plan.initial.get(block.joint, 0.0), 0.0, preset)):
+            one = own.get(slot)
+            if one is not None:
+                yield f"    {name}: {_playback(plan, one, names)}  # {one.column.unit or unit}, {one.column.source}"
+            else:
+                yield f"    {name}: {number(rest)}  # {unit}, not recorded"
+
+
+def _playback(plan: Plan, one: Played, names: Names) -> str:
+    file, column = (names.recording, one.column.source) if one.direct else (file_of(plan, one, names.extract), one.label)
+    keys = [f"file: {word(file)}", f"column: {word(column)}"]
+    if plan.lag:
+        keys.append(f"start: {exact(float(one.column.time[0]) - plan.lag)}")
+    if one.hold:
+        keys.append("interpolation: hold")
+    return f"{{playback: {{{', '.join(keys)}}}}}"
+
+
+def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence[str], rate: float | None) -> Iterator[str]:
+    if not claims:
+        yield "# Nothing that the simulation has was recorded beside the commands: there is nothing to compare."
+        return
+    options = [f"lag: {exact(plan.lag)}"]
+    if mapping:
+        options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
+    if rate:
+        options.append(f"rate: {rate:g}")
+    yield "# The limits say how near the model is today, not how near it should be: put what the laboratory needs."
+    yield "expect:"
+    for claim in claims:
+        yield f"  # {claim.said}"
+        yield (
+            f"  - {{joint: {word(claim.joint)}, quantity: {claim.quantity}, measure: rmse, comparison: <, "
+            f"value: {number(claim.limit)}, against: {word(names.recording)}, options: {{{', '.join(options)}}}}}"
+        )
+
+
+def exact(value: float) -> str:
+    """A number as YAML, to twelve digits: times of long recordings need them."""
+    return f"{value + 0.0:.12g}"
+
+
+def _wrapped(text: str, first: str, others: str) -> list[str]:
+    return textwrap.wrap(" ".join(text.split()), 124, initial_indent=first, subsequent_indent=others, break_long_words=False)
+
+
+def _rounded(value: float) -> float:
+    """Upwards to two digits."""
+    digits = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(np.ceil(value / digits - 1e-9) * digits)
+
+
+def first_claims(plan: Plan, measured: Mapping[tuple[str, str], tuple[float, float]]) -> list[Claim]:
+    """Claims from the first comparison: (joint, quantity) -> (RMSE, NRMSE); a fifth above it. Others are placeholders."""
+    claims = []
+    for claim in placeholders(plan):
+        rmse, nrmse = measured.get((claim.joint, claim.quantity), (np.nan, np.nan))
+        if np.isfinite(rmse) and rmse > 0.0:
+            said = f"{rmse:.3g} in the first comparison, {100 * nrmse:.3g} % of the recorded range"
+            claim = Claim(joint=claim.joint, quantity=claim.quantity, limit=_rounded(1.2 * rmse), said=said)
+        claims.append(claim)
+    return claims
