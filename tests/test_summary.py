@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,6 +52,17 @@ def test_limits_are_counted_in_substeps(tiny) -> None:
     assert "effort\nlimit" in headings
     assert "motor\nlimit" not in headings
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
+
+
+def test_two_saturated_motors_are_one_saturated_joint() -> None:
+    scenario = Path(__file__).parents[1] / "examples/scenarios/step_2dof.yaml"
+    weak = [f"parameters.*.motor_{i}_max_torque=0.05" for i in (1, 2)]
+    result = asrsim.run(scenario, variant="soft", overrides=["duration=0.2", *weak])
+    for name in ("joint_1", "joint_2"):
+        series = result[name]
+        held = [np.abs(series[f"motor_{i}_torque"]) >= 0.05 for i in (1, 2)]
+        assert np.count_nonzero(held[0] & held[1]) > 0
+        assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
 
 
 def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:

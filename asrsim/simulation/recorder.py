@@ -198,9 +198,10 @@ class Recorder:
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
         for group, _, _ in self._groups:
             pick = group.pick
-            for i in range(1, group.motors + 1):
-                limit = group.value(f"motor_{i}_max_torque")
-                counts.saturation[pick] += np.count_nonzero(np.abs(values[f"motor_{i}_torque"][pick]) >= limit, axis=1)
+            motors = range(1, group.motors + 1)
+            held = [np.abs(values[f"motor_{i}_torque"][pick]) >= group.value(f"motor_{i}_max_torque") for i in motors]
+            if held:
+                counts.saturation[pick] += np.count_nonzero(np.any(held, axis=0), axis=1)
             if "max_deflection" in group.drives[0].values:
                 limit = group.value("max_deflection")
                 springs = [values[f"motor_{i}_position"][pick] for i in range(1, group.actuator.motors + 1)]
