@@ -83,13 +83,14 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str
     state: Any = drive.initial_state
     advance = drive.advance
     rows = []
-    columns = (motion.position, motion.velocity, motion.reference_1, motion.reference_2)
-    for row, (step, q, v, r_1, r_2) in enumerate(zip(steps, *(column.tolist() for column in columns), strict=True)):
+    references = (motion.reference_1, motion.reference_2)
+    columns = (motion.position, motion.velocity, *references, *drive.goals(*references))
+    for row, (step, q, v, r_1, r_2, goal_1, goal_2) in enumerate(zip(steps, *(c.tolist() for c in columns), strict=True)):
         if step not in constants:
             constants[step] = drive.constants(step)
         before = state
         try:
-            torque, state, record = advance(state, constants[step], q, v, *drive.goals(r_1, r_2))
+            torque, state, record = advance(state, constants[step], q, v, goal_1, goal_2)
         except (ZeroDivisionError, OverflowError) as error:
             raise SimulationError(
                 f"joint '{drive.name}', row {row + 1}: the law has no finite value at q = {q:g}, references {r_1:g} and {r_2:g}"

@@ -8,7 +8,9 @@ from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.actuators.motor import motor_coefficients
+from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
+from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping
 from asrsim.simulation import kernels, toolbox
 from asrsim.simulation.kernels import Advance
@@ -77,10 +79,10 @@ class Drive:
             return kernels.make_advance_one_motor(self.actuator.elastic_torques), rest
         return kernels.make_advance_two_motors(self.actuator.elastic_torques), rest + rest
 
-    def goals(self, reference_1: Any, reference_2: Any) -> tuple[Any, Any]:
-        """What `advance` takes for references (numbers or arrays): through the reference map in modes 3 and 6."""
+    def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
+        """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""
         if self.actuator is not None and self.mode is not None and self.mode.mapped:
-            return self.actuator.motor_references(reference_1, reference_2)
+            return references_over_arrays(self.actuator)(reference_1, reference_2)
         return reference_1, reference_2
 
     def constants(self, step: float) -> Any:

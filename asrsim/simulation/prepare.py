@@ -120,6 +120,7 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
             drive,
             sampled[0][:, j],
             sampled[1][:, j],
+            interval=scenario.duration / 2000,
             load=float(gravity[j] + external[j]),
             inertia=max(float(mass[j, j]) for mass in masses),
         )

@@ -196,6 +196,8 @@ class Recorder:
         counts.substeps += torque.shape[1]
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
+        if "stiffness" in values:
+            counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
         for group, _, _ in self._groups:
             pick = group.pick
             motors = range(1, group.motors + 1)

@@ -23,7 +23,9 @@ TARGET = 0.2
 MOTOR_TARGET = 0.3
 """The same for motor and spring at a frozen link."""
 OVERSHOOT = 2.0
-"""A step load deflects an undamped spring twice as far as a slow one; the same margin is given to speeds."""
+"""A step load deflects an undamped spring twice as far as a slow one; the same margin is given to the references' speeds."""
+STANDING = 1e-3
+"""rad between a joint and its first reference below which the motor does not jump to it at its largest speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,46 +44,52 @@ class Resolution:
     """Largest reachable stiffness of each joint in N m/rad."""
 
 
-def reachable_stiffness(drive: Drive, reference_1: Array, reference_2: Array, *, load: float, inertia: float) -> float:
+def reachable_stiffness(
+    drive: Drive, reference_1: Array, reference_2: Array, *, interval: float, load: float, inertia: float
+) -> float:
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds it is told so.
 
-    reference_1, reference_2: sampled over the run; load: N m, bound of gravity's and external torques on the link; inertia:
-    kg m^2, the most that the joint can carry. A spring is deflected at most to max_deflection, and by no more than
-    its pretension (the references' spread) plus what load and motion add: ideal motors jump as the references do; motors
-    with dynamics move the link's inertia at their largest speed against the spring, and hold no more than their torque.
+    reference_1, reference_2: (n,), sampled over the run every `interval` s; load: N m, bound of gravity's and external
+    torques on the link; inertia: kg m^2, the most that the joint can carry. A spring is deflected at most to max_deflection,
+    and by no more than its pretension (half the references' spread) plus what load and motion add. Ideal motors jump as
+    their references do. Motors with dynamics run at most as fast as their references or their speed limit, where they
+    catch the link's inertia with the spring, and hold no more than their torque.
     """
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return 0.0
-    elastic = drive.elastic
     limit = drive.values.get("max_deflection", math.pi)
     sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster else 0.0
 
     def torque_at(deflection: float) -> float:
         pairs = [(d, sigma if actuator.adjuster else d) for d in (deflection, -deflection)]
-        return max(abs(part) for pair in pairs for part in _torques(drive, *pair, elastic))
+        return max(abs(part) for pair in pairs for part in _torques(drive, *pair, drive.elastic))
 
     goals = np.column_stack(drive.goals(reference_1, reference_2))[:, : 1 if actuator.motors == 1 else 2]
-    spread = float(np.max(np.abs(goals - goals.mean(axis=1, keepdims=True)))) if mode.number != 4 else 0.0
-    loaded = _largest_below(torque_at, OVERSHOOT * load, limit)
+    centre = goals.mean(axis=1)
+    spread = float(np.max(np.abs(goals - centre[:, None]))) if mode.number != 4 else 0.0
+    offset = abs(float(centre[0]) - drive.initial_position)
+    changes = np.abs(np.diff(centre))
+    change = float(np.max(changes)) if len(changes) else 0.0
     if mode.motor:
         motors = range(1, actuator.motors + 1)
         pull = max(drive.values[f"motor_{i}_max_torque"] for i in motors)
+        speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
         if mode.number == 4:
             pull = min(pull, float(np.max(np.abs(goals))))
             spread = _largest_below(torque_at, pull, limit)
-        speed = OVERSHOOT * max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
+        elif offset < STANDING:
+            speed = min(fastest, OVERSHOOT * change / interval)
         moved = _caught(drive, spread, sigma, 0.5 * inertia * speed * speed, limit)
-        reach = min(spread + loaded + moved, _largest_below(torque_at, OVERSHOOT * pull + load, limit), limit)
+        bound = min(torque_at(min(spread + moved, limit)), OVERSHOOT * pull) + OVERSHOOT * load
     else:
-        offset = float(np.max(np.abs(goals[0] - drive.initial_position)))
-        jump = float(np.max(np.abs(np.diff(goals, axis=0)))) if len(goals) > 1 else 0.0
-        reach = min(limit, spread + max(offset, jump) + loaded)
+        bound = torque_at(min(spread + max(offset, change), limit)) + OVERSHOOT * load
+    reach = _largest_below(torque_at, bound, limit)
     grid = np.linspace(-reach, reach, 9).tolist()
     best = 0.0
     for d_1 in grid:
         for d_2 in [sigma] if actuator.adjuster else (grid if actuator.motors == 2 else [0.0]):
-            value = abs(actuator.stiffness(0.0, d_1, d_2, elastic))
+            value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
             best = max(best, value) if math.isfinite(value) else math.inf
     return best
 
