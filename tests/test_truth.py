@@ -19,7 +19,7 @@ def _measures() -> Iterator[Any]:
             yield pytest.param(section, measure, id=measure.__name__, marks=marks)
 
 
-@pytest.mark.parametrize(("section", "measure"), _measures())
+@pytest.mark.parametrize(("section", "measure"), list(_measures()))
 def test_every_figure_keeps_its_bound(section: Section, measure: Callable[[], Iterator[Check]]) -> None:
     if not available(section):
         pytest.skip(f"needs {section.needs}")

@@ -63,6 +63,7 @@ SECTIONS: tuple[Section, ...] = (
             "order of a step does, in modes 5 and 6."
         ),
         measures=(conservation.energy_and_momentum, conservation.balance, conservation.passivity),
+        slow=frozenset({"balance"}),
     ),
     Section(
         title="Order of convergence",
@@ -76,7 +77,7 @@ SECTIONS: tuple[Section, ...] = (
             "Dahl friction keeps the second."
         ),
         measures=(order.smooth, order.jumps, order.first_order_schemes, order.friction_orders),
-        slow=frozenset({"smooth", "jumps", "friction_orders"}),
+        slow=frozenset({"smooth", "jumps", "first_order_schemes", "friction_orders"}),
     ),
     Section(
         title="Independent dynamics",
@@ -96,6 +97,7 @@ SECTIONS: tuple[Section, ...] = (
             "solution at 1e-5 s. The bound is a thirtieth of what real Gazebo reached at the same step."
         ),
         measures=(independent.step_responses, independent.steady_states),
+        slow=frozenset({"steady_states"}),
         needs="data",
     ),
     Section(
@@ -124,6 +126,7 @@ SECTIONS: tuple[Section, ...] = (
             "limit was passed and goes on (SEA and AwAS-II at .04 m pass it)."
         ),
         measures=(gazebo.reproduction, gazebo.convergence, gazebo.velocity_limit, gazebo.resting_places),
+        slow=frozenset({"convergence", "resting_places"}),
         needs="data",
     ),
     Section(
@@ -135,6 +138,7 @@ SECTIONS: tuple[Section, ...] = (
             "saturate."
         ),
         measures=(stability.shares,),
+        slow=frozenset({"shares"}),
     ),
     Section(
         title="Repeatability",
