@@ -12,7 +12,7 @@ from asrsim.log import open_log
 from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
 from asrsim.plots.bode import bode_pages
 from asrsim.plots.claims import judge
-from asrsim.plots.curves import RunCurves, distinct_labels, read_curves
+from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
 from asrsim.plots.output import check_formats, make_folder, save_figure, styled
 from asrsim.plots.overlay import LAYOUTS, comparison_pages
@@ -116,12 +116,13 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
     def told(what: str, number: int, count: int) -> Callable[[float], None] | None:
         return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
 
-    _no_own_output(job)
+    if not job.logs:
+        raise InputError(Problem(message="no log was named", key="logs", code="no-log"))
     alone = not job.experiments and not job.bode
     runs = distinct_labels(
         [
             read_curves(
-                path, joints=job.joints, quantities=job.quantities if alone else None,
+                path, joints=job.joints, quantities=job.quantities if alone else _beside(path),
                 bodies=alone and job.quantities is None, progress=told("reading", n, len(job.logs)),
             )
             for n, path in enumerate(job.logs)
@@ -138,9 +139,10 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
     return _written(job, result, formats)
 
 
-def _no_own_output(job: PlotJob) -> None:
-    if not job.logs:
-        raise InputError(Problem(message="no log was named", key="logs"))
+def _beside(path: Path) -> tuple[str, ...]:
+    """What a comparison shows of a run besides what is compared: its reference, where it has one."""
+    known = available(open_log(path))
+    return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
 
 def _with_recordings(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:

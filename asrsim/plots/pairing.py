@@ -22,7 +22,7 @@ from asrsim.recordings.compare import match_joints
 from asrsim.samples import Array, Samples
 
 BUDGET = 128e6
-"""Bytes of samples that are compared at once; a larger log is compared joint by joint."""
+"""Bytes of samples that are compared at once; a larger log is compared some joints at a time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +125,7 @@ def compare_run(
     pairs: dict[tuple[str, str], Pair] = {}
     rows: list[MetricRow] = []
     findings: dict[str, Problem] = {}
-    groups = list(_groups(reader, paired, common))
+    groups = list(_groups(reader, paired, common, recordings))
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         given = lags.get(name, "auto") if isinstance(lags, Mapping) else lags
@@ -157,10 +157,13 @@ def compare_run(
     )
 
 
-def _groups(reader: LogReader, joints: Sequence[str], quantities: Sequence[str]) -> Iterator[list[str]]:
+def _groups(
+    reader: LogReader, joints: Sequence[str], quantities: Sequence[str], recordings: Sequence[Recording]
+) -> Iterator[list[str]]:
     count = reader.duration / (reader.info.step * max(reader.info.log_every, 1)) + 1
-    # Read, compared (time, simulation, recording) and resampled.
-    size = 8.0 * count * len(quantities) * 5
+    # What is read, and time, simulation, recording and their difference on the coarser one's time, of every recording.
+    compared = sum(min(count, len(recording.time)) for recording in recordings)
+    size = 8.0 * (count * len(_stored(reader, quantities)) + 4.0 * compared * len(quantities))
     each = max(1, int(BUDGET / size))
     for start in range(0, len(joints), each):
         yield list(joints[start : start + each])
