@@ -10,7 +10,7 @@ from worlds import BareWorld
 from asrsim.robot.model import Robot
 from asrsim.samples import Samples
 from asrsim.scenario import Scenario
-from asrsim.simulation.run import BLOCK, simulate
+from asrsim.simulation.run import simulate
 
 SWING = 200
 """Steps of the bare world between resets."""
@@ -28,10 +28,10 @@ def loop_seconds(scenario: Scenario, robot: Robot) -> float:
 
     Building the world, and compiling or loading the kernel, end before the first block of steps does, which does not count.
     """
-    marks: list[float] = []
-    run = simulate(scenario, robot, sinks=[Discard()], keep=False, progress=lambda _: marks.append(time.process_time()))
-    steps = round(run.simulated_time / scenario.step) - BLOCK / run.resolution.substeps
-    return (marks[-1] - marks[0]) / steps
+    marks: list[tuple[float, float]] = []
+    simulate(scenario, robot, sinks=[Discard()], keep=False, progress=lambda t: marks.append((t, time.process_time())))
+    (first, begin), (last, end) = marks[0], marks[-1]
+    return (end - begin) / ((last - first) / scenario.step)
 
 
 def bare_seconds(bare: BareWorld, steps: int = 6000) -> float:

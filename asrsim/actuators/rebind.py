@@ -8,7 +8,7 @@ from typing import Any
 
 
 def rebind(function: types.FunctionType, exchange: Callable[[Any], Any], wrap: Callable[[Any], Any] = lambda f: f) -> Any:
-    """A copy of `function` in which every global value is `exchange(value)`, and so in the functions that it calls.
+    """A copy of `function` in which every global or enclosed value is `exchange(value)`, and so in the functions that it calls.
 
     exchange: returns the value to use instead, or the value itself; wrap: applied to each copied function.
     """
@@ -21,18 +21,20 @@ def _copy(
     if id(function) in seen:
         return seen[id(function)]
     names: dict[str, Any] = {"__builtins__": __builtins__, "__name__": function.__module__}
-    copy = types.FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
+    enclosed = tuple(types.CellType(_replaced(cell.cell_contents, exchange, wrap, seen)) for cell in function.__closure__ or ())
+    copy = types.FunctionType(function.__code__, names, function.__name__, function.__defaults__, enclosed or None)
     copy.__module__ = function.__module__
     copy.__qualname__ = function.__qualname__
     result = seen[id(function)] = wrap(copy)
     for name in called_names(function):
         if name in function.__globals__:
-            value = function.__globals__[name]
-            new = exchange(value)
-            if new is value and isinstance(value, types.FunctionType):
-                new = _copy(value, exchange, wrap, seen)
-            names[name] = new
+            names[name] = _replaced(function.__globals__[name], exchange, wrap, seen)
     return result
+
+
+def _replaced(value: Any, exchange: Callable[[Any], Any], wrap: Callable[[Any], Any], seen: dict[int, Any]) -> Any:
+    new = exchange(value)
+    return _copy(value, exchange, wrap, seen) if new is value and isinstance(value, types.FunctionType) else new
 
 
 def called_names(function: types.FunctionType) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ class BenchEngine:
         self._first = 0
         self._rows = self._sample(0)
 
-    def _sample(self, first: int) -> list[list[tuple[float, float, None, None]]]:
+    def _sample(self, first: int) -> list[tuple[tuple[float, float, None, None], ...]]:
         """Positions at whole steps and velocities between them, as a stepping engine has them; at rest before the start."""
         time = np.round(np.arange(max(first - 1, 0), first + CHUNK) * self.step, 12)
         positions = np.column_stack([signal.values(time) for signal in self._signals])
@@ -41,7 +41,7 @@ class BenchEngine:
             positions = np.concatenate([positions[:1], positions])
         velocities = np.diff(positions, axis=0) / self.step
         return [
-            [(q, v, None, None) for q, v in zip(row, speeds, strict=True)]
+            tuple((q, v, None, None) for q, v in zip(row, speeds, strict=True))
             for row, speeds in zip(positions[1:].tolist(), velocities.tolist(), strict=True)
         ]
 

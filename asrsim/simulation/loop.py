@@ -12,7 +12,7 @@ from asrsim.engines.base import Engine
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.inputs import Block, Piece
-from asrsim.simulation.kernels import RECORD, make_substepped
+from asrsim.simulation.kernels import RECORD, damp, make_substepped
 from asrsim.simulation.steppings import Stepping
 
 COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
@@ -20,6 +20,8 @@ COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
 FLUSH = 1_000
 """Floats after which inputs are taken from and the record moved to compact arrays: short lists stay in
 the processor's cache."""
+REFRESH = 1024
+"""Substeps after which the links' response to torques is looked at again."""
 CORIOLIS_EVERY = 8
 """Substeps, at most, between evaluations of the Coriolis correction; in between it is what it will be half-way there."""
 CORIOLIS_PHASE = 1.0
@@ -82,6 +84,8 @@ class Loop:
         moves = stepping.staggered and engine.bias_difference(zero, zero, zero) is not None
         self._correct_every = max(1, min(CORIOLIS_EVERY, int(CORIOLIS_PHASE / max(omega_h, 1e-9)))) if moves else 0
         """Substeps between Coriolis corrections; 0: none are needed."""
+        self._ahead = 0.5 * max(self._correct_every - 1, 0) / max(self._correct_every, 1)
+        """Substeps from a correction to the middle of the time that it is held, as a share of that time."""
         self._bias_difference: list[float] | None = None
         # v = now * v_engine + before * v_engine of the substep before: extrapolation to the whole step.
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
@@ -124,19 +128,22 @@ class Loop:
     def run(self, block: Block) -> Array:
         """All substeps of `block`; returns (n, joints, columns) raw records, columns as :data:`COLUMNS`."""
         n = len(block)
-        self.refresh_response()
-        records: list[Array] = []
+        rows = np.empty((n, len(self.drives), len(COLUMNS)))
+        events = {k - block.first for k in block.events}
         position = 0
-        for event in [*sorted(k - block.first for k in block.events), n]:
-            if event > position:
-                records.append(self._smooth(block, position, event))
-            if event < n:
-                records.append(self._split(block, event))
-            position = event + 1
-        return np.concatenate(records).reshape(n, len(self.drives), len(COLUMNS))
+        for mark in sorted({*events, *range(-block.first % REFRESH, n, REFRESH), n}):
+            if mark > position:
+                self._smooth(block, position, mark, rows)
+                position = mark
+            if (block.first + mark) % REFRESH == 0:
+                self.refresh_response()
+            if mark in events:
+                rows[mark] = self._split(block, mark)
+                position = mark + 1
+        return rows
 
-    def _smooth(self, block: Block, start: int, end: int) -> Array:
-        """Substeps `start` to `end` of the block, none of which an input jumps in. The hot loop."""
+    def _smooth(self, block: Block, start: int, end: int, rows: Array) -> None:
+        """Substeps `start` to `end` of the block, none of which an input jumps in, into `rows`. The hot loop."""
         engine = self.engine
         read, apply, advance_engine = engine.read, engine.apply, engine.advance
         constants = self.constants(self.substep / self.motor_substeps)
@@ -149,9 +156,9 @@ class Loop:
         chunks: list[bytes] = []
         out: list[float] = []
         append = out.append
-        rows = max(4, FLUSH // (len(states) * len(COLUMNS)))
-        for piece in range(start, end, rows):
-            stop = min(piece + rows, end)
+        size = max(4, FLUSH // (len(states) * len(COLUMNS)))
+        for piece in range(start, end, size):
+            stop = min(piece + size, end)
             inputs = zip(*(array[piece:stop].tolist() for array in block.goals), strict=True)
             for k, (first, second, external) in enumerate(inputs, block.first + piece):
                 joints = read()
@@ -181,27 +188,16 @@ class Loop:
                         torque = -limit
                     damping = dampings[j]
                     if damping:
-                        half = response[j]
-                        drag = half * damping
-                        v += lean[j] * (lagging - past)
-                        v = (v + half * (torque - last_torque[j]) + drag * last_mean[j]) / (1.0 + drag)
-                        last_torque[j] = torque
-                        last_mean[j] = v
-                        if brake:
-                            torque -= brake * v
-                            damping -= brake
-                            if torque > limit:
-                                torque = limit
-                            elif torque < -limit:
-                                torque = -limit
-                        forces.append(torque + push - damping * v - correction[j])
-                    else:
-                        forces.append(torque + push - correction[j])
+                        was, last_torque[j] = last_torque[j], torque
+                        torque, last_mean[j] = damp(
+                            torque, v, lagging - past, limit, damping, brake, response[j], lean[j], was, last_mean[j]
+                        )
+                    forces.append(torque + push - correction[j])
                 apply(forces=forces)
                 advance_engine()
             chunks.append(pack(f"{len(out)}d", *out))
             out.clear()
-        return np.frombuffer(b"".join(chunks))
+        rows[start:end] = np.frombuffer(b"".join(chunks)).reshape(end - start, *rows.shape[1:])
 
     def _split(self, block: Block, index: int) -> Array:
         """One substep whose kick is cut in pieces, with the inputs of each; the first of a run has no piece before t = 0."""
@@ -249,7 +245,7 @@ class Loop:
             self.engine.half_advance()
             # The velocity half a step before the start, as if the first kick had been a whole one.
             self.previous[:] = [2.0 * u - state[1] for u, state in zip(velocities, self.engine.read(), strict=True)]
-        return np.array([value for row in rows for value in row])
+        return np.array(rows)
 
     def _advance_all(
         self, piece: Piece, joints: Sequence[Any], velocities: Sequence[float], fraction: float
@@ -271,14 +267,13 @@ class Loop:
 
     def _correct_coriolis(self, joints: Sequence[Any]) -> None:
         """The engine evaluates velocity torques at the lagging velocity; make up for it."""
-        positions = [state[0] for state in joints]
-        lagging = [state[1] for state in joints]
+        positions, lagging, _, _ = zip(*joints, strict=True)
         now, before = self._now, self._before
         centred = [now * v + before * u for v, u in zip(lagging, self.previous, strict=True)]
         difference = self.engine.bias_difference(positions, centred, lagging)
         if difference is not None:
             # Held for a while: its value in the middle of that time keeps the second order.
-            ahead = 0.5 * (self._correct_every - 1) / max(self._correct_every, 1)
+            ahead = self._ahead
             earlier = self._bias_difference or difference
             self.correction[:] = [new + ahead * (new - old) for new, old in zip(difference, earlier, strict=True)]
             self._bias_difference = difference
