@@ -126,6 +126,7 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
             _draw_distribution(ax, report.largest[:, column], style.VERMILION, joint, line=style.line_style(1 + column))
     ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
     ax.set(xlabel="largest error (rad)", ylabel="share of plants within", ylim=(0.0, 1.02))
+    ax.set_xlim(0.0, 1.1 * max(report.tolerance, *(value for value in report.worst if np.isfinite(value))))
     ax.legend(loc="lower right")
     ax.set_title(f"{100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad", loc="left")
     if shown:

@@ -181,7 +181,7 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
         top, bottom = axes[0, column], axes[1, column]
         result, every = results[name], max(len(results[name].time) // 2000, 1)
         (box,) = result.run.scenario.world.objects
-        top.axhline(_goal(result), color=style.LIGHT, linewidth=2.6, label="goal of the tip")
+        top.axhline(_goal(result) + TIP_RADIUS, color=style.LIGHT, linewidth=2.6, label="goal of the tip")
         top.plot(result.time[::every], tips[name][::every, Y] + TIP_RADIUS, color=style.VERMILION, label="face of the tip")
         top.plot(
             result.time[::every],
@@ -194,6 +194,17 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
         bottom.plot(force.time, force.values, color=style.VERMILION, label="between tip and box")
         bottom.axhline(_resistance(result), color=style.GREY, linestyle="--", label="μ m g: what friction holds")
         bottom.set_xlabel("time (s)")
+        bottom.set_ylim(0.0, 3.0 * _resistance(result))
+        peak = int(np.argmax(_force(result)))
+        bottom.annotate(
+            f"impact: {_force(result)[peak]:.0f} N for {1e3 * result.run.scenario.step:g} ms",
+            (float(result.time[peak]), 3.0 * _resistance(result)),
+            xytext=(-6, -10),
+            textcoords="offset points",
+            ha="right",
+            color=style.GREY,
+            fontsize=8,
+        )
     axes[0, 0].set_ylabel("y (m)")
     axes[1, 0].set_ylabel("force (N)")
     for row in axes:

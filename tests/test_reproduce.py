@@ -1,0 +1,195 @@
+"""The paper's figures run again: measuring, judging, the page, the command."""
+
+from __future__ import annotations
+
+import json
+import math
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim import run
+from asrsim.errors import SimulationError
+from asrsim.registry import Registry
+from asrsim.reproduce import FIGURES, Claim, Figure, Part, Picture, Table
+from asrsim.reproduce.friction import held_by_friction, with_joint_losses
+from asrsim.reproduce.law import swings
+from asrsim.reproduce.ringing import fit_ringing
+from asrsim.reproduce.statics import rest
+from asrsim.robot import load_robot
+from asrsim.scenario import apply_to_robot, load_scenario
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+EQUILIBRIA = {
+    ("dof1_sea", 0.0): (0.79972, 200.0), ("dof1_awas_ii", 0.005): (0.77988, 2.741), ("dof1_awas_ii", 0.04): (0.79998, 3555.6),
+    ("dof1_bavs", 0.001): (0.79442, 10.05), ("dof1_bavs", 0.22): (0.79877, 45.57), ("dof1_qbmove", 0.2): (0.57767, 0.400),
+    ("dof1_qbmove", 0.6): (0.78538, 3.817),
+}  # fmt: skip
+"""Position (rad) and stiffness (N m/rad) of figure 8, worked out elsewhere."""
+
+
+def claim(measured=1.0, **changes):
+    return Claim(**{
+        "figure": 99, "text": "it <moves>", "quantity": "travel", "measured": measured, "comparison": "==", "value": 1.0,
+        "tolerance": 0.1, "unit": "rad", **changes,
+    })  # fmt: skip
+
+
+def figure(*claims, number=99, error=None):
+    def parts(lab):
+        if error:
+            raise SimulationError(error)
+        picture = Picture(name="dot", caption="A dot & more", kind="svg", data=b"<svg xmlns='http://www.w3.org/2000/svg'/>")
+        table = Table(caption="Numbers", headings=("", "rad"), rows=(("soft", "1.0"),))
+        return (Part(title="Part", text="Text", claims=claims, tables=(table,), pictures=(picture,)),)
+
+    return Figure(number=number, title="A figure", section="9", paper="It moves.", parts=parts)
+
+
+@pytest.mark.parametrize(("measured", "holds"), [(1.0, True), (1.1, True), (1.2, False), (math.nan, False)])
+def test_a_claim_is_judged_by_its_tolerance_and_nan_never_holds(measured, holds):
+    assert claim(measured).holds is holds
+    assert json.loads(json.dumps(claim(measured).as_dict(), allow_nan=False))["holds"] is holds
+
+
+@pytest.mark.parametrize(("robot", "preset"), EQUILIBRIA)
+def test_equilibria_of_figure_8_follow_from_law_and_file(robot, preset):
+    position, stiffness = EQUILIBRIA[robot, preset]
+    found = rest(sea_soft() if robot == "dof1_sea" else load_robot(EXAMPLES / "urdf" / f"{robot}.urdf"), 0.8, preset)
+    assert found.position == pytest.approx(position, abs=1e-5)
+    assert found.spring == pytest.approx(stiffness, rel=1e-3)
+
+
+def sea_soft():
+    """An SEA's soft and stiff settings are parameters of the scenario."""
+    scenario = load_scenario(EXAMPLES / "scenarios" / "step_1dof_sea.yaml", variant="soft")[0]
+    return apply_to_robot(scenario, load_robot(scenario.robot))
+
+
+def test_friction_widens_the_rest_to_a_band_that_the_law_bounds():
+    robot = load_robot(EXAMPLES / "urdf" / "dof1_qbmove.urdf")
+    free, held = rest(robot, 0.8, 0.2), rest(with_joint_losses(robot, damping=0.065, friction=0.025), 0.8, 0.2)
+    assert free.lowest == free.position == free.highest
+    assert held.lowest < held.position < held.highest
+    assert held.outside(held.position) == 0.0
+    assert held.outside(held.highest + 0.1) == pytest.approx(0.1)
+    # Small bands are friction over slope.
+    small = rest(with_joint_losses(robot, damping=0.065, friction=1e-6), 0.8, 0.2)
+    assert small.highest - small.position == pytest.approx(1e-6 / small.slope, rel=1e-3)
+
+
+@pytest.mark.parametrize("decay", [2.0, 30.0, 200.0])
+def test_the_fit_of_a_damped_oscillation_is_exact(decay):
+    """Even where it hardly swings: natural frequency 40 Hz, damping ratio up to 0.8."""
+    natural, time = 2 * np.pi * 40.0, np.arange(4001) * 1e-3
+    omega = np.sqrt(natural**2 - decay**2)
+    velocity = np.where(time > 0.1, np.exp(-decay * (time - 0.1)) * np.sin(omega * (time - 0.1)), 0.0)
+    found = fit_ringing(time, velocity, start=0.1)
+    assert found.frequency == pytest.approx(40.0, rel=1e-6)
+    assert found.decay == pytest.approx(decay, rel=1e-5)
+
+
+def test_what_does_not_ring_has_no_frequency():
+    found = fit_ringing(np.arange(100) * 1e-3, np.eye(1, 100, 50)[0], start=0.0)
+    assert math.isnan(found.frequency)
+
+
+def test_swings_are_counted_beyond_their_floor():
+    time = np.linspace(0, 1, 1001)
+    ringing = 1.0 - np.exp(-3 * time) * np.cos(2 * np.pi * 4 * time)
+    assert swings(ringing, 1.0) == 8
+    assert swings(np.minimum(ringing, 1.0 + 0.01), 1.0) == 0
+
+
+def test_a_joint_that_friction_holds_is_told_from_one_that_moves():
+    scenario = EXAMPLES / "scenarios" / "chirp_1dof_qbmove.yaml"
+    short = ["duration=2", "references.joint_1.equilibrium_position.chirp.duration=2"]
+    (held,) = held_by_friction(run(scenario, variant="nominal_soft", overrides=short))
+    assert held.friction == 0.025
+    assert 0.015 < held.torque < 0.0213
+    assert "held by friction" in str(held)
+    assert held_by_friction(run(scenario, variant="nominal_stiff", overrides=short)) == ()
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """A registry of our own in place of the paper's."""
+    own = Registry("figure")
+    monkeypatch.setattr("asrsim.reproduce.session.FIGURES", own)
+    return own
+
+
+class Links(HTMLParser):
+    """Addresses that a page asks for, and its text."""
+
+    def __init__(self):
+        super().__init__()
+        self.addresses, self.text = [], ""
+
+    def handle_starttag(self, tag, attributes):
+        self.addresses += [value for name, value in attributes if name in ("src", "href")]
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_the_page_needs_nothing_else_and_says_everything(asrsim_command, figures, tmp_path):
+    figures.add("99", figure(claim(), claim(2.0, text="it moves far")))
+    figures.add("7", figure(claim(), number=7))
+    result = asrsim_command("reproduce", "--out", "here", "--processes", "1")
+    assert result.code == 1
+    assert "FAIL figure 99: it moves far: travel is 2 rad, expected 1 ± 0.1 rad" in result.err
+    page = (tmp_path / "here" / "reproduce.html").read_text()
+    found = Links()
+    found.feed(page)
+    assert found.addresses
+    assert all(address.startswith(("data:", "#")) for address in found.addresses)
+    assert "url(" not in page
+    assert "@import" not in page
+    assert "it <moves>" in found.text
+    assert "does not hold" in found.text
+    assert page.index("figure-7") < page.index("figure-99")
+    data = json.loads((tmp_path / "here" / "reproduce.json").read_text())
+    assert [one["holds"] for one in data["figures"]] == [True, False]
+    assert (tmp_path / "here" / "pictures" / "dot.svg").is_file()
+
+
+def test_a_figure_that_cannot_be_run_fails_and_the_others_go_on(asrsim_command, figures):
+    figures.add("7", figure(number=7, error="the box is gone"))
+    figures.add("99", figure(claim()))
+    result = asrsim_command("reproduce", "--out", "here", "--processes", "1", "--json")
+    assert result.code == 1
+    data = json.loads(result.out)
+    assert data["ok"] is False
+    assert [(one["figure"], one["holds"]) for one in data["figures"]] == [(7, False), (99, True)]
+    assert "the box is gone" in data["figures"][0]["error"]
+
+
+def test_the_command_ends_well_if_all_claims_hold(asrsim_command, figures):
+    figures.add("99", figure(claim()))
+    result = asrsim_command("reproduce", "99", "--out", "here", "--quiet")
+    assert (result.code, result.out, result.err) == (0, "", "")
+
+
+def test_an_unknown_figure_is_refused_with_the_known_ones(asrsim_command):
+    result = asrsim_command("reproduce", "9", "--out", "here")
+    assert result.code == 1
+    assert "choose from" in result.err
+    assert "11" in result.err
+
+
+def test_the_paper_s_figures_are_there():
+    assert {FIGURES.get(name).number for name in FIGURES} >= {8, 11, 12, 13, 14, 15}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["8", "11", "12", "13", "14", "15"])
+def test_every_claim_of_the_figure_holds(name, tmp_path):
+    from asrsim.reproduce.session import run_figure
+
+    _, found = run_figure(name, tmp_path)
+    assert found.error == ""
+    assert found.claims
+    assert [(c.text, c.found, c.expected) for c in found.claims if not c.holds] == []
