@@ -211,12 +211,15 @@ def _energy_fault(prepared: Prepared, guard: EnergyGuard, recorder: Recorder, do
     """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
     scenario, meter = prepared.scenario, recorder.meter
     alone = scenario.world.empty and not scenario.wrenches and scenario.fixed_base
+    engine = prepared.engine
+    speeds = np.array([state[1] for state in engine.read()])
     fault = guard.fault(
-        prepared.engine.mechanical_energy() if alone else None,
+        engine.mechanical_energy() if alone else None,
+        kinetic=0.5 * float(speeds @ engine.mass_matrix() @ speeds) if alone else 0.0,
         given=meter.given,
         residual=meter.residual,
         turnover=meter.turnover,
-        names=prepared.engine.joints,
+        names=engine.joints,
     )
     if fault is None:
         return None

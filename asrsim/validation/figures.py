@@ -57,7 +57,8 @@ def panel(axis: Any, case: Case) -> None:
             for x, y, step in zip(spent[sane], found[sane], steps[sane], strict=True):
                 text = f"{1e3 * step:g} ms" if step > 9e-4 else f"1/{1e-3 / step:.0f} ms"
                 axis.annotate(text, (x, y), textcoords="offset points", xytext=(-6, -9), ha="right", fontsize=7, color=colour)
-    axis.set_xlim(1.2, 400.0)
+    low, high = axis.get_xlim()
+    axis.set_xlim(0.4 * low, 1.5 * high)
 
 
 def cost(case: Case, stepping: str) -> float:
