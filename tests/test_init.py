@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import asrsim
 from asrsim.cli.app import app
 from asrsim.errors import OutputError
 from asrsim.robot import load_robot
@@ -53,6 +54,18 @@ def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
     )
     for scenario in scenarios:
         assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+@pytest.mark.parametrize("mode", [5, 6])
+def test_the_stiff_variant_leaves_the_motors_torque_to_move_with(tmp_path, mode):
+    """Springs of AlterEgo's shoulder, which at a preset of 0.6 rad would pull with far more than the motors have."""
+    robot = write_robot(tmp_path, {"name": "shoulder", "mode": mode})
+    law = "<spring_a1>22.9</spring_a1><spring_k1>0.02</spring_k1><spring_a2>22.9</spring_a2><spring_k2>0.02</spring_k2>"
+    robot.write_text(robot.read_text().replace("</plugin>", f"{law}</plugin>"))
+    write_starter(robot, tmp_path / "s.yaml")
+    result = asrsim.run(tmp_path / "s.yaml", variant="stiff")
+    assert abs(result["shoulder"].motor_1_torque[-1]) < 0.7 * 6.0
+    assert result["shoulder"].link_position[-1] == pytest.approx(0.3, abs=0.02)
 
 
 def test_starter_is_commented_and_names_every_joint(tmp_path):

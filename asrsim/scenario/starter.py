@@ -46,7 +46,19 @@ class Drive:
             return None
         values = self.block.values()
         highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
-        return min(soft, 0.5 * highest), min(3.0 * soft, highest)
+        stiff = min(3.0 * soft, highest)
+        # Springs pull on their motors also at rest; half of the motors' torque is left to move with.
+        while MODES[self.block.mode].motor and self._pull(stiff) > 0.5:
+            stiff *= 0.9
+        return min(soft, 0.5 * stiff), float(f"{stiff:.2g}")
+
+    def _pull(self, preset: float) -> float:
+        """What the springs ask of the motors at rest, as a share of their largest torque."""
+        values = self.block.values()
+        law = tuple(values[parameter.name] for parameter in self.actuator.parameters)
+        torques = self.actuator.elastic_torques(0.0, *self.actuator.motor_references(0.0, preset), law)
+        limits = (values[f"motor_{i}_max_torque"] for i in range(1, self.actuator.motors + 1))
+        return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
 
     def levels(self, position: float, torque: float, preset: float) -> Iterator[tuple[str, str, float]]:
         """(reference, unit, value) that hold the joint at a position, or its motors at a torque.
