@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from asrsim.metrics import MetricRow
     from asrsim.plots.job import PlotResult
     from asrsim.recordings import Recording
     from asrsim.recordings.align import LagChoice
@@ -171,36 +168,10 @@ def _print_experiments(result: PlotResult) -> None:
 
 
 def _print_rows(result: PlotResult) -> None:
-    """One line a series, one column a measure; what the files have and nobody asks of this motion is left out."""
     from asrsim.cli.console import say_table
+    from asrsim.plots.rows import metric_tables
 
-    groups: dict[tuple[str, ...], dict[tuple[str, str, str], dict[str, str]]] = {}
-    kinds: dict[tuple[str, str, str], dict[str, str]] = {}
-    for row in _worth_saying(result.rows):
-        kinds.setdefault((row.source, row.joint, row.quantity), {})[row.measure] = _cell(row.value, row.unit)
-    for key, values in kinds.items():
-        groups.setdefault(tuple(values), {})[key] = values
-    for measures, lines in groups.items():
-        head = [(name, [key[i] for key in lines], False) for i, name in enumerate(("of", "joint", "quantity"))]
-        say_table([*head, *((name, [values[name] for values in lines.values()], True) for name in measures)])
-
-
-def _cell(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".rstrip() if math.isfinite(value) else "-"
-
-
-def _worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
-    """Without references that are the same in both, and without step measures of motions that are no steps."""
-    from asrsim.metrics.measures import STEP_MEASURES
-
-    same = {
-        (row.joint, row.quantity)
-        for row in rows
-        if row.quantity.startswith("reference") and row.measure == "nrmse" and not row.value > 0.01
-    }
-    settled = {(row.joint, row.quantity) for row in rows if row.measure == "settling" and math.isfinite(row.value)}
-    return [
-        row
-        for row in rows
-        if (row.joint, row.quantity) not in same and (row.measure not in STEP_MEASURES or (row.joint, row.quantity) in settled)
-    ]
+    for table in metric_tables(result.rows):
+        head = [(name, [key[i] for key, _ in table.lines], False) for i, name in enumerate(("of", "joint", "quantity"))]
+        columns = [(name, [cells[i] for _, cells in table.lines], True) for i, name in enumerate(table.measures)]
+        say_table([*head, *columns])

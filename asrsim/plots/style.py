@@ -12,7 +12,7 @@ from asrsim.plots.curves import KNOWN
 from asrsim.samples import JointInfo
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#707070", "#b8b8b8"
-ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#c9b800"
+ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#a39700"
 BLUE, VERMILION, PURPLE = "#0072b2", "#d55e00", "#b3599a"
 EXPERIMENT = BLACK
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from typing import Any
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics import summarise
+from asrsim.metrics import MetricRow, summarise
 from asrsim.samples import RunInfo
 
 LOG, SUMMARY = "log.mcap", "summary.json"
@@ -52,7 +53,7 @@ class Compared:
     """A comparison with experiments that `asrsim plot` left in the folder."""
 
     folder: Path
-    metrics: tuple[Mapping[str, Any], ...]
+    metrics: tuple[MetricRow, ...]
     pictures: tuple[Path, ...]
 
 
@@ -114,7 +115,8 @@ def find_comparison(folder: Path) -> Compared | None:
         with suppress(OSError, ValueError, KeyError, TypeError):
             rows = json.loads((place / "metrics.json").read_text(encoding="utf-8"))["metrics"]
             pictures = sorted(path for pattern in ("comparison*.png", "bode*.png") for path in place.glob(pattern))
-            return Compared(folder=place, metrics=tuple(rows), pictures=tuple(pictures[:6]))
+            metrics = tuple(MetricRow(**{**row, "value": math.nan if row["value"] is None else row["value"]}) for row in rows)
+            return Compared(folder=place, metrics=metrics, pictures=tuple(pictures[:6]))
     return None
 
 

@@ -11,6 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, RunContent, picture
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
@@ -154,19 +155,19 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
 def _compared(compared: Compared | None) -> str:
     if compared is None:
         return ""
-    measures = list(dict.fromkeys(str(row["measure"]) for row in compared.metrics))
-    groups: dict[tuple[str, str, str], dict[str, str]] = {}
-    for row in compared.metrics:
-        value = f"{_number(row['value'])} {row.get('unit') or ''}".strip()
-        groups.setdefault((str(row["source"]), str(row["joint"]), str(row["quantity"])), {})[str(row["measure"])] = value
-    rows = [[*key, *(values.get(name, "") for name in measures)] for key, values in groups.items()]
+    tables = "".join(
+        _table(
+            ["of", "joint", "quantity", *(name.replace("_", " ") for name in table.measures)],
+            [[*key, *cells] for key, cells in table.lines],
+        )
+        for table in metric_tables(compared.metrics)
+    )
     images = "".join(
         f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
         for path in compared.pictures[:3]
         if (data := picture(path)) is not None
     )
-    table = _table(["of", "joint", "quantity", *(name.replace("_", " ") for name in measures)], rows)
-    return _section("Beside experiments", images + table)
+    return _section("Beside experiments", images + tables)
 
 
 def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:

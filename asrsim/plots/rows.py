@@ -1,0 +1,50 @@
+"""Metrics as tables for people: what is worth saying, one line a series, one column a measure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from asrsim.metrics import MetricRow
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetricTable:
+    """Series that have the same measures."""
+
+    measures: tuple[str, ...]
+    lines: tuple[tuple[tuple[str, str, str], tuple[str, ...]], ...]
+    """((source, joint, quantity), a cell for each measure)."""
+
+
+def metric_tables(rows: Sequence[MetricRow]) -> list[MetricTable]:
+    """The rows worth saying, as tables; `-` where a number is undefined."""
+    series: dict[tuple[str, str, str], dict[str, str]] = {}
+    for row in worth_saying(rows):
+        series.setdefault((row.source, row.joint, row.quantity), {})[row.measure] = _cell(row)
+    tables: dict[tuple[str, ...], list[tuple[tuple[str, str, str], tuple[str, ...]]]] = {}
+    for key, cells in series.items():
+        tables.setdefault(tuple(cells), []).append((key, tuple(cells.values())))
+    return [MetricTable(measures=measures, lines=tuple(lines)) for measures, lines in tables.items()]
+
+
+def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
+    """Without references that are the same in both, and without step measures of motions that do not settle."""
+    from asrsim.metrics.measures import STEP_MEASURES
+
+    same = {
+        (row.joint, row.quantity)
+        for row in rows
+        if row.quantity.startswith("reference") and row.measure == "nrmse" and not row.value > 0.01
+    }
+    settled = {(row.joint, row.quantity) for row in rows if row.measure == "settling" and math.isfinite(row.value)}
+    return [
+        row
+        for row in rows
+        if (row.joint, row.quantity) not in same and (row.measure not in STEP_MEASURES or (row.joint, row.quantity) in settled)
+    ]
+
+
+def _cell(row: MetricRow) -> str:
+    return f"{row.value:.4g} {row.unit}".rstrip() if math.isfinite(row.value) else "-"
