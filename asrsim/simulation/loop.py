@@ -78,7 +78,7 @@ class Loop:
         self._brakes = [drive.link_brake for drive in drives]
         self._dampings = [drive.joint.damping + drive.link_brake for drive in drives]
         """N m s/rad on the link: the joint's damping and the derivative action of the link's controller (mode 1)."""
-        self._laws = [make_damping_law(drive) for drive in drives]
+        self._laws = [make_damping_law(drive, stepping.first_drift * substep) for drive in drives]
         self.correction = [0.0] * len(self.drives)
         zero = [0.0] * len(self.drives)
         moves = stepping.staggered and engine.bias_difference(zero, zero, zero) is not None
@@ -285,11 +285,11 @@ class Loop:
         ]
 
 
-def make_damping_law(drive: Drive) -> Callable[[float, Any, float, float], float] | None:
+def make_damping_law(drive: Drive, lag: float) -> Callable[[float, Any, float, float], float] | None:
     """Additional link damping in N m s/rad as a function of link position, motor state and references, or None (the default).
 
     c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness
-    preset (paper section 4.2.2); the toolbox keeps it fixed.
+    preset (paper section 4.2.2); the toolbox keeps it fixed. lag: s by which motors' states are behind the link's.
     """
     law, actuator = drive.link_damping, drive.actuator
     if law is None or actuator is None or not (drive.mode and drive.mode.spring):
@@ -298,8 +298,8 @@ def make_damping_law(drive: Drive) -> Callable[[float, Any, float, float], float
 
     def damping(q: float, state: Any, first: float, second: float) -> float:
         # Ideal motors and an adjuster stand at their references.
-        theta_1 = state[0] if motors else first
-        theta_2 = state[4] if motors > 1 else second
+        theta_1 = state[0] + lag * state[1] if motors else first
+        theta_2 = state[4] + lag * state[5] if motors > 1 else second
         stiffness = actuator.stiffness(q, theta_1, theta_2, elastic)
         return float(law.constant + 2.0 * law.ratio * max(law.inertia * stiffness, 0.0) ** 0.5)
 

@@ -55,10 +55,12 @@ def sensed(drive: Drive, effects: Effects, *, substep: float, index: int, seed: 
     if mode is None or actuator is None or not mode.controller:
         return drive, lambda k, joints, states: None
     on_link = not mode.motor
+    # Motors' states may be half a step behind the whole steps at which controllers read.
+    lag = drive.stepping.first_drift * substep
 
     def hook(k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
         for i, sensor in enumerate(sensors):
-            true = joints[index][0] if on_link else states[index][4 * i]
+            true = joints[index][0] if on_link else states[index][4 * i] + lag * states[index][4 * i + 1]
             offsets[i] = sensor.measure(k, true) - true
 
     changed = replace(drive)
