@@ -271,7 +271,8 @@ def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
 
 
 def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
-    from asrsim.plots.figures import legend, new_figure
+    from asrsim.plots.figures import new_figure
+    from asrsim.plots.legends import legend
     from asrsim.plots.panels import draw_panel
 
     figure = new_figure(12.5, 4.4)
