@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from asrsim.plots.curves import Curve, RunCurves, read_curves
+from asrsim.plots.curves import RunCurves, read_curves
 from asrsim.plots.decimate import Envelope, decimate
 from asrsim.plots.run import draw_run, draw_runs
+from asrsim.plots.world import Curve
 
 __all__ = ["Curve", "Envelope", "RunCurves", "decimate", "draw_run", "draw_runs", "read_curves"]

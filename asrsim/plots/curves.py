@@ -13,6 +13,7 @@ from asrsim.errors import LogError, Problem, did_you_mean
 from asrsim.log import LogReader, open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.plots.decimate import BINS, Envelope
+from asrsim.plots.world import Curve, WorldEnvelope
 from asrsim.quantities import DERIVED, QUANTITIES, Quantity
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 
@@ -25,22 +26,6 @@ KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA
 
 Progress = Callable[[float], None]
 """Told the fraction that is done, 0 to 1."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Curve:
-    """A thinned series."""
-
-    time: Array
-    """(k,) s."""
-    values: Array
-    """(k,) SI."""
-
-    @property
-    def extent(self) -> float:
-        """Largest magnitude, 0 without samples."""
-        finite = self.values[np.isfinite(self.values)]
-        return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,12 +107,12 @@ def read_curves(
     source = CurveSource(path, joints=joints, quantities=quantities)
     reader, columns = source.reader, source.columns
     envelope: Envelope | None = None
-    world: _World | None = None
+    world: WorldEnvelope | None = None
     for part, matrix in source.chunks(progress):
         if envelope is None:
             start, end = source.span(float(part.time[0]))
             envelope = Envelope(len(columns), start=start, end=end, bins=bins)
-            world = _World(part, start=start, end=end, bins=bins) if bodies else None
+            world = WorldEnvelope(part, start=start, end=end, bins=bins) if bodies else None
         envelope.add(part.time, matrix)
         if world is not None:
             world.add(part)
@@ -241,39 +226,3 @@ def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:
             raise LogError(Problem(message=f"times run backwards near {last:g} s", file=path, code="corrupt-log"))
         last = float(part.time[-1])
         yield part
-
-
-class _World:
-    """Displacements and contact forces of the world's objects."""
-
-    _AXES = ("dx", "dy", "dz", "force")
-
-    def __init__(self, first: Samples, *, start: float, end: float, bins: int) -> None:
-        self._origins = {name: poses[0, :3] for name, poses in first.bodies.items()}
-        self._envelopes = {name: Envelope(4, start=start, end=end, bins=bins) for name in self._origins}
-
-    def add(self, part: Samples) -> None:
-        for name, origin in self._origins.items():
-            if name not in part.bodies:
-                continue
-            total = np.zeros((len(part.time), 3))
-            for pair, force in part.contacts.items():
-                one, _, other = pair.partition("/")
-                # The force acts on the first body.
-                sign = 1.0 if one == name else -1.0 if other == name else 0.0
-                # Without the ground: what the robot and other objects do to it.
-                if sign and other != "ground":
-                    total += sign * np.nan_to_num(force)
-            moved = part.bodies[name][:, :3] - origin
-            force = np.linalg.norm(total, axis=1)
-            self._envelopes[name].add(part.time, np.concatenate([moved, force[:, None]], axis=1))
-
-    def curves(self) -> dict[str, dict[str, Curve]]:
-        result: dict[str, dict[str, Curve]] = {}
-        for name, envelope in self._envelopes.items():
-            if envelope.samples:
-                columns = [envelope.column(index) for index in range(4)]
-                result[name] = {
-                    axis: Curve(time=time, values=values) for axis, (time, values) in zip(self._AXES, columns, strict=True)
-                }
-        return result

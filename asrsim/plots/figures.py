@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.legends import legend, variants
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, frame, quantity_panel
 from asrsim.samples import JointInfo
 
@@ -165,73 +166,6 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
     figure_title(figure, runs, "objects", (1, 1))
     variants(figure, [run.label for run in runs])
     return figure
-
-
-def legend(
-    axes: Axes,
-    quantities: Sequence[str],
-    *,
-    words: dict[str, str] | None = None,
-    extra: Sequence[Any] = (),
-    inside: bool = False,
-) -> None:
-    """A legend of quantities right of the axes, outside of the data; `inside` of axes that have none."""
-    from matplotlib.lines import Line2D
-
-    handles: list[Any] = [
-        Line2D(
-            [], [], color=style.colour(name), linewidth=2.6 if name.startswith("reference") else 1.6,
-            label=(words or {}).get(name) or _entry(name),
-        )
-        for name in quantities
-    ]  # fmt: skip
-    if handles or extra:
-        place = (0.05, 0.9) if inside else (1.02, 1.0)
-        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place)
-
-
-def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """A legend of line styles below everything, where there are several variants."""
-    from matplotlib.lines import Line2D
-
-    if len(labels) < 2:
-        return
-    handles = [
-        Line2D([], [], color=style.BLACK, linestyle=style.line_style(number), label=label)
-        for number, label in enumerate(labels)
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(labels), 4), handlelength=3.2)
-
-
-_WORDS = {
-    REFERENCE: "reference",
-    "reference_1": "reference 1",
-    "reference_2": "reference 2",
-    "link_position": "link $q$",
-    "equilibrium_position": r"equilibrium $\theta_{eq}$",
-    "motor_1_position": r"motor $\theta_1$",
-    "motor_2_position": r"motor $\theta_2$",
-    "deflection": r"deflection $\phi$",
-    "stiffness": r"stiffness $\sigma$",
-    "energy_residual": r"residual $\Delta E$",
-    "numerical_error": r"estimate $\epsilon_q$",
-    "link_torque": r"actuator $\tau_q$",
-    "external_torque": r"external $\tau_{ext}$",
-    "damping_torque": r"damping $\tau_d$",
-    "motor_1_torque": r"motor $\tau_{m,1}$",
-    "motor_2_torque": r"motor $\tau_{m,2}$",
-    "elastic_torque_1": r"spring $\tau_{el,1}$",
-    "elastic_torque_2": r"spring $\tau_{el,2}$",
-    "motor_work": "motor work $W_m$",
-    "spring_energy": "springs $E_{el}$",
-    "friction_loss": "friction $E_f$",
-    "link_work": "link work $W_q$",
-    "damping_loss": "damping $E_d$",
-}
-
-
-def _entry(quantity: str) -> str:
-    return _WORDS.get(quantity) or style.symbol(quantity)
 
 
 def _empty(axes: Axes) -> None:

@@ -6,10 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, Curve, RunCurves
-from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, legend, new_figure, shorten, variants
+from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, new_figure, shorten
+from asrsim.plots.legends import legend, variants
 from asrsim.plots.pairing import Pair, RunComparison
 from asrsim.plots.panels import frame
+from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:

@@ -13,8 +13,9 @@ from asrsim.errors import InputError, Problem, RecordingError, did_you_mean
 from asrsim.log import LogReader, open_log
 from asrsim.log.derived import DERIVED_SOURCES
 from asrsim.metrics import MetricRow
-from asrsim.plots.curves import Curve, Progress, available
+from asrsim.plots.curves import Progress, available
 from asrsim.plots.decimate import BINS, decimate
+from asrsim.plots.world import Curve
 from asrsim.recordings import Comparison, Recording, Series, band, compare
 from asrsim.recordings.align import Alignment, LagChoice
 from asrsim.recordings.clock import align_recording, series_of

@@ -10,7 +10,8 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, Curve, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:

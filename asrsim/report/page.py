@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 
 from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, RunContent, picture
+from asrsim.report.html import badge, bullets, number, section, share, table
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -81,7 +81,7 @@ def _head(title: str, runs: Sequence[RunContent], labels: Sequence[str]) -> str:
         rows.append(
             [
                 label or "default",
-                _badge(run.status, good=run.status == "complete"),
+                badge(run.status, good=run.status == "complete"),
                 f"{s['simulated_time']:.6g} s" if "simulated_time" in s else "",
                 f"{run.info.step * 1e3:g} ms",
                 substeps if more == "1" else f"{substeps} x {more}",
@@ -93,7 +93,7 @@ def _head(title: str, runs: Sequence[RunContent], labels: Sequence[str]) -> str:
         )
     heads = ["variant", "status", "time", "step", "substeps", "stepping", "engine", "seed", "speed"]
     messages = "".join(f'<p class="bad">{escape(run.message)}</p>' for run in runs if run.message)
-    return f"<header><h1>{escape(title)}</h1>{_table(heads, rows, raw=(1,))}{messages}</header>"
+    return f"<header><h1>{escape(title)}</h1>{table(heads, rows, raw=(1,))}{messages}</header>"
 
 
 def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
@@ -101,10 +101,10 @@ def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     for run, label in zip(runs, labels, strict=True):
         for claim in run.summary.get("expect", ()):
             who = f"<b>{escape(label)}</b> " if len(runs) > 1 else ""
-            badge = _badge("holds" if claim["holds"] else "fails", good=bool(claim["holds"]))
+            verdict = badge("holds" if claim["holds"] else "fails", good=bool(claim["holds"]))
             text = str(claim["text"]).removesuffix(": holds").removesuffix(": does not hold")
-            items.append(f"<li>{badge} {who}{escape(text)}</li>")
-    return _section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
+            items.append(f"<li>{verdict} {who}{escape(text)}</li>")
+    return section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
 
 
 def _strips(runs: Sequence[RunContent], labels: Sequence[str], strips: Mapping[Path, str]) -> str:
@@ -115,7 +115,7 @@ def _strips(runs: Sequence[RunContent], labels: Sequence[str], strips: Mapping[P
         if run.log in strips
     ]
     left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
-    return _section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
+    return section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
 
 
 _MEASURES = (
@@ -140,8 +140,8 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                     joint["name"],
                     f"{joint['actuator']}{mode}",
                     unit,
-                    *(_number(joint.get(key), factor) for key, _, factor in _MEASURES),
-                    *(_share(counts.get(key, 0), total) for key in _LIMITS),
+                    *(number(joint.get(key), factor) for key, _, factor in _MEASURES),
+                    *(share(counts.get(key, 0), total) for key in _LIMITS),
                 ]
             )
     heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES),
@@ -149,25 +149,25 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     if not limited:
         heads, rows = heads[:-4], [row[:-4] for row in rows]
     note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
-    return _section("Joints", _table(heads, rows) + note) if rows else ""
+    return section("Joints", table(heads, rows) + note) if rows else ""
 
 
 def _compared(compared: Compared | None) -> str:
     if compared is None:
         return ""
     tables = "".join(
-        _table(
-            ["of", "joint", "quantity", *(name.replace("_", " ") for name in table.measures)],
-            [[*key, *cells] for key, cells in table.lines],
+        table(
+            ["of", "joint", "quantity", *(name.replace("_", " ") for name in found.measures)],
+            [[*key, *cells] for key, cells in found.lines],
         )
-        for table in metric_tables(compared.metrics)
+        for found in metric_tables(compared.metrics)
     )
     images = "".join(
         f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
         for path in compared.pictures[:3]
         if (data := picture(path)) is not None
     )
-    return _section("Beside experiments", images + tables)
+    return section("Beside experiments", images + tables)
 
 
 def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
@@ -189,7 +189,7 @@ def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
         parts.append('<details class="joint" open data-objects="1"><summary><b>Objects</b></summary>'
                      '<div class="plots"></div></details>')  # fmt: skip
     parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page brings along.</p></noscript>")
-    return _section("Plots", "".join(parts))
+    return section("Plots", "".join(parts))
 
 
 def _error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
@@ -198,18 +198,18 @@ def _error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
         certificate = run.summary.get("certificate") or {}
         for name, joint in (certificate.get("joints") or {}).items():
             rows.append(
-                [label, name, *(_number(joint.get(k)) for k in ("position_max", "position_rms", "torque_max", "torque_rms")),
-                 _number(joint.get("order"))]
+                [label, name, *(number(joint.get(k)) for k in ("position_max", "position_rms", "torque_max", "torque_rms")),
+                 number(joint.get("order"))]
             )  # fmt: skip
         notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in certificate.get("warnings") or ()]
     if not rows:
-        return _section(
+        return section(
             "Numerical error",
             "<p class='note'>Not estimated. <code>asrsim run --certify</code> runs again at finer steps and says it.</p>",
         )
     heads = ["variant", "joint", "position, largest", "position, RMS", "torque, largest", "torque, RMS", "order"]
     text = "<p class='note'>Estimated from runs at a half and a quarter of the step; SI units.</p>"
-    return _section("Numerical error", text + _table(heads, rows) + _list(notes))
+    return section("Numerical error", text + table(heads, rows) + bullets(notes))
 
 
 def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
@@ -225,12 +225,12 @@ def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
         joints = list(dict.fromkeys(joint for _, joint in members))
         variants = list(dict.fromkeys(label for label, _ in members))
         whose = ", ".join(joints) + (f" ({', '.join(variants)})" if len(variants) < len(runs) else "")
-        rows = [[name, _number(value), unit, origin] for name, value, unit, origin in key]
+        rows = [[name, number(value), unit, origin] for name, value, unit, origin in key]
         parts.append(
             f"<details><summary>{escape(whose)} <span class='note'>{len(rows)} parameters</span></summary>"
-            f"{_table(['parameter', 'value', 'unit', 'from'], rows)}</details>"
+            f"{table(['parameter', 'value', 'unit', 'from'], rows)}</details>"
         )
-    return _section("Parameters", "".join(parts)) if parts else ""
+    return section("Parameters", "".join(parts)) if parts else ""
 
 
 def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence[str]) -> str:
@@ -246,7 +246,7 @@ def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence
             said[f"{label}: the run is {run.status}; it is shown as far as it goes"] = None
         said |= dict.fromkeys(run.notes)
     said |= dict.fromkeys(notes)
-    return _section("Warnings and notes", _list(said)) if said else ""
+    return section("Warnings and notes", bullets(said)) if said else ""
 
 
 def _repeat(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
@@ -260,39 +260,6 @@ def _repeat(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
         f"<details><summary>Scenario as read</summary><pre>{escape(info.scenario)}</pre></details>" if info.scenario else ""
     )
     text = "<p>From the log alone, compared bit for bit; or anew from the scenario:</p>"
-    return _section(
+    return section(
         "Repeat it", f"{text}<pre>{escape(chr(10).join(commands))}</pre><p class='note'>{escape(versions)}</p>{scenario}"
     )
-
-
-def _section(title: str, body: str) -> str:
-    return f"<section><h2>{escape(title)}</h2>{body}</section>"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
-    """Columns that hold nothing are left out; `raw` ones hold HTML already."""
-    kept = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
-    head = "".join(f"<th>{escape(heads[i])}</th>" for i in kept)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{row[i] if i in raw else escape(str(row[i]))}</td>" for i in kept) + "</tr>" for row in rows
-    )
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _list(items: Iterable[str]) -> str:
-    text = "".join(f"<li>{escape(item)}</li>" for item in items)
-    return f"<ul>{text}</ul>" if text else ""
-
-
-def _badge(text: str, *, good: bool) -> str:
-    return f'<span class="badge {"good" if good else "poor"}">{escape(text)}</span>'
-
-
-def _number(value: Any, factor: float = 1.0) -> str:
-    if value is None or not isinstance(value, int | float) or math.isnan(value):
-        return "-"
-    return f"{value * factor:.5g}"
-
-
-def _share(count: int, total: int) -> str:
-    return "-" if not count or not total else f"{100 * count / total:.2g} %"

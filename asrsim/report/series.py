@@ -12,8 +12,9 @@ import numpy as np
 
 from asrsim.errors import LogError, Problem
 from asrsim.log import open_log
-from asrsim.plots.curves import Curve, CurveSource, RunCurves
+from asrsim.plots.curves import CurveSource, RunCurves
 from asrsim.plots.decimate import Envelope
+from asrsim.plots.world import Curve
 from asrsim.samples import Array
 
 BUDGET = 1_050_000

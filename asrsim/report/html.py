@@ -1,0 +1,46 @@
+"""Small parts of a page. Texts are escaped here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+
+def section(title: str, body: str) -> str:
+    """A part of the page with its heading; `body` is HTML."""
+    return f"<section><h2>{escape(title)}</h2>{body}</section>"
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
+    """Columns that hold nothing are left out; `raw` ones hold HTML already."""
+    kept = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
+    head = "".join(f"<th>{escape(heads[i])}</th>" for i in kept)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{row[i] if i in raw else escape(str(row[i]))}</td>" for i in kept) + "</tr>" for row in rows
+    )
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def bullets(items: Iterable[str]) -> str:
+    """A list; nothing without items."""
+    text = "".join(f"<li>{escape(item)}</li>" for item in items)
+    return f"<ul>{text}</ul>" if text else ""
+
+
+def badge(text: str, *, good: bool) -> str:
+    """A coloured word."""
+    return f'<span class="badge {"good" if good else "poor"}">{escape(text)}</span>'
+
+
+def number(value: Any, factor: float = 1.0) -> str:
+    """A number times `factor` to five digits; "-" where there is none."""
+    if value is None or not isinstance(value, int | float) or math.isnan(value):
+        return "-"
+    return f"{value * factor:.5g}"
+
+
+def share(count: int, total: int) -> str:
+    """A count as a share of the total."""
+    return "-" if not count or not total else f"{100 * count / total:.2g} %"
