@@ -1,14 +1,18 @@
-"""Renews what the documentation takes from the code: the schema, and parts from `<!-- generated: NAME -->` to `<!-- end -->`.
+"""Renews what the documentation takes from the code: the schema, README's first run, and every part marked as generated.
 
-Usage: python docs/generate.py
+Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -->` to `<!-- end -->`
 """
 
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import asrsim
@@ -16,6 +20,8 @@ from asrsim.document.tables import markdown_table
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
+PICTURE = ROOT / "docs" / "images" / "step_2dof_soft.png"
+PRINTED = re.compile(r"(<!-- printed -->\n```\n).*?```", re.DOTALL)
 MARK = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -31,6 +37,7 @@ def parts() -> dict[str, str]:
         "packages": packages(),
         "actuators": actuators(),
         "steppings": steppings(),
+        "truth": truth(),
     }
 
 
@@ -83,16 +90,40 @@ def steppings() -> str:
     return markdown_table(("stepping", "order", "what"), [(f"`{one.name}`", str(one.order), one.doc) for one in known])
 
 
+def truth() -> str:
+    """The sections of validation.md with how many checks they hold, and how many of them were met."""
+    page = (Path(__file__).parent / "validation.md").read_text(encoding="utf-8")
+    rows = []
+    for section in page.split("\n## ")[1:]:
+        title, *lines = section.splitlines()
+        checks = [line for line in lines if line.startswith("| ") and not line.startswith("| check |")]
+        missed = sum("**missed**" in line for line in checks)
+        rows.append((title, str(len(checks)), str(len(checks) - missed)))
+    return markdown_table(("checked against", "checks", "met"), rows)
+
+
 def renewed(text: str) -> str:
     """A page with its generated parts made anew."""
     made = parts()
     return MARK.sub(lambda found: f"{found[1]}{made[found[2]]}\n{found[3]}", text)
 
 
+def run_example() -> str:
+    """What README's first command prints; its picture goes into README too."""
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "asrsim.cli.app", "run", "examples/scenarios/step_2dof.yaml", "--variant", "soft"]
+        done = subprocess.run([*command, "--out", folder], cwd=ROOT, capture_output=True, text=True, check=True)
+        shutil.copy(Path(folder) / "joints.png", PICTURE)
+        return done.stdout.replace(folder, "out/step_2dof/soft").strip()
+
+
 def main() -> None:
     """Writes all pages and the schema."""
     from asrsim.scenario.schema import FILE_NAME, schema_text
 
+    text = PAGES[0].read_text(encoding="utf-8")
+    printed = run_example()
+    PAGES[0].write_text(PRINTED.sub(lambda found: f"{found[1]}{printed}\n```", text), encoding="utf-8")
     for page in PAGES:
         page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
     (Path(__file__).parent / FILE_NAME).write_text(schema_text(), encoding="utf-8")

@@ -100,12 +100,18 @@ def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def files_below(folder: str) -> list[Path]:
+    """Files of ours: not the caches of Python and Numba."""
+    found = (path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return [path for path in found if path.suffix not in (".nbi", ".nbc")]
+
+
 def test_the_wheel_holds_the_package_and_its_data(distributions):
     (wheel,) = distributions.glob("*.whl")
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    ours = [path for path in (ROOT / "asrsim").rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-    kept = [path for path in ours if path.suffix not in (".pyc", ".nbi", ".nbc")]
-    assert held == {path.relative_to(ROOT).as_posix() for path in kept}
+    ours = {path.relative_to(ROOT).as_posix() for path in files_below("asrsim")}
+    examples = {f"asrsim/{path.relative_to(ROOT).as_posix()}" for path in files_below("examples")}
+    assert held == ours | examples
     assert "asrsim/py.typed" in held
 
 
