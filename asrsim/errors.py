@@ -37,7 +37,7 @@ class Problem:
             place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
         text = place + (f"{self.key}: " if self.key else "") + self.message
         if self.value is not None:
-            text += f" (got {self.value!r})"
+            text += f" (got {_short(repr(self.value))})"
         if self.choices:
             text += f"; choose from {', '.join(self.choices)}"
         if self.hint:
@@ -57,6 +57,11 @@ class Problem:
             "hint": self.hint,
         }
         return {key: value for key, value in items.items() if value not in (None, "", [])}
+
+
+def _short(text: str, most: int = 120) -> str:
+    """A value as it is shown: a file's one line may be a megabyte."""
+    return text if len(text) <= most else f"{text[: most - 20]} ... {len(text)} characters"
 
 
 class AsrsimError(Exception):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -45,6 +46,10 @@ def read(tmp_path: Path) -> Callable[[str], Robot]:
 # -- engine text -------------------------------------------------------------------------------------------------------
 
 
+TRIANGLE = bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+"""A binary STL file."""
+
+
 def mesh(name: str) -> str:
     return f'<geometry><mesh filename="{name}" scale="1 1 1"/></geometry>'
 
@@ -63,7 +68,7 @@ def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(
 ) -> None:
     outside, package = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("package")
     for folder in (outside, package, tmp_path):
-        (folder / "m.stl").write_text("solid")
+        (folder / "m.stl").write_bytes(TRIANGLE)
     (tmp_path / "link.stl").symlink_to(outside / "m.stl")
     names = [
         "m.stl", str(tmp_path / "m.stl"), "file://" + str(tmp_path / "m.stl"), "package://pkg/m.stl",
@@ -94,7 +99,7 @@ def test_packages_of_the_environment_are_found(
 ) -> None:
     prefix = tmp_path_factory.mktemp("prefix")
     (prefix / "share/pkg").mkdir(parents=True)
-    (prefix / "share/pkg/m.stl").write_text("solid")
+    (prefix / "share/pkg/m.stl").write_bytes(TRIANGLE)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
     robot = read(pendulum(body=f"<collision>{mesh('package://pkg/m.stl')}</collision>"))
     assert engine_urdf(robot)[1] == ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import struct
 from pathlib import Path
 
 import pytest
@@ -53,7 +54,7 @@ def test_the_smallest_scenario(load, tmp_path):
 
 def test_every_key_arrives(load, tmp_path):
     (tmp_path / "manager.yaml").write_text("namespace: /left/arm/\njoints_name: [b, a]\njoints_number: 2\n")
-    (tmp_path / "hand.stl").write_text("solid")
+    (tmp_path / "hand.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0))
     (scenario,) = load(
         """
 name: everything

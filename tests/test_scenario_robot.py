@@ -71,7 +71,7 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("parameters:\n  vsa:\n    mot_1_tauMax: -1", 9, "parameters.vsa.mot_1_tauMax", "at least 0"),
         ("parameters: {sea: {spring_a1: 1}}", 7, "parameters.sea.spring_a1", "no such parameter"),
         ("external_torques: {no: 1}", 7, "external_torques.no", "vsa, sea, awas, free"),
-        ("wrenches: [{link: tip}]", 7, "wrenches.0.link", "vsa_link"),
+        ("wrenches: [{link: tip, force: [1, 0, 0]}]", 7, "wrenches.0.link", "vsa_link"),
         ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
         ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
         ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no moving joint"),

@@ -13,6 +13,8 @@ from typer.core import TyperGroup
 COMMANDS = {
     "run": "asrsim.cli.run",
     "plot": "asrsim.cli.plot",
+    "render": "asrsim.cli.render",
+    "report": "asrsim.cli.report_page",
     "rerun": "asrsim.cli.rerun",
     "ilc": "asrsim.cli.ilc",
     "reproduce": "asrsim.cli.reproduce",
@@ -91,7 +93,9 @@ def _call() -> int:
     except AsrsimError as error:
         if _debugging():
             raise
-        for line in (*str(error).splitlines(), *getattr(error, "__notes__", ())):
+        from asrsim.cli.console import error_lines
+
+        for line in (*error_lines(error), *getattr(error, "__notes__", ())):
             sys.stderr.write(f"asrsim: {line}\n")
         return 1
     except Exception as error:

@@ -15,6 +15,8 @@ STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
 }  # fmt: skip
 """Name -> ANSI code."""
+MOST = 40
+"""Lines of an error that are shown."""
 SHOWN = 6
 """Places listed of a problem that many parts share."""
 
@@ -81,6 +83,14 @@ def problem_lines(problems: Sequence[Problem]) -> list[str]:
     for problem in problems:
         groups.setdefault((problem.code, problem.message, problem.hint, problem.choices, problem.file), []).append(problem)
     return [_joined(group) for group in groups.values()]
+
+
+def error_lines(error: AsrsimError) -> list[str]:
+    """An error's text by lines; of very many problems the first."""
+    lines = str(error).splitlines()
+    if len(lines) > MOST:
+        lines[MOST:] = [f"... and {len(lines) - MOST} more"]
+    return lines
 
 
 def _joined(group: Sequence[Problem]) -> str:

@@ -6,11 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, load_robot, step_figures, step_findings
+
+if TYPE_CHECKING:
+    from asrsim.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +62,9 @@ def robot_report(
         robot = load_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
     except InputError as error:
         return FileReport(path=path, kind="robot", errors=error.problems, warnings=error.warnings)
+    if not robot.moving_joints:
+        problem = Problem(message="the robot has no moving joint: there is nothing to simulate", file=path, code="no-joint")
+        return FileReport(path=path, kind="robot", robot=robot, step=step, errors=(problem,), warnings=robot.warnings)
     warnings = robot.warnings + engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
     return FileReport(
         path=path, kind="robot", robot=robot, step=step, figures=step_figures(robot, step=step),
@@ -89,6 +95,7 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
         if not wrong:
             robots.append(apply_to_robot(scenario, robot))
             warnings.extend(step_findings(robots[-1], step=step or scenario.step))
+            errors.extend(_unbuildable(scenario, robot, path) if step is None else ())
     first = robots[0] if robots else None
     used_step = step or scenarios[0].step
     return FileReport(
@@ -96,6 +103,17 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
         step=used_step if first else None, figures=step_figures(first, step=used_step) if first else (),
         errors=unique(errors), warnings=unique(warnings),
     )  # fmt: skip
+
+
+def _unbuildable(scenario: Scenario, robot: Robot, path: Path) -> tuple[Problem, ...]:
+    """What only shows when the run is built: springs that no substeps resolve, bodies that the engine does not take."""
+    from asrsim.simulation.prepare import prepare
+
+    try:
+        prepare(scenario, robot).engine.close()
+    except AsrsimError as error:
+        return problems_of(error, path)
+    return ()
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:

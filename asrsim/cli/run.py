@@ -123,11 +123,13 @@ def _run(
 
 
 def _complain_of(title: str, error: AsrsimError, *, alone: bool) -> None:
-    from asrsim.cli.console import complain
+    from asrsim.cli.console import complain, error_lines
 
-    text = str(error)
+    lines = error_lines(error)
     where = "" if alone else f"{title}: "
-    complain(f"asrsim: {where}{text}" if "\n" not in text else f"asrsim: {where}\n{text}")
+    complain(f"asrsim: {where}{lines[0]}" if len(lines) == 1 else f"asrsim: {where}{len(lines)} problems:")
+    for line in lines if len(lines) > 1 else ():
+        complain(line)
     for note in getattr(error, "__notes__", []):
         complain(f"asrsim: {note}")
 

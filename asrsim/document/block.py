@@ -96,6 +96,8 @@ class Block(Kind[T], Generic[T]):
     may_be_empty: bool = True
     line_argument: str = ""
     """Argument of `build` that takes the block's line; empty: none."""
+    read_before: tuple[str, ...] = ()
+    """Keys that are taken out before the block is read: choices for the user, but none of ours."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T:
         if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):
@@ -132,8 +134,8 @@ class Block(Kind[T], Generic[T]):
                     (*path, name),
                     "unknown key",
                     line=node.key_line(name),
-                    choices=self.names,
-                    hint=did_you_mean(name, self.names),
+                    choices=(*self.names, *self.read_before),
+                    hint=did_you_mean(name, (*self.names, *self.read_before)),
                     code="unknown-key",
                     show=False,
                 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
 from typing import Any
@@ -46,12 +47,15 @@ def plain_scalar(text: str) -> bool | int | float | str | None:
 def read_yaml(path: Path, *, error: type[InputError] = InputError, max_bytes: int = MAX_BYTES) -> tuple[Node, str]:
     """The document of a file and its text; raises `error` if it cannot be read or is no sound YAML."""
     try:
-        size = path.stat().st_size
         if path.is_dir():
             raise error(Problem(message="is a folder, not a file", file=path, code="no-file"))
-        if size > max_bytes:
-            raise error(Problem(message=f"has {size} bytes; at most {max_bytes} are read", file=path, code="too-large"))
-        text = path.read_text(encoding="utf-8-sig")
+        # Pipes and devices have no size, so the reading itself is bounded.
+        with path.open("rb") as stream:
+            data = stream.read(max_bytes + 1)
+        if len(data) > max_bytes:
+            message = f"has more than {max_bytes} bytes; at most that many are read"
+            raise error(Problem(message=message, file=path, code="too-large"))
+        text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig").read()
     except UnicodeDecodeError as fault:
         raise error(Problem(message=f"is not UTF-8 text ({fault.reason})", file=path, code="encoding")) from None
     except OSError as fault:
@@ -75,7 +79,7 @@ def parse_yaml(text: str, *, file: Path | None = None, error: type[InputError] =
         problem = Problem(message=message, file=file, line=mark.line + 1 if mark else None, code="yaml")
         raise error(problem) from None
     except yaml.YAMLError as fault:
-        problem = Problem(message=f"is no valid YAML: {' '.join(str(fault).split())}", file=file, code="yaml")
+        problem = Problem(message=f"is no valid YAML: {_reason(fault)}", file=file, code="yaml")
         raise error(problem) from None
     except (_Refused, RecursionError) as fault:
         message = str(fault) if isinstance(fault, _Refused) else "is nested too deeply"
@@ -83,6 +87,14 @@ def parse_yaml(text: str, *, file: Path | None = None, error: type[InputError] =
     if converter.problems:
         raise error(converter.problems)
     return node
+
+
+def _reason(fault: Any) -> str:
+    """PyYAML's words on a fault of the text as such, without its name for our text."""
+    character = getattr(fault, "character", None)
+    if isinstance(character, int):
+        return f"character {character:#06x} is not allowed"
+    return " ".join(str(fault).split())
 
 
 class _Refused(Exception):  # noqa: N818 - internal signal, not an error of the tree

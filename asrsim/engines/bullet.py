@@ -6,11 +6,9 @@ Link damping is the loop's: Bullet's own is explicit and lags by half a step.
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.base import Array
+from asrsim.engines.foreign import crashes, quiet
 from asrsim.errors import Problem, RobotError, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Vector, World, WorldObject
@@ -30,24 +29,6 @@ SOLVER_RESIDUAL = 1e-18
 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 GROUND_SIZE = 100.0
 """m: edge of the box that is the ground; a plane's contact forces jump."""
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Bullet writes to the C streams; keep them out of the user's terminal."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    with Path(os.devnull).open("w") as nowhere:
-        saved = os.dup(1), os.dup(2)
-        os.dup2(nowhere.fileno(), 1)
-        os.dup2(nowhere.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(saved[0], 1)
-            os.dup2(saved[1], 2)
-            os.close(saved[0])
-            os.close(saved[1])
 
 
 class BulletEngine:
@@ -67,7 +48,7 @@ class BulletEngine:
         world: World | None = None,
         visuals: bool = False,
     ) -> None:
-        with _quiet():
+        with quiet():
             import pybullet
 
             self._p = pybullet
@@ -102,18 +83,21 @@ class BulletEngine:
         with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(urdf, encoding="utf-8")
+            load = partial(
+                p.loadURDF,
+                str(path),
+                basePosition=position,
+                baseOrientation=p.getQuaternionFromEuler(rpy),
+                useFixedBase=self._fixed,
+                flags=flags,
+                physicsClientId=self._client,
+            )
             try:
-                with _quiet():
-                    return int(
-                        p.loadURDF(
-                            str(path),
-                            basePosition=position,
-                            baseOrientation=p.getQuaternionFromEuler(rpy),
-                            useFixedBase=self._fixed,
-                            flags=flags,
-                            physicsClientId=self._client,
-                        )
-                    )
+                with quiet():
+                    if "<mesh" in urdf and crashes(load):
+                        message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
+                        raise RobotError(Problem(message=message, file=self.robot.path, code="engine-crash"))
+                    return int(load())
             except p.error as error:
                 raise RobotError(
                     Problem(message=f"PyBullet cannot load this robot ({error})", file=self.robot.path, code="engine-load")
@@ -356,5 +340,5 @@ class BulletEngine:
 
     def close(self) -> None:
         """Disconnect the physics client."""
-        with suppress(self._p.error), _quiet():
+        with suppress(self._p.error), quiet():
             self._p.disconnect(self._client)

@@ -9,12 +9,13 @@ from typing import Any
 from lxml import etree
 
 from asrsim.errors import Problem
+from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import Packages, packages_of
+from asrsim.robot.shapes import shape_fault
 from asrsim.robot.xmlfile import elements, parse_xml
 
 STRIPPED = ("gazebo", "transmission", "sensor")
-MESH_FORMATS = (".stl", ".obj", ".dae")
 
 
 def engine_urdf(
@@ -58,12 +59,13 @@ def engine_urdf(
                 )
                 _remove(collision)
         for visual in elements(link, "visual"):
-            reason = _resolve(visual, packages) if visuals else ("", "")
-            if reason is not None:
-                if visuals:
-                    missing_visuals.append(reason)
+            if not visuals or shape_fault(visual) is not None:
+                _remove(visual)
+            elif (reason := _resolve(visual, packages)) is not None:
+                missing_visuals.append(reason)
                 _remove(visual)
     _drop_other_files(root)
+    _name(root, robot)
     _fill_inertials(root, {joint.child for joint in robot.joints})
     if missing_visuals:
         first_name, first_reason = missing_visuals[0]
@@ -93,8 +95,19 @@ def _resolve(shape: Any, packages: Packages) -> tuple[str, str] | None:
         found = packages.resolve(filename)
         if isinstance(found, str):
             return filename, found
+        if (fault := mesh_fault(found)) is not None:
+            return filename, fault
         element.set("filename", str(found))
     return None
+
+
+def _name(root: Any, robot: Robot) -> None:
+    """Names as the robot has them: with no blanks around them, and one for the robot."""
+    root.set("name", robot.name)
+    for element in (*elements(root, "link"), *elements(root, "joint")):
+        element.set("name", (element.get("name") or "").strip())
+        for end in (*elements(element, "parent"), *elements(element, "child")):
+            end.set("link", (end.get("link") or "").strip())
 
 
 def _fill_inertials(root: Any, children: set[str]) -> None:

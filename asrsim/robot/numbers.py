@@ -122,5 +122,8 @@ class _Parser:
             self._take(",")
             exponent = self._sum()
             self._take(")")
-            return math.pow(base, exponent)
+            try:
+                return math.pow(base, exponent)
+            except ValueError:
+                raise ValueError("has no real value") from None
         raise ValueError("is not a number")

@@ -80,13 +80,20 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
     actuator = ACTUATORS.get(block.actuator)
     declared = {parameter.name: parameter for parameter in actuator.all_parameters()}
     values: dict[str, ParameterValue] = dict(block.parameters)
+    seen: dict[str, str] = {}
     for key, number in given.items():
         place = f"parameters.{scope}.{key}"
         name = parameter_name(actuator, key)
+        if name in seen:
+            twice = Problem(message=f"is the same parameter as {seen[name]}", key=place, code="duplicate-parameter")
+            if twice not in problems:
+                problems.append(twice)
+            continue
         if name is None:
             if scope != "*":
                 problems.append(_unknown(place, key, _names(block)))
             continue
+        seen[name] = key
         fault = declared[name].fault(float(number))
         if fault:
             problem = Problem(message=fault, key=place, value=number, code="out-of-range")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,17 @@ from typing import Any
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
-from asrsim.robot.model import Robot
+from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
 MAX_LINKS = 2000
+MAX_JOINTS = 127
+"""PyBullet's largest body, fixed joints included; it fails beyond."""
+MAX_MOVING = 121
+"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -66,12 +70,14 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     structure = StructureReader(findings, line)
     links = structure.links(root)
     joints = structure.joints(root, links)
+    _check_size(findings, joints)
     # A joint that could not be read would make its links look like roots.
     if len(joints) == len(elements(root, "joint")) and not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors
     check_masses(findings, links, joints)
     blocks = read_blocks(root, joints, findings, line)
+    _drop_consequences(findings, root, joints)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
         warnings=(),
@@ -82,6 +88,25 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn("no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name)
     return replace(robot, warnings=tuple(findings.warnings))
+
+
+def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
+    moving = [joint for joint in joints if joint.kind != "fixed"]
+    for what, found, most in (("moving joints", moving, MAX_MOVING), ("joints, fixed ones included", joints, MAX_JOINTS)):
+        if len(found) > most:
+            findings.error(
+                f"the robot has {len(found)} {what}; PyBullet simulates at most {most}", code="too-many-joints", key="robot",
+                hint="Take out what does not matter to the motion" if found is joints else None,
+            )  # fmt: skip
+    if len(joints) > MAX_JOINTS:
+        findings.raise_errors()  # what comes next takes long for a huge robot
+
+
+def _drop_consequences(findings: Findings, root: Any, joints: Sequence[Joint]) -> None:
+    """A joint that is in the file but could not be read is told of once, not again as missing."""
+    known = {joint.name for joint in joints}
+    unread = {(element.get("name") or "").strip() for element in elements(root, "joint")} - known
+    findings.errors = [error for error in findings.errors if error.code != "unknown-joint" or error.value not in unread]
 
 
 def _text(data: bytes, root: Any) -> str:

@@ -11,9 +11,17 @@ import numpy as np
 from asrsim.errors import did_you_mean
 from asrsim.robot.attributes import AttributeReader
 from asrsim.robot.model import Joint, Link, Vector
+from asrsim.robot.shapes import shape_fault
 from asrsim.robot.xmlfile import elements
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+FREEDOMS = {
+    "floating": "A robot that floats as a whole: leave this joint out and set `base: {fixed: false}` in the scenario",
+    "planar": "Two prismatic joints and a revolute one do the same",
+}
+"""Joint types of several degrees of freedom, and a cure: PyBullet welds the first and has no dynamics of the second."""
+LONGEST_NAME = 255
+"""Characters; PyBullet crashes at 1024 bytes."""
 
 
 class StructureReader(AttributeReader):
@@ -41,6 +49,11 @@ class StructureReader(AttributeReader):
             name = (element.get("name") or "").strip()
             if not name:
                 self.findings.error(f"a {tag} has no name", code="missing-name", line=self.line(element), key=tag)
+            elif len(name) > LONGEST_NAME:
+                self.findings.error(
+                    f"the name of a {tag} is longer than {LONGEST_NAME} characters", code="long-name", line=self.line(element),
+                    key=f"{name[:20]}...",
+                )  # fmt: skip
             elif name in seen:
                 first = f" (the first is on line {seen[name]})" if seen[name] else ""
                 self.findings.error(
@@ -53,6 +66,7 @@ class StructureReader(AttributeReader):
 
     def _link(self, element: Any, name: str) -> Link:
         line = self.line(element)
+        self._shapes(element, name)
         inertials = elements(element, "inertial")
         if len(inertials) > 1:
             self.findings.error("has more than one <inertial>", code="duplicate-tag", line=self.line(inertials[1]), key=name)
@@ -64,17 +78,27 @@ class StructureReader(AttributeReader):
         inertia = self._inertia(inertial, name, mass)
         return Link(name=name, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy, line=line)
 
+    def _shapes(self, element: Any, name: str) -> None:
+        """A collision that cannot be made is an error, since contacts would go missing; a visual is left out."""
+        for shape in elements(element, "collision"):
+            if (fault := shape_fault(shape)) is not None:
+                self.findings.error(f"a collision {fault}", code="collision-shape", line=self.line(shape), key=name)
+        for shape in elements(element, "visual"):
+            if (fault := shape_fault(shape)) is not None:
+                self.findings.warn(f"a visual {fault}; it is not drawn", code="visual-shape", line=self.line(shape), key=name)
+
     def _mass(self, inertial: Any, name: str) -> float:
         tags = elements(inertial, "mass")
         if not tags:
             self.findings.error("<inertial> has no <mass>", code="missing-tag", line=self.line(inertial), key=name)
             return 0.0
+        before = len(self.findings.errors)
         mass = self.number(tags[0], "value", f"{name}.mass", required=True)
         if mass < 0.0:
             self.findings.error(
                 "mass must not be negative", code="negative-mass", line=self.line(tags[0]), key=name, value=f"{mass:g}"
             )
-        elif mass == 0.0:
+        elif mass == 0.0 and len(self.findings.errors) == before:
             self.findings.warn("mass is zero", code="massless-link", line=self.line(tags[0]), key=name)
         return mass
 
@@ -129,8 +153,10 @@ class StructureReader(AttributeReader):
         damping, friction = self._dynamics(element, name)
         if elements(element, "mimic"):
             self.findings.warn("<mimic> is not simulated; the joint moves on its own", code="mimic-joint", line=line, key=name)
-        if kind in ("floating", "planar"):
-            self.findings.warn("joint type has no single degree of freedom to drive", code="joint-type", line=line, key=name)
+        if kind in FREEDOMS:
+            self.findings.error(
+                f"{kind} joints cannot be simulated", code="joint-type", line=line, key=name, hint=FREEDOMS[kind]
+            )
         if kind not in JOINT_KINDS or parent is None or child is None:
             return None
         lower, upper, effort, velocity = limits

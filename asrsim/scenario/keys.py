@@ -8,7 +8,7 @@ from asrsim.document.block import Block, Key
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping, is_scalar
 from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Optional, Text
 from asrsim.scenario.data import Effects, LinkDamping, World
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, Keys
+from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Keys
 from asrsim.scenario.learning_keys import LEARNING
 from asrsim.scenario.task_keys import EXPECTATION, TASK
 from asrsim.scenario.world_keys import WORLD, WRENCH
@@ -93,9 +93,9 @@ STEPPINGS = ("leapfrog", "euler", "toolbox")
 ENGINES = ("bullet", "bench")
 
 KEYS: tuple[Key, ...] = (
-    Key(name="name", kind=Optional(Text()), default=None, doc="of the scenario", shown="the file's name"),
+    Key(name="name", kind=Optional(FolderName()), default=None, doc="of the scenario", shown="the file's name"),
     Key(
-        name="variant", kind=Optional(Text()), default=None, shown="default",
+        name="variant", kind=Optional(FolderName()), default=None, shown="default",
         doc="name of this variant, in a file without variants",
     ),
     Key(
@@ -159,7 +159,7 @@ KEYS: tuple[Key, ...] = (
 )  # fmt: skip
 """Every key of a variant, in the order in which people write them."""
 
-SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_empty=False)
+SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_empty=False, read_before=("variants",))
 """One variant."""
 
 VARIANT: Block[Keys] = Block(

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.kinds import Number
+from asrsim.document.kinds import Number, Text
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading
 from asrsim.signals.parse import SIGNAL
 
 Keys = dict[str, Any]
@@ -19,3 +21,19 @@ POSITION = ListOf(of=NUMBER, length=3, names=("x", "y", "z"))
 RPY = ListOf(of=NUMBER, length=3, names=("roll", "pitch", "yaw"))
 SIGNALS_BY_JOINT = MapOf(of=SIGNAL)
 ORIGIN = (0.0, 0.0, 0.0)
+
+
+def names_a_folder(name: str) -> bool:
+    """Whether a name can be that of a folder: scenarios and variants name the folders of their results."""
+    good = bool(name.strip()) and name == name.strip() and name not in (".", "..") and len(name.encode()) <= 200
+    return good and all(sign.isprintable() and sign not in "/\\" for sign in name)
+
+
+class FolderName(Text):
+    """Text that names a folder too."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
+        name = super().read(node, path, reading)
+        if not names_a_folder(name):
+            raise reading.fault(node, path, "is no name: it names a folder too", code="name")
+        return name

@@ -13,6 +13,7 @@ from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.scenario.build import build_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.kinds import names_a_folder
 from asrsim.scenario.overrides import apply_override
 
 DEFAULT = "default"
@@ -115,7 +116,7 @@ def _split(root: Node) -> tuple[Node, dict[str, Node]]:
                 for key in ("variants", "variant", "name")
                 if key in over.value
             ]
-        if not name.strip() or any(sign in name for sign in "/\\\0") or name in (".", ".."):
+        if not names_a_folder(name):
             problems.append(_problem("is no name: it names a folder too", over, f"variants.{name}"))
         if over.value is not None and not isinstance(over.value, dict):
             problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))

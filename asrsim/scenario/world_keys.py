@@ -8,11 +8,19 @@ from asrsim.document.block import Block, Key
 from asrsim.document.composite import Either, ListOf, MapOf, is_list, is_mapping, is_scalar
 from asrsim.document.kinds import Boolean, Choice, File, Optional, Text
 from asrsim.errors import Problem, ScenarioError
+from asrsim.robot.meshes import mesh_fault
 from asrsim.scenario.data import World, WorldObject, Wrench
 from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SHARE, Keys
 from asrsim.signals.parse import SIGNAL
 
 _AXES = ListOf(of=Optional(SIGNAL), length=3, names=("x", "y", "z"))
+
+
+def _wrench(**arguments: Any) -> Wrench:
+    if all(signal is None for signal in (*arguments["force"], *arguments["torque"])):
+        raise ScenarioError(Problem(message="a wrench needs a force or a torque", key="force", code="empty-wrench"))
+    return Wrench(**arguments)
+
 
 WRENCH = Block(
     keys=(
@@ -22,7 +30,7 @@ WRENCH = Block(
         Key(name="point", kind=POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame"),
         Key(name="frame", kind=Choice(("world", "link")), default="world", doc="frame of force and torque"),
     ),
-    build=Wrench,
+    build=_wrench,
     noun="wrench",
 )
 
@@ -43,6 +51,8 @@ def _object(**arguments: Any) -> WorldObject:
     if (shape == "mesh") != (mesh is not None):
         message = "a mesh needs the key 'mesh', its file" if mesh is None else f"a {shape} has no mesh file"
         raise ScenarioError(Problem(message=message, key="mesh", code="mesh"))
+    if mesh is not None and (fault := mesh_fault(mesh)) is not None:
+        raise ScenarioError(Problem(message=f"the mesh {fault}", key="mesh", code="mesh"))
     return WorldObject(**{**arguments, "size": size, "name": ""})
 
 

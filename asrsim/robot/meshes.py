@@ -1,0 +1,98 @@
+"""Whether a mesh file is one: engines take garbage silently, and some of it makes them crash."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+MESH_FORMATS = (".stl", ".obj", ".dae")
+MAX_BYTES = 256 * 1024 * 1024
+MAX_LINE = 4000
+"""Bytes: PyBullet's OBJ reader copies words of a line into fixed buffers."""
+_STL_HEAD = 84
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def mesh_fault(path: Path) -> str | None:
+    """What is wrong with a mesh file (.stl, .obj, .dae), a phrase, or None."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            return f"is larger than {MAX_BYTES // 2**20} MB"
+        data = path.read_bytes()
+    except OSError as error:
+        return f"cannot be read: {error.strerror or error}"
+    if not data.strip():
+        return "is empty"
+    if data.startswith(b"version https://git-lfs"):
+        return "is a Git LFS pointer, not the mesh itself (git lfs pull fetches it)"
+    check = {".stl": _stl_fault, ".obj": _obj_fault, ".dae": _dae_fault}.get(path.suffix.lower())
+    return f"is none of {', '.join(MESH_FORMATS)}" if check is None else check(data)
+
+
+def _stl_fault(data: bytes) -> str | None:
+    count = int.from_bytes(data[80:_STL_HEAD], "little")
+    if len(data) < _STL_HEAD or len(data) != _STL_HEAD + count * _STL_TRIANGLE.itemsize:
+        if data.lstrip().startswith(b"solid") and b"vertex" in data:
+            return "is a text STL file, of which PyBullet reads only binary ones"
+        return "is no STL file: its size does not go with its number of triangles"
+    if count == 0:
+        return "has no triangle"
+    points = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEAD)["points"]
+    return None if np.isfinite(points).all() else "has vertices that are not finite"
+
+
+def _obj_fault(data: bytes) -> str | None:
+    if max(map(len, data.splitlines())) > MAX_LINE:
+        return f"has a line longer than {MAX_LINE} characters"
+    count = len(re.findall(rb"^\s*v\s", data, re.MULTILINE))
+    faces = re.findall(rb"^\s*f\s+(.*)$", data, re.MULTILINE)
+    if not count or not faces:
+        return "has no face"
+    if re.search(rb"^\s*v\s.*(?:nan|inf)", data, re.MULTILINE | re.IGNORECASE):
+        return "has vertices that are not finite"
+    try:
+        corners = [int(corner.split(b"/")[0]) for face in faces for corner in face.split()]
+    except ValueError:
+        return "has a face that is not made of numbers"
+    if corners and (max(corners) > count or min(corners) < -count or 0 in corners):
+        return f"has a face with a vertex that is not there (there are {count})"
+    return None
+
+
+def _dae_fault(data: bytes) -> str | None:
+    from asrsim.errors import RobotError
+    from asrsim.robot.xmlfile import parse_xml
+
+    try:
+        root = parse_xml(data, Path("mesh.dae"))
+    except RobotError as error:
+        return f"is no COLLADA file: {error.problems[0].message}"
+    if not str(root.tag).endswith("COLLADA"):
+        return "is no COLLADA file"
+    primitives = [part for tag in ("triangles", "polylist", "polygons") for part in root.iter(f"{{*}}{tag}")]
+    if not primitives:
+        return "has no triangle"
+    return next((fault for fault in map(_primitive_fault, primitives) if fault), None)
+
+
+def _primitive_fault(element: Any) -> str | None:
+    """Triangles are numbers that point into arrays; engines do not look whether they do."""
+    mesh = element.getparent()
+    names = {part.get("id") for part in mesh.iter() if isinstance(part.tag, str)}
+    inputs = list(element.iter("{*}input"))
+    if any(entry.get("source", "").removeprefix("#") not in names for entry in inputs):
+        return "has triangles of vertices that are not there"
+    longest = max((len((array.text or "").split()) for array in mesh.iter("{*}float_array")), default=0)
+    try:
+        indices = [int(index) for part in element.iter("{*}p") for index in (part.text or "").split()]
+        needed = int(element.get("count") or 0) * 3 * (1 + max((int(entry.get("offset") or 0) for entry in inputs), default=0))
+    except ValueError:
+        return "has triangles that are not made of numbers"
+    if indices and not 0 <= min(indices) <= max(indices) < longest:
+        return "has triangles of vertices that are not there"
+    if str(element.tag).endswith("triangles") and needed > len(indices):
+        return "has fewer triangles than it says"
+    return None
