@@ -6,7 +6,6 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.loop import Hook
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
+from asrsim.simulation.wrenches import wrench_hook
 
 CONFIGURATIONS = 8
 """Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
@@ -72,7 +72,9 @@ def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
         engine.set_step(substep)
         inputs = Inputs(scenario, drives, substep=substep, staggered=stepping.staggered)
         drives, hooks = _sensing(scenario, drives, substep)
-        hooks += tuple(_wrenches(scenario, engine, substep))
+        hooks += tuple(
+            wrench_hook(wrench, engine, substep=substep, staggered=stepping.staggered) for wrench in scenario.wrenches
+        )
         info = describe(scenario, robot, drives, stepping, resolution)
     except BaseException:
         engine.close()
@@ -171,17 +173,3 @@ def _sensing(scenario: Scenario, drives: Sequence[Drive], substep: float) -> tup
         else:
             changed.append(drive)
     return tuple(changed), tuple(hooks)
-
-
-def _wrenches(scenario: Scenario, engine: Engine, substep: float) -> list[Hook]:
-    def make(link: str, signals: list[Any], point: Sequence[float], frame: str) -> Hook:
-        def hook(k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
-            time = np.array([round(k * substep, 12)])
-            values = [0.0 if signal is None else float(signal.values(time)[0]) for signal in signals]
-            if not k:
-                values = [0.5 * value for value in values]
-            engine.apply_wrench(link, values[:3], values[3:], point, frame)
-
-        return hook
-
-    return [make(w.link, [*w.force, *w.torque], w.point, w.frame) for w in scenario.wrenches]
