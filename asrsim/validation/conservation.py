@@ -70,6 +70,30 @@ def energy_and_momentum() -> Iterator[Check]:
         yield Check(name=f"momentum without losses, {name}", figure=error, bound=1e-12, source="torque times time of the push")
 
 
+def long_swings() -> Iterator[Check]:
+    """Free pendulums of two and three links, dropped: their energy after 10 s. The engine alone loses tens of times as much."""
+    from asrsim.validation.planar import Planar
+
+    link = Body(mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
+    for name, start, bound in (("double", [1.5, 0.5], 2e-3), ("triple", [1.5, 0.5, -1.0], 4e-2)):
+        bodies = (link,) * len(start)
+        model = Planar(bodies=bodies)
+        changes = []
+        for step in (1e-3, 2.5e-4):
+            samples = run(chain(*bodies), initial=start, duration=10.0, step=step, substeps=1).samples
+            if samples is not None:
+                q, speed = samples.values["link_position"], samples.values["link_velocity"]
+                first, last = model.energy(q[0], speed[0]), model.energy(q[-1], speed[-1])
+                changes.append(abs(last - first) / model.swing)
+        yield Check(
+            name=f"energy of a free {name} pendulum after 10 s", figure=changes[0], bound=bound,
+            source="kept; share of what lifting it takes",
+        )  # fmt: skip
+        yield Check(
+            name=f"order of its loss, {name} pendulum", figure=orders(changes, 4.0)[0], bound=1.5, at_least=True, source="2"
+        )
+
+
 PRESETS = {"sea": 0.0, "qbmove": 0.3, "bavs": 0.1, "awas_ii": 0.01}
 
 

@@ -63,6 +63,11 @@ class Planar:
         load -= self.gravity * self._weights * np.sin(angles)
         return np.diff(np.linalg.solve(self._absolute_mass(angles), load), prepend=np.zeros(1)) if n else load
 
+    @property
+    def swing(self) -> float:
+        """J between hanging and standing upright."""
+        return 2.0 * self.gravity * float(np.sum(self._weights))
+
     def energy(self, q: Array, speed: Array) -> float:
         """Kinetic and gravitational energy in J."""
         kinetic = 0.5 * float(speed @ self.mass_matrix(q) @ speed)

@@ -62,8 +62,8 @@ SECTIONS: tuple[Section, ...] = (
             "closes to second order, across jumps of inputs too. Without input no run gains energy; the released code's "
             "order of a step does, in modes 5 and 6."
         ),
-        measures=(conservation.energy_and_momentum, conservation.balance, conservation.passivity),
-        slow=frozenset({"balance"}),
+        measures=(conservation.energy_and_momentum, conservation.long_swings, conservation.balance, conservation.passivity),
+        slow=frozenset({"long_swings", "balance"}),
     ),
     Section(
         title="Order of convergence",
@@ -76,8 +76,8 @@ SECTIONS: tuple[Section, ...] = (
             "switches, and where in a step it does so is chance: first order for the joints' (the engine's); the motors' "
             "Dahl friction keeps the second."
         ),
-        measures=(order.smooth, order.jumps, order.first_order_schemes, order.friction_orders),
-        slow=frozenset({"smooth", "jumps", "first_order_schemes", "friction_orders"}),
+        measures=(order.smooth, order.jumps, order.refined, order.first_order_schemes, order.friction_orders),
+        slow=frozenset({"smooth", "jumps", "refined", "first_order_schemes", "friction_orders"}),
     ),
     Section(
         title="Independent dynamics",
