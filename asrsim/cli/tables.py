@@ -84,7 +84,7 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
     joints = [block.joint + (f" (line {block.line})" if block.line else "") for block in blocks]
     console.print(f"{'joint' if len(blocks) == 1 else f'{len(blocks)} joints'}: {escape(', '.join(joints))}")
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("parameter")
+    table.add_column("parameter", no_wrap=True)
     table.add_column("value", justify="right")
     table.add_column("unit")
     table.add_column("from")
@@ -209,7 +209,7 @@ def print_actuator(actuator: type[Actuator]) -> None:
     second = " + adjuster" if actuator.adjuster else ""
     console.print(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("parameter")
+    table.add_column("parameter", no_wrap=True)
     table.add_column("default", justify="right")
     for heading in ("unit", "tag", "what"):
         table.add_column(heading)
