@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -174,7 +175,7 @@ def _text(claim: Expectation, measured: float, unit: str, holds: bool) -> str:
     who = claim.joint or claim.body or ""
     wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
     got = "cannot be measured" if math.isnan(measured) else f"is {measured:.5g}"
-    against = f" against {claim.against}" if claim.against else ""
+    against = f" against {Path(claim.against).name}" if claim.against else ""
     tail = f" {unit}" if unit else ""
     verdict = "holds" if holds else "does not hold"
     return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"

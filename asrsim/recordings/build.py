@@ -14,7 +14,7 @@ from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import guess, has_positions, joint_numbers, tokens_of
 from asrsim.recordings.read_csv import find_column
-from asrsim.recordings.units import Unit, find_unit, fits, split_header
+from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
 from asrsim.samples import Array
 
 _KNOWN = {**QUANTITIES, **DERIVED}
@@ -28,6 +28,12 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     columns = _without_repeats(path, columns, findings)
     base = max(columns, key=lambda column: len(column.time)).time
     findings += _oddities(path, columns)
+    findings += [
+        Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
+                hint=f"State it: --map '{column.source}={column.joint}.{column.quantity} [unit]'", code="unknown-unit")
+        for column in columns
+        if column.quantity and column.conversion.endswith("assumed") and (unit := unknown_unit(column.source))
+    ]  # fmt: skip
     if len({id(series.time) for series in raw.series}) > 1:
         sizes = sorted({len(series.time) for series in raw.series}, reverse=True)
         findings.append(
@@ -96,6 +102,8 @@ def _columns(
         for index, series in enumerate(raw.series)
         if index not in explicit and series.quantity is None
     }  # fmt: skip
+    # A 0 anywhere says that this file counts from 0.
+    counted = counted | {meaning.number for meaning in meanings.values() if meaning.quantity and meaning.number is not None}
     # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
     words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
     named_by_words = len(words) > 1 or (bool(words) and bool(known))

@@ -21,6 +21,7 @@ _FACTORS = (
     (1000.0, "the recording seems to be in thousandths (mm, mN m, ms)"),
     (0.001, "the recording seems to be in thousands, or was converted from thousandths once too often"),
 )
+_TURNED = 0.7
 _WIDTH = 1.6
 """A factor is suspected if the ratio of sizes is within this factor of it; real robots differ by less from their model."""
 
@@ -44,6 +45,21 @@ def suspect_scale(simulation: Array, recording: Array) -> Problem | None:
                 hint="State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'", code="suspected-unit",
             )  # fmt: skip
     return None
+
+
+def suspect_sign(simulation: Array, recording: Array) -> Problem | None:
+    """A suspicion that an axis is turned: both series, (n,) on one time, are correlated by less than -0.7."""
+    both = np.isfinite(simulation) & np.isfinite(recording)
+    a, b = simulation[both], recording[both]
+    if len(a) < 10 or min(np.ptp(a), np.ptp(b)) < 1e-9:
+        return None
+    correlation = float(np.corrcoef(a, b)[0, 1])
+    if correlation > -_TURNED:
+        return None
+    return Problem(
+        message=f"the recording moves against the simulation (correlation {correlation:.2f}): is its sign the other way round?",
+        hint="Turn it: --map 'COLUMN=-JOINT.QUANTITY'", code="suspected-sign",
+    )  # fmt: skip
 
 
 def _size(values: Array) -> tuple[float, float]:

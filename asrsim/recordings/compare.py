@@ -14,7 +14,7 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspect_scale
+from asrsim.recordings.checks import suspect_scale, suspect_sign
 from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array, JointInfo, Samples
@@ -160,7 +160,8 @@ def match_joints(
             message=f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
             f"{', '.join(recorded) or 'no column that is mapped to a joint'}",
             file=recording.path, code="no-common-joint",
-            hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them with --map COLUMN=JOINT.QUANTITY",
+            hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
+            f"--map '{next(iter(recording.channels), 'COLUMN')}={names[0] if names else 'JOINT'}.link_position [rad]'",
         )
     )  # fmt: skip
 
@@ -202,7 +203,7 @@ def _series(joint: str, quantity: str, time: Array, values: Array, column: Colum
         )
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
-    findings = [problem for problem in (suspect_scale(a, b),) if problem is not None]
+    findings = [problem for problem in (suspect_scale(a, b), suspect_sign(a, b)) if problem is not None]
     unit = (QUANTITIES | DERIVED)[quantity].unit or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,11 +25,11 @@ class Table:
 
     layout: Layout
     values: Array
-    """(n, columns), in the file's units; stamps in s since the first one; text columns NaN."""
+    """(n, columns), in the file's units; stamps in s since the first one of their column; text columns NaN."""
     lines: NDArray[np.int64]
     """(n,) line of each row, counted from 1."""
-    epoch: float | None
-    """Unix time in s of the first stamp."""
+    zeros: Mapping[int, int]
+    """Column of stamps -> Unix time in ns of its first one (of a time of day: since midnight)."""
     findings: tuple[Problem, ...]
 
 
@@ -52,7 +52,7 @@ def read_table(path: Path) -> Table:
     faults = _Faults()
     blocks: list[Array] = []
     lines: list[NDArray[np.int64]] = []
-    zero: list[int] = []
+    zero: dict[int, int] = {}
     with path.open(encoding=layout.encoding, errors="replace") as stream:
         for _ in range(layout.first_line - 1):
             next(stream)
@@ -67,7 +67,7 @@ def read_table(path: Path) -> Table:
                 lines.append(kept)
     values = np.concatenate(blocks) if len(blocks) > 1 else blocks[0]
     return Table(
-        layout=layout, values=values, lines=np.concatenate(lines), epoch=zero[0] * 1e-9 if zero else None,
+        layout=layout, values=values, lines=np.concatenate(lines), zeros=zero,
         findings=tuple(_report(path, layout, faults, len(values))),
     )  # fmt: skip
 
@@ -95,7 +95,7 @@ def _fast(block: list[str], layout: Layout) -> Array | None:
 
 
 def _slow(
-    start: int, block: Sequence[str], layout: Layout, faults: _Faults, zero: list[int]
+    start: int, block: Sequence[str], layout: Layout, faults: _Faults, zero: dict[int, int]
 ) -> tuple[Array, NDArray[np.int64]]:
     """Line by line: rows of the wrong length are left out, cells that are no numbers become NaN; both are noted."""
     columns, decimal, separator = len(layout.names), layout.decimal, layout.separator
@@ -133,7 +133,7 @@ def _slow(
 
 
 def _cell(
-    cell: str, column: int, line: int, decimal: str, stamps: set[int], text: set[int], faults: _Faults, zero: list[int]
+    cell: str, column: int, line: int, decimal: str, stamps: set[int], text: set[int], faults: _Faults, zero: dict[int, int]
 ) -> float:
     """One cell's number; NaN, and a note of it, where it has none."""
     if column in text:
@@ -143,9 +143,7 @@ def _cell(
         if moment is None:
             faults.cells.append((line, column, cell))
             return float("nan")
-        if not zero:
-            zero.append(moment)
-        return (moment - zero[0]) * 1e-9
+        return (moment - zero.setdefault(column, moment)) * 1e-9
     value = number(cell, decimal)
     if value is None:
         faults.cells.append((line, column, cell))

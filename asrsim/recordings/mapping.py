@@ -40,7 +40,10 @@ class ColumnMap:
 
 
 def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
-    """One item of `--map`: `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`; raises RecordingError."""
+    """One item of `--map`: `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`; raises RecordingError.
+
+    A minus before the joint turns the sign: `COLUMN=-JOINT.QUANTITY`.
+    """
     column, equals, target = text.rpartition("=")
     if not equals or not column.strip() or not target.strip():
         raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
@@ -152,7 +155,9 @@ def _target(column: str, text: str, *, origin: str) -> ColumnMap:
         if unit is not None and unit.si != "s":
             raise _error(column, f"time cannot be in {unit.symbol}", choices=("s", "ms", "us", "ns"))
         return ColumnMap(column=column, role="time", unit=unit, origin=origin)
-    joint, dot, name = text.rpartition(".")
+    # A minus turns the axis: of a deflection counted the other way, or of a motor that is mounted the other way round.
+    scale = -1.0 if text.startswith("-") else 1.0
+    joint, dot, name = text.removeprefix("-").strip().rpartition(".")
     if not dot or not joint:
         hint = f"Did you mean {text}.link_position?" if find_unit(text) is None else None
         raise _error(column, f"'{text}' is not JOINT.QUANTITY", hint=hint)
@@ -161,7 +166,7 @@ def _target(column: str, text: str, *, origin: str) -> ColumnMap:
     if quantity not in known:
         choices = (*known, *ALIASES)
         raise _error(column, f"no quantity is called '{name}'", choices=choices, hint=did_you_mean(name, choices))
-    return ColumnMap(column=column, role="quantity", joint=joint, quantity=quantity, unit=unit, origin=origin)
+    return ColumnMap(column=column, role="quantity", joint=joint, quantity=quantity, unit=unit, scale=scale, origin=origin)
 
 
 def _error(key: str, message: str, *, choices: tuple[str, ...] = (), hint: str | None = None) -> RecordingError:

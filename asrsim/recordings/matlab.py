@@ -89,12 +89,14 @@ def _tables(
             for i, item in enumerate(value):
                 if isinstance(item, Mapping):
                     # Simulink: signals(i).values belongs to the time one level up.
-                    label = str(item.get("label") or item.get("blockName") or f"{name}[{i}]").rpartition("/")[2]
+                    label = _label(item) or f"{name}[{i}]"
                     nested = item.get("values", item.get("data", item.get("Data")))
                     if nested is not None:
                         _add(table, label, nested)
                     else:
-                        yield from _tables(item, f"{prefix}{name}[{i}].", findings, path)
+                        yield from _tables(
+                            item, f"{prefix}{name}.{label}." if _label(item) else f"{prefix}{name}[{i}].", findings, path
+                        )
         elif type(value).__name__ in ("MatlabOpaque", "MatlabFunction"):
             findings.append(
                 Problem(message="is a MATLAB object (timeseries, table), which the file format does not document; not read",
@@ -102,7 +104,8 @@ def _tables(
                         hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
             )  # fmt: skip
         else:
-            _add(table, name, value)
+            # A timeseries saved as a struct: the data carry its name.
+            _add(table, _label(content) or name if name in ("Data", "data") else name, value)
     if prefix.endswith("signals.") and "values" in table:
         return
     nested = content.get("signals")
@@ -111,6 +114,14 @@ def _tables(
     columns = {name: values for name, values in table.items() if len(values) > 1}
     if columns:
         yield prefix, columns
+
+
+def _label(item: Mapping[str, Any]) -> str:
+    """What a struct calls itself."""
+    for key in ("label", "name", "Name", "blockName"):
+        if isinstance(item.get(key), str) and item[key]:
+            return str(item[key]).rpartition("/")[2]
+    return ""
 
 
 def _add(table: dict[str, Array], name: str, value: Any) -> None:

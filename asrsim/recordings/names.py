@@ -12,12 +12,32 @@ from asrsim.recordings.units import Unit, fits
 
 _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
-    "soll",
+    "soll", "sollwert", "consigne", "riferimento", "referencia", "consigna",
 }  # fmt: skip
-_VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "dtheta", "thetadot", "omega", "dot", "rate"}
-_TORQUE = {"torque", "tau", "effort", "moment", "force", "trq", "eff", "drehmoment"}
-_POSITION = {"q", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state", "link"}
-_PLAIN = {"q", "pos", "position", "angle", "link", "joint", "hub"}
+_VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "dtheta", "thetadot", "omega", "dot", "rate",
+    "geschwindigkeit", "drehzahl", "vitesse", "velocità", "velocita", "velocidad",
+}  # fmt: skip
+_TORQUE = {"torque", "tau", "effort", "moment", "force", "trq", "eff", "drehmoment", "couple", "coppia",
+    "kraft",
+}  # fmt: skip
+_POSITION = {"q", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state", "link",
+    "posizione", "posicion", "posición", "angolo", "angulo", "ángulo",
+}  # fmt: skip
+_PLAIN = {
+    "q",
+    "pos",
+    "position",
+    "positions",
+    "angle",
+    "link",
+    "joint",
+    "hub",
+    "winkel",
+    "posizione",
+    "angolo",
+    "gelenk",
+    "achse",
+}
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
     "current", "voltage", "volt", "pwm", "temp", "temperature", "raw", "counts", "status", "index", "acc", "acceleration",
@@ -29,6 +49,7 @@ _VOCABULARY = {
     "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
     "field", "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis",
     "in", "of", "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
+    "ist", "istwert", "messwert", "achse", "gelenk", "giunto", "asse", "articulation", "articulacion", "axe", "eje",
 }  # fmt: skip
 _SUFFIXES = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
@@ -159,7 +180,9 @@ def _quantity(
     if found & _MOTOR or theta or (len(plain) > 1 and "m" in found):
         own = None if "hub" in found else _after(words, {"motor", "mot", "rotor", "theta", "m"})
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
-    if velocity or torque or found & _POSITION or (named and (not plain or si in ("rad", "m"))):
+    # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
+    only = bool(plain) and found <= _VOCABULARY and si in ("rad", "m")
+    if velocity or torque or found & _POSITION or only or (named and (not plain or si in ("rad", "m"))):
         return f"link_{kind}", None
     return None, None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,28 +13,53 @@ from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import tokens_of
-from asrsim.recordings.timebase import EPOCH, clean_time, scale_time
+from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
+from asrsim.recordings.timebase import clean_time, scale_time
 from asrsim.recordings.units import Unit, find_unit, split_header
 from asrsim.samples import Array
 
-_TIME_WORDS = {"time", "t", "timestamp", "stamp", "zeit", "temps", "tempo", "elapsed", "clock", "datetime", "date", "millis"}
+_TIME_WORDS = {
+    "time",
+    "t",
+    "timestamp",
+    "stamp",
+    "zeit",
+    "uhrzeit",
+    "temps",
+    "tempo",
+    "tiempo",
+    "tijd",
+    "elapsed",
+    "clock",
+    "datetime",
+    "date",
+    "millis",
+}
+_COUNTERS = {"sample", "samples", "index", "idx", "n", "no", "nr", "count", "counter", "frame", "row", "seq", "cycle"}
+"""Names of columns that count rows: they rise evenly and are no time."""
+_MARKS = (-999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -1e9, 1e9)
+"""Numbers that some recorders write where they have none."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 
 
 def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     """The series of a text file on clean times. Raises RecordingError with what was found and expected."""
     table = read_table(path)
-    table, merged = _merge_seconds(table)
     findings = list(table.findings)
-    if merged is not None:
-        findings.append(Problem(message=merged, file=path, code="split-time"))
+    table, epoch = one_zero(table)
+    for merge in (merge_seconds, merge_date):
+        table, start, merged = merge(table)
+        epoch = epoch if start is None else start
+        if merged is not None:
+            findings.append(Problem(message=merged, file=path, code="split-time"))
     names, stated = zip(*(_name_and_unit(table, i) for i in range(len(table.layout.names))), strict=True)
     if rate is not None:
         time = np.arange(len(table.values)) / rate
         bases = [(-1, time, np.ones(len(time), dtype=bool))]
         epoch = None
     else:
-        bases, epoch = _bases(path, table, names, stated, maps, findings)
+        bases, start = _bases(path, table, names, stated, maps, findings)
+        epoch = epoch if start is None else start
     series: list[RawSeries] = []
     owner: int | None = None
     times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
@@ -52,7 +76,10 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         time, keep = times[owner if owner is not None else bases[0][0]]
         unit = stated[column]
         values = table.values[:, column]
-        series.append(RawSeries(name=label, time=time, values=_kept(values, keep), unit=unit.symbol if unit else ""))
+        kept, marked = _unmarked(_kept(values, keep))
+        if marked is not None:
+            findings.append(Problem(message=marked, file=path, key=label, code="missing-mark"))
+        series.append(RawSeries(name=label, time=time, values=kept, unit=unit.symbol if unit else ""))
     if not series:
         raise RecordingError(
             Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
@@ -61,35 +88,20 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     return Raw(format="csv", series=tuple(series), findings=tuple(findings), epoch=epoch)
 
 
-def _merge_seconds(table: Table) -> tuple[Table, str | None]:
-    """Whole seconds and nanoseconds in two columns (a ROS stamp) as one time; and what was done."""
-    ends = [tokens_of(name)[-1:] for name in table.layout.names]
-    for whole, part in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
-        if [whole] in ends and [part] in ends:
-            i, j = ends.index([whole]), ends.index([part])
-            seconds, rest = table.values[:, i], table.values[:, j] * 1e-9
-            # From the first whole second: a float of 1.7e9 s resolves 2.4e-7 s only.
-            finite = seconds[np.isfinite(seconds)]
-            zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0
-            values = table.values.copy()
-            values[:, i] = seconds - zero + rest
-            names = list(table.layout.names)
-            said = f"'{names[i]}' and '{names[j]}' are read as one time in s"
-            names[i] = "time [s]"
-            keep = [k for k in range(len(names)) if k != j]
-            index = {old: new for new, old in enumerate(keep)}
-            layout = replace(
-                table.layout, names=tuple(names[k] for k in keep), units=tuple(table.layout.units[k] for k in keep),
-                stamps=tuple(index[k] for k in table.layout.stamps if k in index),
-                text=tuple(index[k] for k in table.layout.text if k in index),
-            )  # fmt: skip
-            return replace(table, layout=layout, values=values[:, keep], epoch=zero or table.epoch), said
-    return table, None
-
-
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
     kept = values[keep]
     return np.where(np.isinf(kept), np.nan, kept)
+
+
+def _unmarked(values: Array) -> tuple[Array, str | None]:
+    """Numbers that stand for a missing one (-9999 far outside of all others, at least twice) as NaN, and what was found."""
+    finite = values[np.isfinite(values)]
+    for mark in _MARKS:
+        found = finite == mark
+        rest = finite[~found]
+        if found.sum() > 1 and len(rest) and np.max(np.abs(rest)) < 0.02 * abs(mark):
+            return np.where(values == mark, np.nan, values), f"{int(found.sum())} cells are {mark:g}, which is taken as missing"
+    return values, None
 
 
 def _name_and_unit(table: Table, column: int) -> tuple[str, Unit | None]:
@@ -114,10 +126,9 @@ def _bases(
         label = table.layout.names[column]
         values = table.values[:, column]
         if column in table.layout.stamps:
-            time, start = values, table.epoch
+            time, start = values, None
         else:
             time, start, found = scale_time(values, factors.get(column), path=path, name=label)
-            start = table.epoch if start is None else start
             findings += found
         lines = table.lines
         if bases:
@@ -183,6 +194,13 @@ def _time_columns(
     if named or table.layout.stamps:
         return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
     rising = [i for i in free if _rises(table.values[:, i])]
+    counters = [i for i in rising if set(tokens_of(names[i])) & _COUNTERS and _steps_by_one(table.values[:, i])]
+    rising = [i for i in rising if i not in counters]
+    if counters and not rising:
+        raise RecordingError(
+            Problem(message=f"no time column found; '{labels[counters[0]]}' counts the rows", file=path, code="no-time",
+                    hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]")
+        )  # fmt: skip
     if rising:
         findings.append(
             Problem(message="no column is named as the time; this one rises evenly and is taken", file=path,
@@ -211,9 +229,16 @@ def _is_time(name: str, unit: Unit | None) -> bool:
     words = {word for word in tokens_of(name) if not word.isdigit()}
     if unit is not None and unit.si != "s":
         return False
+    if words == {"x", "value"}:  # LabVIEW
+        return True
     if words & _MEASURED and not words & {"stamp", "timestamp"}:
         return False
     return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+
+
+def _steps_by_one(values: Array) -> bool:
+    finite = values[np.isfinite(values)]
+    return bool(np.median(np.diff(finite)) == 1.0)
 
 
 def _rises(values: Array) -> bool:

@@ -17,7 +17,15 @@ COMMENTS = ("#", "%", "//")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
 _SAMPLE = 200
+_FOREIGN = (
+    (b"PK\x03\x04", "a zip archive (an Excel workbook, numpy's npz, or compressed)"), (b"\x1f\x8b", "compressed by gzip"),
+    (b"\x93NUMPY", "a numpy array"), (b"\x89HDF", "an HDF5 file"), (b"PAR1", "a Parquet file"), (b"%PDF", "a PDF document"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"), (b"{", "JSON"), (b"[{", "JSON"), (b"<", "HTML or XML"),
+    (b"\x89PNG", "a picture"), (b"\xff\xd8\xff", "a picture"), (b"SQLite format 3", "a database; ROS 2 bags end in .db3"),
+)  # fmt: skip
+"""First bytes of files that laboratories have, and that are no tables of text."""
 _SEPARATORS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
+_FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
 _STAMP = re.compile(r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d:\d\d)(?=[T :]|$)")
 
 
@@ -56,6 +64,12 @@ def encoding_of(path: Path) -> str:
         )
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    for magic, what in _FOREIGN:
+        if start.startswith(magic):
+            raise RecordingError(
+                Problem(message=f"is {what}, which is not read here", file=path, code="foreign-format",
+                        hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; export or unpack it as CSV")
+            )  # fmt: skip
     if b"\0" in start:
         raise RecordingError(
             Problem(message="is not a text file (it holds zero bytes)", file=path, code="binary",
@@ -85,6 +99,8 @@ def number(cell: str, decimal: str) -> float | None:
     try:
         return float(text) if "_" not in text else None
     except ValueError:
+        if _FORTRAN.fullmatch(text):
+            return float(text.replace("D", "E").replace("d", "e"))
         return float("nan") if cell.lower() in MISSING else None
 
 
@@ -93,11 +109,16 @@ def stamp_ns(cell: str) -> int | None:
     if not _STAMP.match(cell):
         return None
     text = cell.replace(",", ".")
+    half = re.search(r"\s*([AP])\.?M\.?$", text, re.IGNORECASE)
+    if half:
+        text = text[: half.start()]
     fraction = re.search(r"(:\d\d)\.(\d+)", text)
     digits = fraction[2] if fraction else ""
     whole = text if fraction is None else text[: fraction.start(2) - 1] + text[fraction.end(2) :]
     try:
         moment = _moment(whole)
+        if half:
+            moment = moment.replace(hour=moment.hour % 12 + (12 if half[1].upper() == "P" else 0))
     except ValueError:
         return None
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
@@ -140,7 +161,11 @@ def sniff(path: Path) -> Layout:
     quoted = any('"' in text for _, text in lines)
     separator, decimal, columns = _separator(lines, quoted=quoted, declared=declared)
     rows = [(count, split(_glue(text, separator), separator, quoted=quoted)) for count, text in lines]
-    first = next((i for i, (_, cells) in enumerate(rows) if len(cells) == columns and _numeric(cells, decimal) >= 0.5), None)
+    share = [_numeric(cells, decimal) if len(cells) == columns else 0.0 for _, cells in rows]
+    # "Samples 400 400" among the lines above a header is no row of numbers: it has fewer of them than most, and none follow.
+    usual = max(0.5, sorted(share)[len(share) // 2])
+    followed = zip(share, [*share[1:], 1.0], strict=True)
+    first = next((i for i, (own, after) in enumerate(followed) if own >= 0.5 and max(own, after) >= usual), None)
     if first is None:
         raise RecordingError(
             Problem(message="no row of numbers found", file=path, line=lines[0][0], value=lines[0][1][:60], code="no-numbers",
@@ -207,7 +232,9 @@ def _header(
     rows: Sequence[tuple[int, list[str]]], columns: int, decimal: str
 ) -> tuple[list[str] | None, list[str] | None, int | None]:
     """Names, units and line of the header among the lines above the numbers."""
-    fitting = [(count, cells) for count, cells in rows if len(cells) == columns or len(cells) == columns - 1]
+    # Trailing remarks (LabVIEW's "Comment") have a name but no numbers.
+    rows = [(count, cells[:columns] if len(cells) == columns + 1 else cells) for count, cells in rows]
+    fitting = [(count, cells) for count, cells in rows if len(cells) in (columns, columns - 1)]
     if not fitting or fitting[-1][0] != rows[-1][0]:
         return None, None, None
     count, cells = fitting[-1]
@@ -216,9 +243,22 @@ def _header(
         return None, None, None
     filled = [cell for cell in cells if cell not in ("", "-")]
     if len(fitting) > 1 and filled and all(find_unit(cell) for cell in filled):
-        above_line, above = fitting[-2]
-        return above + [""] * (columns - len(above)), [cell.strip("[](){}<> ") for cell in cells], above_line
-    return cells, None, count
+        names = _grouped(fitting[:-1], columns)
+        return names, [cell.strip("[](){}<> ") for cell in cells], fitting[-2][0]
+    return _grouped(fitting, columns), None, count
+
+
+def _grouped(rows: Sequence[tuple[int, list[str]]], columns: int) -> list[str]:
+    """The names of the last row; where they repeat, each behind the group's name in the row above ("Joint 1" over three)."""
+    names = rows[-1][1] + [""] * (columns - len(rows[-1][1]))
+    filled = [name for name in names if name]
+    if len(set(filled)) == len(filled) or len(rows) < 2 or rows[-2][0] != rows[-1][0] - 1:
+        return names
+    groups, last = [], ""
+    for cell in rows[-2][1] + [""] * (columns - len(rows[-2][1])):
+        last = cell or last
+        groups.append(last)
+    return [f"{group} {name}".strip() if group != name else name for group, name in zip(groups, names, strict=True)]
 
 
 def _comment_header(text: str, separator: str | None, columns: int, decimal: str) -> list[str] | None:

@@ -23,11 +23,14 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     # SI unit, factor, spellings (compared without spaces; case matters only where two units differ by it)
     ("rad", 1.0, ("rad", "rads", "radian", "radians")),
     ("rad", 1e-3, ("mrad",)),
-    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "Grad")),
+    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "Grad", "grado", "gradi", "grados", "degré", "degrés")),
+    ("rad", _DEGREE * 1e-3, ("mdeg",)),
+    ("rad", _DEGREE / 60, ("arcmin",)),
+    ("rad", math.pi / 200, ("gon",)),
     ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
     ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "radps", "rads-1", "rad*s-1", "rad.s-1")),
     ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
-    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "degps", "dps", "°/s")),
+    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "degps", "dps", "°/s", "Grad/s", "gradi/s")),
     ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min")),
     ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
     ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
@@ -107,6 +110,9 @@ def split_header(header: str) -> tuple[str, Unit | None]:
     text = header.strip().strip("\"'").strip()
     for pattern in (_BRACKETS, _SLASH):
         match = pattern.match(text)
+        # q[1] is the second of an array, q [1] without dimension.
+        if match and re.search(r"\S[\[(]\d+[\])]$", text):
+            return text, None
         if match and match["name"] and (unit := find_unit(match["unit"])):
             return match["name"].strip().rstrip("_").strip(), unit
     tokens = re.split(r"[_\s]+", text)
@@ -121,6 +127,15 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue
         return name, found
     return text, None
+
+
+def unknown_unit(header: str) -> str | None:
+    """What a header states in brackets behind a name, if it looks like a unit and none of that spelling is known."""
+    text = header.strip().strip("\"'").strip()
+    match = _BRACKETS.match(text)
+    if match is None or not match["name"] or not match["unit"].strip() or find_unit(match["unit"]) is not None:
+        return None
+    return match["unit"] if re.fullmatch(r"[^\d\s]{1,8}(/[^\d\s]{1,4}\d?)?", match["unit"].strip()) else None
 
 
 def fits(unit: str, quantity_unit: str) -> bool:

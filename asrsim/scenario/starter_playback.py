@@ -19,7 +19,7 @@ from asrsim.signals.playback import Playback
 LATEST = 1.0
 """s: a recording that begins later, or before 0, is played from 0."""
 STAIRS = 0.5
-"""Share of equal neighbours above which a command is taken for stairs, which are held; others are joined by lines."""
+"""Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are lines."""
 FALLBACKS = ("equilibrium_position", "motor_1_position")
 """Recorded quantities that stand in for a command that was not recorded."""
 
@@ -184,10 +184,10 @@ def _references(block: ActuatorBlock) -> tuple[str, ...]:
 
 
 def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
-    finite = column.values[np.isfinite(column.values)]
-    changes = float(np.mean(np.diff(finite) == 0.0)) if len(finite) > 1 else 1.0
+    changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
+    following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
     direct = recording.format == "csv" and _plays(recording.path, column, lag)
-    return Played(joint=joint, slot=slot, column=column, direct=direct, hold=changes > STAIRS)
+    return Played(joint=joint, slot=slot, column=column, direct=direct, hold=following < STAIRS)
 
 
 def _plays(path: Path, column: Column, lag: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from asrsim.document.block import Block, Key
@@ -87,6 +88,18 @@ class AnyData(Kind[Any]):
         return "anything"
 
 
+class ComparedFile(File):
+    """A recording to compare with; what its columns mean may stand in a file beside it, which is needed too."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
+        from asrsim.recordings.mapping import find_mapping
+
+        place = super().read(node, path, reading)
+        if (mapping := find_mapping(place)) is not None:
+            reading.attachments[f"{reading.renamed[id(node)]}.yaml"] = mapping
+        return place
+
+
 def _expectation(**arguments: Any) -> Expectation:
     if (arguments["joint"] is None) == (arguments["body"] is None):
         raise ScenarioError(Problem(message="needs the key joint, or body", key="", code="expect"))
@@ -117,7 +130,7 @@ EXPECTATION = Block(
             doc="the variant of which it is claimed", shown="all",
         ),
         Key(
-            name="against", kind=Optional(File(noun="recording")), default=None,
+            name="against", kind=Optional(ComparedFile(noun="recording", folder=True)), default=None,
             doc="a recording to compare with, for measures of a difference",
         ),
         Key(name="options", kind=MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure"),

@@ -1,0 +1,72 @@
+"""Times that stand in two columns of a table: seconds and nanoseconds, a date and a time of day."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from asrsim.recordings.delimited import Table
+from asrsim.recordings.names import tokens_of
+from asrsim.recordings.timebase import EPOCH
+from asrsim.samples import Array
+
+_DAY = 86_400_000_000_000
+"""ns."""
+
+
+def one_zero(table: Table) -> tuple[Table, float | None]:
+    """All columns of stamps on the zero of the first, but a date beside a time of day; and its Unix time in s."""
+    dates = [i for i, zero in table.zeros.items() if zero % _DAY == 0]
+    clocks = [i for i, zero in table.zeros.items() if zero < _DAY]
+    if not table.zeros or (len(dates) == 1 and len(clocks) == 1 and dates != clocks):
+        return table, None
+    first = next(iter(table.zeros.values()))
+    values = table.values.copy() if len(table.zeros) > 1 else table.values
+    for column, zero in table.zeros.items():
+        if zero != first:
+            values[:, column] += (zero - first) * 1e-9
+    return replace(table, values=values), first * 1e-9
+
+
+def merge_seconds(table: Table) -> tuple[Table, float | None, str | None]:
+    """Whole seconds and nanoseconds in two columns (a ROS stamp) as one time, its Unix zero in s, and what was done."""
+    ends = [tokens_of(name)[-1:] for name in table.layout.names]
+    for whole, part in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
+        if [whole] in ends and [part] in ends:
+            i, j = ends.index([whole]), ends.index([part])
+            seconds, rest = table.values[:, i], table.values[:, j] * 1e-9
+            # From the first whole second: a float of 1.7e9 s resolves 2.4e-7 s only.
+            finite = seconds[np.isfinite(seconds)]
+            zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0
+            said = f"'{table.layout.names[i]}' and '{table.layout.names[j]}' are read as one time in s"
+            return _merged(table, i, j, seconds - zero + rest), zero or None, said
+    return table, None, None
+
+
+def merge_date(table: Table) -> tuple[Table, float | None, str | None]:
+    """A date and a time of day in two columns as one time, its Unix zero in s, and what was done."""
+    if len(table.layout.stamps) != 2 or len(table.zeros) != 2:
+        return table, None, None
+    i, j = table.layout.stamps
+    if (table.zeros[i] % _DAY == 0) == (table.zeros[j] % _DAY == 0) or min(table.zeros[i], table.zeros[j]) >= _DAY:
+        return table, None, None
+    said = f"'{table.layout.names[i]}' and '{table.layout.names[j]}' are read as one time"
+    start = (table.zeros[i] + table.zeros[j]) * 1e-9
+    return _merged(table, i, j, table.values[:, i] + table.values[:, j]), start, said
+
+
+def _merged(table: Table, i: int, j: int, time: Array) -> Table:
+    """The table with a time in s in the place of column i, and without column j."""
+    values = table.values.copy()
+    values[:, i] = time
+    names = list(table.layout.names)
+    names[i] = "time [s]"
+    keep = [k for k in range(len(names)) if k != j]
+    index = {old: new for new, old in enumerate(keep)}
+    layout = replace(
+        table.layout, names=tuple(names[k] for k in keep), units=tuple("" if k == i else table.layout.units[k] for k in keep),
+        stamps=tuple(index[k] for k in table.layout.stamps if k not in (i, j)),
+        text=tuple(index[k] for k in table.layout.text if k in index),
+    )  # fmt: skip
+    return replace(table, layout=layout, values=values[:, keep])
