@@ -25,8 +25,8 @@ NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 SOLVER_ITERATIONS = 500
 SOLVER_RESIDUAL = 1e-18
-"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These leave
-1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
+leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 GROUND_SIZE = 100.0
 """m: edge of the box that is the ground; a plane's contact forces jump."""
 
@@ -124,6 +124,10 @@ class BulletEngine:
         moving = self.robot.moving_joints
         self.joints = tuple(joint.name for joint in moving)
         self._indices = [index_of[joint.name] for joint in moving]
+        # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
+        self._to_bullet = sorted(range(len(moving)), key=self._indices.__getitem__)
+        self._from_bullet = [self._to_bullet.index(j) for j in range(len(moving))]
+        self._same_order = self._to_bullet == list(range(len(moving)))
         self._frictions = [joint.friction for joint in moving]
         self._moving = moving
         self._set_friction(1.0)
@@ -229,12 +233,16 @@ class BulletEngine:
     def _positions(self) -> list[float]:
         return [state[0] for state in self.read()]
 
+    def _ordered(self, values: Sequence[float]) -> list[float]:
+        """`values` of the moving joints in Bullet's order."""
+        return list(values) if self._same_order else [values[j] for j in self._to_bullet]
+
     def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
         """(n, n) mass matrix of the moving joints."""
-        values = list(self._positions() if positions is None else positions)
+        values = self._ordered(self._positions() if positions is None else positions)
         matrix = np.array(self._p.calculateMassMatrix(self._body, values, physicsClientId=self._client), dtype=float)
         n = len(self.joints)
-        return matrix[-n:, -n:]
+        return matrix[-n:, -n:][np.ix_(self._from_bullet, self._from_bullet)]
 
     def bias_difference(
         self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
@@ -246,19 +254,24 @@ class BulletEngine:
         zero = [0.0] * n
         inverse, body, client = self._p.calculateInverseDynamics, self._body, self._client
         # The client by name: the fifth argument is one for flags.
-        here = inverse(body, positions, velocities, zero, physicsClientId=client)
-        there = inverse(body, positions, others, zero, physicsClientId=client)
-        return [a - b for a, b in zip(here, there, strict=True)]
+        if self._same_order:
+            here = inverse(body, positions, velocities, zero, physicsClientId=client)
+            there = inverse(body, positions, others, zero, physicsClientId=client)
+            return [a - b for a, b in zip(here, there, strict=True)]
+        here = inverse(body, self._ordered(positions), self._ordered(velocities), zero, physicsClientId=client)
+        there = inverse(body, self._ordered(positions), self._ordered(others), zero, physicsClientId=client)
+        return [here[k] - there[k] for k in self._from_bullet]
 
     def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
         """(n,) torques that hold the robot still; Bullet's routine ignores the base's orientation, so gravity is turned."""
         p, client = self._p, self._client
-        values = list(self._positions() if positions is None else positions)
+        values = self._ordered(self._positions() if positions is None else positions)
         turned = self._inertial_frame(-1)[1].T @ np.array(self.gravity)
         zero = [0.0] * len(values)
         p.setGravity(*turned.tolist(), physicsClientId=client)
         try:
-            return np.array(p.calculateInverseDynamics(self._body, values, zero, zero, physicsClientId=client), dtype=float)
+            torques = np.array(p.calculateInverseDynamics(self._body, values, zero, zero, physicsClientId=client), dtype=float)
+            return torques[self._from_bullet]
         finally:
             p.setGravity(*self.gravity, physicsClientId=client)
 
@@ -294,10 +307,13 @@ class BulletEngine:
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
         turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         zero = [0.0] * len(self.joints)
-        linear, angular = p.calculateJacobian(body, index, turned.tolist(), list(positions), zero, zero, physicsClientId=client)
+        linear, angular = p.calculateJacobian(
+            body, index, turned.tolist(), self._ordered(positions), zero, zero, physicsClientId=client
+        )
         base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
         jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
-        return np.array(state[4]) + rotation @ at, rotation, jacobian[:, -len(self.joints) :]
+        jacobian = jacobian[:, -len(self.joints) :][:, self._from_bullet]
+        return np.array(state[4]) + rotation @ at, rotation, jacobian
 
     def _matrix(self, quaternion: Sequence[float]) -> Array:
         return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
