@@ -57,7 +57,7 @@ class Engine(Protocol):
         """A force (N) at `point` (m, link frame) and a torque (N m) on a link, for the next step."""
 
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
-        """Free objects of the world: name -> (x, y, z, qx, qy, qz, qw)."""
+        """Objects of the world, and the robot's root link if it floats: name -> (x, y, z, qx, qy, qz, qw)."""
 
     def contacts(self) -> Mapping[str, tuple[float, float, float]]:
         """ "object/other" -> contact force on the object in N, world frame, summed over points."""

@@ -20,9 +20,9 @@ class BenchEngine:
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.joints = tuple(joint.name for joint in robot.moving_joints)
+        motion, initial = scenario.motion, scenario.initial_positions
         self._signals: list[Signal] = [
-            scenario.motion.get(name, scenario.motion.get("*", Constant(value=scenario.initial_positions.get(name, 0.0))))
-            for name in self.joints
+            motion.get(name, motion.get("*", Constant(value=initial.get(name, initial.get("*", 0.0))))) for name in self.joints
         ]
         self.set_step(scenario.step)
 

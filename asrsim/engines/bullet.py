@@ -110,7 +110,9 @@ class BulletEngine:
         p.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, physicsClientId=client
         )
-        self._link_index = {p.getBodyInfo(body, client)[0].decode(): -1}
+        self.base = p.getBodyInfo(body, client)[0].decode()
+        """Name of the root link."""
+        self._link_index = {self.base: -1}
         index_of = {}
         for index in range(p.getNumJoints(body, client)):
             info = p.getJointInfo(body, index, client)
@@ -132,7 +134,7 @@ class BulletEngine:
         self._moving = moving
         self._set_friction(1.0)
         for joint, index in zip(moving, self._indices, strict=True):
-            position = float(initial_positions.get(joint.name, 0.0))
+            position = float(initial_positions.get(joint.name, initial_positions.get("*", 0.0)))
             p.resetJointState(body, index, position, 0.0, physicsClientId=client)
 
     def _set_friction(self, fraction: float) -> None:
@@ -321,9 +323,13 @@ class BulletEngine:
     # -- the world --------------------------------------------------------------------------------------------------
 
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
-        """Poses of the world's objects."""
+        """Poses of the world's objects, and of the base link if it floats."""
         p, client = self._p, self._client
         poses = {}
+        if not self._fixed:
+            local = p.invertTransform(*p.getDynamicsInfo(self._body, -1, client)[3:5])
+            position, orientation = p.multiplyTransforms(*p.getBasePositionAndOrientation(self._body, client), *local)
+            poses[self.base] = (*position, *orientation)
         for name, body in self._objects.items():
             position, orientation = p.getBasePositionAndOrientation(body, client)
             poses[name] = (*position, *orientation)

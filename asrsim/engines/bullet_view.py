@@ -33,7 +33,7 @@ class BulletView(BulletEngine):
             self._p.changeVisualShape(self._objects[item.name], -1, rgbaColor=item.colour, physicsClientId=self._client)
 
     def place(self, positions: Mapping[str, float], poses: Mapping[str, Sequence[float]]) -> None:
-        """Joint positions (rad, m) and poses (x y z, quaternion x y z w) of the world's objects."""
+        """Joint positions (rad, m) and poses (x y z, quaternion x y z w) of the world's objects and of a floating base."""
         p, client = self._p, self._client
         for name, index in zip(self.joints, self._indices, strict=True):
             if name in positions:
@@ -41,6 +41,10 @@ class BulletView(BulletEngine):
         for name, pose in poses.items():
             if name in self._objects:
                 p.resetBasePositionAndOrientation(self._objects[name], list(pose[:3]), list(pose[3:7]), physicsClientId=client)
+            elif name == self.base:
+                local = p.getDynamicsInfo(self._body, -1, client)[3:5]
+                centre = p.multiplyTransforms(list(pose[:3]), list(pose[3:7]), *local)
+                p.resetBasePositionAndOrientation(self._body, *centre, physicsClientId=client)
 
     def points(self) -> Array:
         """(k, 3) m: corners of boxes around everything that is seen, in the present pose."""

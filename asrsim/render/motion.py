@@ -128,8 +128,6 @@ class Film:
         )  # fmt: skip
         self._stack.callback(view.close)
         notes = [str(warning) for warning in warnings if warning.code == "missing-visual-mesh"]
-        if not scenario.fixed_base:
-            notes.append("the base floats; the log does not hold its pose, and it is drawn where it started")
         return view, (*notes, *shapes.notes)
 
     def _aim(self) -> Camera:

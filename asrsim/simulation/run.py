@@ -113,7 +113,7 @@ def _run(
     last = round(scenario.duration / scenario.step) * n
     every = n * scenario.log_every
     world = WorldRecorder(engine, every, last)
-    hooks = prepared.hooks if scenario.world.empty else (*prepared.hooks, world.hook)
+    hooks = prepared.hooks if scenario.world.empty and scenario.fixed_base else (*prepared.hooks, world.hook)
     loop = make_loop(prepared, hooks, last)
     recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=every, last=last)
     guard = EnergyGuard(engine.mechanical_energy()) if scenario.engine == "bullet" else None
