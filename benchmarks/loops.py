@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from pathlib import Path
 
-from worlds import BareWorld
+from worlds import BareWorld, chain, scenario
 
 from asrsim.robot.model import Robot
 from asrsim.samples import Samples
@@ -47,11 +47,31 @@ def bare_seconds(bare: BareWorld, steps: int = 6000) -> float:
     return taken / steps
 
 
-def interleaved(bare: BareWorld, robot: Robot, scenarios: Sequence[Scenario], repeats: int) -> list[list[float]]:
-    """Rounds of [bare, scenario, scenario, ...], CPU time in s of a step, after one round that warms up."""
-    rounds = []
+def loop_ratios(joints: int, repeats: int, folder: Path) -> tuple[list[float], list[float]]:
+    """Plain and compiled loop over the bare step, of a chain of `joints`, one ratio a round."""
+    robot = chain(folder, joints)
+    bare = BareWorld(robot)
+    runs = [scenario(robot, duration=20.0, compiled=compiled) for compiled in (False, True)]
+    plain, fast = [], []
     for index in range(repeats + 1):
-        row = [bare_seconds(bare), *(loop_seconds(scenario, robot) for scenario in scenarios)]
+        one = bare_seconds(bare)
+        seconds = [loop_seconds(run, robot) for run in runs]
+        one = 0.5 * (one + bare_seconds(bare))
+        # The first round warms up.
         if index:
-            rounds.append(row)
-    return rounds
+            plain.append(seconds[0] / one)
+            fast.append(seconds[1] / one)
+    bare.engine.close()
+    return plain, fast
+
+
+def substep_ratios(repeats: int, folder: Path) -> list[float]:
+    """11 motor-and-spring substeps (numbers of them are odd) over 1, 5 joints, compiled."""
+    robot = chain(folder, 5)
+    runs = [scenario(robot, duration=20.0, compiled=True, motor_substeps=substeps) for substeps in (1, 11)]
+    ratios = []
+    for index in range(repeats + 1):
+        one, many = (loop_seconds(run, robot) for run in runs)
+        if index:
+            ratios.append(many / one)
+    return ratios

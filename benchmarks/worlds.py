@@ -9,6 +9,7 @@ from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, Sinusoid
+from asrsim.signals.base import Signal
 
 STEP = 1e-3
 """s."""
@@ -19,13 +20,13 @@ _LINK = """<link name="link_{i}"><inertial><origin xyz="0 0 {centre}"/><mass val
 <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="joint_{i}" type="revolute"><origin xyz="0 0 {length}"/><parent link="{parent}"/><child link="link_{i}"/>
 <axis xyz="{axis}"/><limit lower="-3" upper="3" effort="100" velocity="100"/></joint>"""
-_PLUGIN = """<gazebo><plugin name="plugin_{i}" filename="libqbmove_plugin.so"><joint>joint_{i}</joint>
+_PLUGIN = """<gazebo><plugin name="plugin_{i}" filename="lib{actuator}_plugin.so"><joint>joint_{i}</joint>
 <operation_mode>6</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>
 </plugin></gazebo>"""
 
 
-def chain(folder: Path, joints: int) -> Robot:
-    """A chain of `joints` links that bend and turn in turns, written to and loaded from `folder`."""
+def chain(folder: Path, joints: int, actuator: str = "qbmove") -> Robot:
+    """A chain of `joints` links that bend and turn in turns, every joint in mode 6; written to and loaded from `folder`."""
     # Long chains are lighter, so that their springs carry them.
     share = min(1.0, 5.0 / joints)
     links = "".join(
@@ -40,7 +41,7 @@ def chain(folder: Path, joints: int) -> Robot:
         )
         for i in range(joints)
     )
-    plugins = "".join(_PLUGIN.format(i=i) for i in range(joints))
+    plugins = "".join(_PLUGIN.format(i=i, actuator=actuator) for i in range(joints))
     path = folder / f"chain_{joints}.urdf"
     path.write_text(f'<robot name="chain">{_BASE}{links}{plugins}</robot>', encoding="utf-8")
     return load_robot(path)
@@ -53,24 +54,22 @@ def scenario(
     compiled: bool | None = False,
     substeps: int | None = 1,
     motor_substeps: int | None = 1,
-    preset: float = 0.2,
-    step: float = STEP,
+    stiffness: float | None = None,
 ) -> Scenario:
-    """All joints on a sine at a constant preset (rad); nothing else but the defaults."""
+    """All joints on a sine, nothing else but the defaults; stiffness: of SEAs' springs, N m/rad (None: qbMoves)."""
+    references: dict[str, Signal] = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=0.5)}
+    if stiffness is None:
+        references["stiffness_preset"] = Constant(value=0.2)
     return Scenario(
         name="benchmark",
         robot=Path(robot.path),
         duration=duration,
-        step=step,
+        step=STEP,
         substeps=substeps,
         motor_substeps=motor_substeps,
         compiled=compiled,
-        references={
-            "*": {
-                "equilibrium_position": Sinusoid(amplitude=0.3, frequency=0.5),
-                "stiffness_preset": Constant(value=preset),
-            }
-        },
+        references={"*": references},
+        parameters={} if stiffness is None else {"*": {"spring_stiffness": stiffness}},
     )
 
 

@@ -27,28 +27,20 @@ def motor_kick(
     """
     p, hold, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit, fastest = coefficients
     stretch = position - anchor
-    if stretch > slip:
-        stretch = slip
-        anchor = position - slip
-    elif stretch < -slip:
-        stretch = -slip
-        anchor = position + slip
+    if abs(stretch) > slip:
+        stretch = slip if stretch > 0.0 else -slip
+        anchor = position - stretch
     friction = FRICTION_STIFFNESS * stretch
     load = load + friction
     error = reference - hold * position
     push = p * error + integral
     after = keep * velocity + gain * (push - load)
     torque = push - d_old * velocity - d_new * after
-    if torque > limit:
-        torque = limit
+    if abs(torque) > limit:
+        torque = limit if torque > 0.0 else -limit
         after = keep_limited * velocity + gain_limited * (torque - load)
-    elif torque < -limit:
-        torque = -limit
-        after = keep_limited * velocity + gain_limited * (torque - load)
-    if after > fastest:
-        after = fastest
-    elif after < -fastest:
-        after = -fastest
+    if abs(after) > fastest:
+        after = fastest if after > 0.0 else -fastest
     return after, 0.5 * (velocity + after), anchor, integral + i_step * error, torque, friction
 
 

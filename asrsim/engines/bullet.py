@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from operator import sub
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,8 @@ class BulletEngine:
             p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client
         )
         self.advance: Callable[[], None] = partial(p.stepSimulation, client)
+        # The client by name: the fifth argument is one for flags.
+        self._inverse = partial(p.calculateInverseDynamics, body, physicsClientId=client)
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
@@ -254,14 +257,10 @@ class BulletEngine:
         if n < 2 or not self._fixed:
             return None
         zero = [0.0] * n
-        inverse, body, client = self._p.calculateInverseDynamics, self._body, self._client
-        # The client by name: the fifth argument is one for flags.
         if self._same_order:
-            here = inverse(body, positions, velocities, zero, physicsClientId=client)
-            there = inverse(body, positions, others, zero, physicsClientId=client)
-            return [a - b for a, b in zip(here, there, strict=True)]
-        here = inverse(body, self._ordered(positions), self._ordered(velocities), zero, physicsClientId=client)
-        there = inverse(body, self._ordered(positions), self._ordered(others), zero, physicsClientId=client)
+            return list(map(sub, self._inverse(positions, velocities, zero), self._inverse(positions, others, zero)))
+        here = self._inverse(self._ordered(positions), self._ordered(velocities), zero)
+        there = self._inverse(self._ordered(positions), self._ordered(others), zero)
         return [here[k] - there[k] for k in self._from_bullet]
 
     def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:

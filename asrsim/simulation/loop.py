@@ -147,7 +147,7 @@ class Loop:
         engine = self.engine
         read, apply, advance_engine = engine.read, engine.apply, engine.advance
         constants = self.constants(self.substep / self.motor_substeps)
-        fixed = list(zip(self._advances, constants, self._efforts, self._brakes, range(len(self.drives)), strict=True))
+        fixed = list(zip(self._advances, constants, self._efforts, self._brakes, strict=True))
         states, dampings, correction = self.states, self._dampings, self.correction
         now, before, previous = self._now, self._before, self.previous
         response, lean, last_torque, last_mean = self.response, self.lean, self.last_torque, self.last_mean
@@ -169,13 +169,13 @@ class Loop:
                 if every and not k % every:
                     self._correct_coriolis(joints)
                 forces = []
-                each = zip(joints, fixed, first, second, external, strict=True)
-                for (q, lagging, _, _), (advance, constant, limit, brake, j), r_1, r_2, push in each:
+                for j, (q, lagging, _, _) in enumerate(joints):
+                    advance, constant, limit, brake = fixed[j]
                     past = previous[j]
                     v = now * lagging + before * past
                     previous[j] = lagging
                     try:
-                        torque, states[j], record = advance(states[j], constant, q, v, r_1, r_2)
+                        torque, states[j], record = advance(states[j], constant, q, v, first[j], second[j])
                     except UNDEFINED as fault:
                         raise NoValueError(self.drives[j].name, k, str(fault)) from fault
                     append(q)
@@ -192,7 +192,7 @@ class Loop:
                         torque, last_mean[j] = damp(
                             torque, v, lagging - past, limit, damping, brake, response[j], lean[j], was, last_mean[j]
                         )
-                    forces.append(torque + push - correction[j])
+                    forces.append(torque + external[j] - correction[j])
                 apply(forces=forces)
                 advance_engine()
             chunks.append(pack(f"{len(out)}d", *out))

@@ -25,7 +25,7 @@ from asrsim.simulation.world import WorldRecorder
 
 BLOCK = 1024
 """Substeps of the first block, between samples handed on, checks and progress."""
-LONGEST_BLOCK = 4096
+LONGEST_BLOCK = 8192
 """Blocks grow to it with the time already simulated: a divergence early in the run is found early."""
 BLOCK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
@@ -78,14 +78,24 @@ def simulate(
     """Run one variant.
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
-    the result; progress: told the simulated time; stop: asked about every 2000 substeps, True ends the run cleanly.
+    the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly.
     Raises InputError and SimulationError; DivergenceError carries the run so far as `.run`.
     """
     prepared = prepare(scenario, robot)
     with closing(prepared.engine):
         ready = sinks(prepared.info) if callable(sinks) else sinks
+        _keep_freed_memory()
         with _no_collection():
             return _run(prepared, ready, keep=keep, progress=progress, stop=stop)
+
+
+def _keep_freed_memory() -> None:
+    """Ask the C library to keep what a block's arrays free for those of the next.
+
+    It gives large memory back to the system, which costs a fault for each page when it is wanted again, until it has seen
+    a block as large as this one go.
+    """
+    np.empty(1 << 21)
 
 
 @contextmanager
