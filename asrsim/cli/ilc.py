@@ -187,5 +187,6 @@ def _say_transfer(report: TransferReport, title: str) -> None:
         f"largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
     )
     if report.influences:
-        strongest = ", ".join(f"{item.factor} ({item.rank_correlation:+.2f})" for item in report.influences[:3])
+        ranked = sorted(report.influences[:3], key=lambda item: -abs(item.rank_correlation))
+        strongest = ", ".join(f"{item.factor} ({item.rank_correlation:+.2f})" for item in ranked)
         say(f"  what matters most (rank correlation with the error): {strongest}")

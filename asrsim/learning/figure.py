@@ -114,7 +114,7 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
     from asrsim.plots import style
     from asrsim.plots.figures import new_figure
 
-    shown = report.influences[:MOST_FACTORS]
+    shown = sorted(report.influences[:MOST_FACTORS], key=lambda item: -abs(item.rank_correlation))
     figure = new_figure(10.5 if shown else 5.5, 3.4)
     axes = figure.subplots(1, 2 if shown else 1, squeeze=False)[0]
     ax = axes[0]
@@ -126,7 +126,8 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
             _draw_distribution(ax, report.largest[:, column], style.VERMILION, joint, line=style.line_style(1 + column))
     ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
     ax.set(xlabel="largest error (rad)", ylabel="share of plants within", ylim=(0.0, 1.02))
-    ax.set_xlim(0.0, 1.1 * max(report.tolerance, *(value for value in report.worst if np.isfinite(value))))
+    errors = np.concatenate([report.worst, [] if nominal is None else nominal.worst])
+    ax.set_xlim(0.0, 1.1 * max([report.tolerance, *errors[np.isfinite(errors)]]))
     ax.legend(loc="lower right")
     ax.set_title(f"{100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad", loc="left")
     if shown:

@@ -198,7 +198,8 @@ def compensated_guess(plant: Plant, model: EngineModel, *, strict: bool) -> Arra
     """
     rows = np.unique(np.linspace(0, len(plant.time) - 1, GUESS_KNOTS).round().astype(int))
     index = [model.joints.index(joint) for joint in plant.joints]
-    initial = {name: plant.scenario.initial_positions.get(name, 0.0) for name in model.joints}
+    given = plant.scenario.initial_positions
+    initial = {name: given.get(name, given.get("*", 0.0)) for name in model.joints}
     found = np.empty((len(rows), len(index)))
     guesses: list[float | None] = [None] * len(index)
     for row, sample in enumerate(rows):
