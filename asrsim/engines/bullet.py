@@ -32,6 +32,17 @@ GROUND_SIZE = 100.0
 """m: edge of the box that is the ground; a plane's contact forces jump."""
 
 
+def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
+    """Product of quaternions (x, y, z, w); Bullet's own works in single precision."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
 class BulletEngine:
     """A fresh physics client with one robot and its world. `step` in s is Bullet's step."""
 
@@ -243,10 +254,14 @@ class BulletEngine:
         return list(values) if self._same_order else [values[j] for j in self._to_bullet]
 
     def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
-        """(n, n) mass matrix of the moving joints."""
+        """(n, n) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
         values = self._ordered(self._positions() if positions is None else positions)
         matrix = np.array(self._p.calculateMassMatrix(self._body, values, physicsClientId=self._client), dtype=float)
         n = len(self.joints)
+        if not self._fixed:
+            # The base takes part in every motion: its six rows are eliminated.
+            base, cross = matrix[:6, :6], matrix[:6, 6:]
+            matrix = matrix[6:, 6:] - cross.T @ np.linalg.solve(base, cross)
         return matrix[-n:, -n:][np.ix_(self._from_bullet, self._from_bullet)]
 
     def bias_difference(
@@ -264,15 +279,20 @@ class BulletEngine:
         return [here[k] - there[k] for k in self._from_bullet]
 
     def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
-        """(n,) torques that hold the robot still; Bullet's routine ignores the base's orientation, so gravity is turned."""
+        """(n,) torques that hold the robot still, on a base that is held; Bullet's routine ignores the base's orientation, so
+        gravity is turned."""
         p, client = self._p, self._client
         values = self._ordered(self._positions() if positions is None else positions)
         turned = self._inertial_frame(-1)[1].T @ np.array(self.gravity)
-        zero = [0.0] * len(values)
+        if self._fixed:
+            zero = [0.0] * len(values)
+        else:
+            zero = [0.0] * (len(values) + 6)
+            values = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *values]
         p.setGravity(*turned.tolist(), physicsClientId=client)
         try:
             torques = np.array(p.calculateInverseDynamics(self._body, values, zero, zero, physicsClientId=client), dtype=float)
-            return torques[self._from_bullet]
+            return torques[-len(self.joints) :][self._from_bullet]
         finally:
             p.setGravity(*self.gravity, physicsClientId=client)
 
@@ -326,9 +346,10 @@ class BulletEngine:
         p, client = self._p, self._client
         poses = {}
         if not self._fixed:
-            local = p.invertTransform(*p.getDynamicsInfo(self._body, -1, client)[3:5])
-            position, orientation = p.multiplyTransforms(*p.getBasePositionAndOrientation(self._body, client), *local)
-            poses[self.base] = (*position, *orientation)
+            centre, rotation, local = self._inertial_frame(-1)
+            x, y, z, w = p.getDynamicsInfo(self._body, -1, client)[4]
+            turned = p.getBasePositionAndOrientation(self._body, client)[1]
+            poses[self.base] = (*(centre - rotation @ np.asarray(local)).tolist(), *_product(turned, (-x, -y, -z, w)))
         for name, body in self._objects.items():
             position, orientation = p.getBasePositionAndOrientation(body, client)
             poses[name] = (*position, *orientation)
