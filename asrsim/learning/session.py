@@ -33,6 +33,8 @@ class Session:
 
     prepared: Prepared
     result: LearningResult
+    folder: Path
+    """Where everything was written."""
     transfer: TransferReport | None = None
     nominal_transfer: TransferReport | None = None
     """Of inputs learned on the one nominal plant, to compare with, where several plants were learned at once."""
@@ -99,7 +101,12 @@ def run_session(
                 alone = learn(prepared.problem, plant.outputs, prepared.settings)
                 nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
     session = Session(
-        prepared=prepared, result=result, transfer=report, nominal_transfer=nominal, replaced=earlier if earlier.files else None
+        prepared=prepared,
+        result=result,
+        folder=folder,
+        transfer=report,
+        nominal_transfer=nominal,
+        replaced=earlier if earlier.files else None,
     )
     _write(session, folder, picture=picture)
     return session

@@ -30,7 +30,9 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     """As in the paper, and with growing damping."""
     results = lab.pairs(SCENARIO, PRESETS)
     tips = {name: tip_path(result) for name, result in results.items()}
-    strips = [item for name in PRESETS for item in films(results[name], f"figure_14_{name}", f"The {name} arm meets the box.")]
+    strips = [
+        item for name in PRESETS for item in films(results[name].log, f"figure_14_{name}", f"The {name} arm meets the box.")
+    ]
     first = Part(
         title="Pushing a box of 2 kg",
         text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is "
@@ -196,6 +198,8 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
         bottom.set_xlabel("time (s)")
         bottom.set_ylim(0.0, 3.0 * _resistance(result))
         peak = int(np.argmax(_force(result)))
+        if _force(result)[peak] < 3.0 * _resistance(result):
+            continue
         bottom.annotate(
             f"impact: {_force(result)[peak]:.0f} N for {1e3 * result.run.scenario.step:g} ms",
             (float(result.time[peak]), 3.0 * _resistance(result)),

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from asrsim.reproduce.figure import Picture
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.figure import Figure
 
     from asrsim.api import Result
@@ -72,12 +74,12 @@ def link_panel() -> Panel:
     return Panel(key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"))
 
 
-def films(result: Result, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:
-    """A film strip of a run's motion, from its log; nothing for a run without one."""
-    if result.log is None:
+def films(log: Path | None, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:
+    """A film strip of a run's motion, from its log; nothing without one."""
+    if log is None or not log.is_file():
         return ()
     from asrsim.render import Film, even_times, film_strip
 
-    with Film(result.log) as film:
+    with Film(log) as film:
         pictures = list(film.frames(even_times(film, frames)))
     return (picture(name, caption, lambda: film_strip(pictures), kind="png"),)

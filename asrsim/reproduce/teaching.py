@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asrsim.learning.folder import LOG
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.pictures import picture
+from asrsim.reproduce.pictures import films, picture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
     from asrsim.learning.session import Session
-    from asrsim.reproduce.figure import Picture
     from asrsim.reproduce.lab import Lab
 
 SCENARIO = "ilc_2dof"
@@ -47,22 +47,20 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "ratio",
         "predicted",
     )
-    pictures: list[Picture] = [
-        picture(
-            "figure_15",
-            "Error against iteration, trajectories from first (faint) to last, and learned input.",
-            lambda: _figure(session),
-        )
-    ]
+    drawn = picture(
+        "figure_15",
+        "Error against iteration, trajectories and inputs from the first iteration (faint) to the last.",
+        lambda: _figure(session),
+    )
+    strip = films(session.folder / LOG, "figure_15_film", "The arm with the learned input.")
     first = Part(
         title="Learning 0 to 0.8 rad in 20 s",
         text="Equation 13 with K = 0.5 exp(-n / 10), zero first guess, preset 0.2, the identified springs (their labels a "
-        "and k stand "
-        "swapped in the paper's text; as printed, learning never converges). Ratios compare each 2-norm with the one before; "
-        "predicted ones come from the joints' linearisation before the trial is run.",
+        "and k stand swapped in the paper's text; as printed, learning never converges). Ratios compare each 2-norm with "
+        "the one before; predicted ones come from the joints' linearisation before the trial is run.",
         claims=tuple(_claims(session, "paper")),
         tables=(Table(caption="Errors over the iterations", headings=headings, rows=rows),),
-        pictures=tuple(pictures),
+        pictures=(drawn, *strip),
     )
     return first, _hardware(session)
 
@@ -79,7 +77,7 @@ def _session(lab: Lab, name: str, *, with_transfer: bool = False, overrides: Seq
         with_transfer=with_transfer,
         draws=DRAWS,
         picture=False,
-        keep_logs="none",
+        keep_logs="last",
         overwrite=True,
     )
     trials = len(session.result.trials) + (DRAWS if with_transfer else 0)
