@@ -22,10 +22,12 @@ def actuators(
     """
     from asrsim.actuators import ACTUATORS
     from asrsim.actuators.user import load_plugin_file
+    from asrsim.cli.console import json_errors
 
-    for path in plugin or []:
-        load_plugin_file(path)
-    chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
+    with json_errors(json):
+        for path in plugin or []:
+            load_plugin_file(path)
+        chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
     if json:
         import json as writer
 

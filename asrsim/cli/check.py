@@ -38,13 +38,16 @@ def check(
     """
     from asrsim.actuators.user import load_plugin_file
     from asrsim.cli import findings
+    from asrsim.cli.console import json_errors
 
-    for path in plugin or []:
-        load_plugin_file(path)
+    with json_errors(json):
+        for path in plugin or []:
+            load_plugin_file(path)
     if step is not None and not step > 0.0:
         raise typer.BadParameter("must be larger than 0 s", param_hint="--step")
     if actuator is not None:
-        _check_actuator(actuator, json)
+        with json_errors(json):
+            _check_actuator(actuator, json)
     if not files:
         if actuator is not None:
             return

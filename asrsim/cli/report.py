@@ -38,7 +38,7 @@ def print_run(
         return
     _print_warnings(summary, verbose=verbose, told=set() if told is None else told)
     if summary.replaced:
-        say(f"replaced {len(summary.replaced)} file{'s' * (len(summary.replaced) != 1)} of an earlier run of this scenario")
+        say(f"replaced {len(summary.replaced)} file{'s' * (len(summary.replaced) != 1)} of an earlier run")
     _print_files(summary)
     say()
 

@@ -19,7 +19,7 @@ from asrsim.robot.tags import parameter_tags
 
 
 def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None:
-    """Tables (unless quiet) and problems of every file, and one closing line."""
+    """Tables (unless quiet) and problems of every file; unless quiet, one closing line."""
     console = Console(highlight=False)
     for report in reports:
         if not quiet:
@@ -31,6 +31,8 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None
                     _print_figures(console, report.figures, report.step)
         print_problems(console, report.errors, "error", "bold red")
         print_problems(console, report.warnings, "warning", "yellow")
+    if quiet:
+        return
     errors, warnings = sum(len(report.errors) for report in reports), sum(len(report.warnings) for report in reports)
     files = _count(len(reports), "file")
     colour = "bold red" if errors else "yellow" if warnings else "green"

@@ -35,6 +35,8 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
         changed = robot
     errors.extend(placed(scenario, problem) for problem in _unknown_names(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
+    errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
+    warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
     return errors, warnings
@@ -50,7 +52,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ("external_torques", scenario.external_torques, moving),
         ("effects.commands", scenario.command_effects, actuated),
         ("effects.sensors", scenario.sensor_effects, actuated),
-        ("link_damping", scenario.link_damping, moving),
+        ("link_damping", scenario.link_damping, actuated),
         ("motion", scenario.motion, moving),
         ("ilc.trajectory", scenario.learning.get("trajectory", {}), actuated),
         ("ilc.joint_gains", scenario.learning.get("joint_gains", {}), actuated),
@@ -98,6 +100,31 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
             yield Problem(message=message, key=f"initial.{key}", value=position, code="initial-limits")
+
+
+def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """A floating root without mass: an engine holds it still, or makes up a mass."""
+    if scenario.fixed_base or scenario.engine != "bullet":
+        return
+    children = {joint.child for joint in robot.joints}
+    for root in (link for link in robot.links if link.name not in children):
+        if not (root.mass and root.inertia and any(root.inertia)):
+            message = f"a floating robot needs mass and inertia in its root link '{root.name}'"
+            yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
+
+
+def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Effects of sensors that nobody reads, and delays that the steps of the simulation cut."""
+    for name, effects in scenario.sensor_effects.items():
+        blocks = [block for block in robot.actuators if name in ("*", block.joint)]
+        if effects.active and blocks and not any(MODES[block.mode].controller for block in blocks):
+            modes = ", ".join(sorted({str(block.mode) for block in blocks}))
+            message = f"no controller reads this sensor in mode {modes}: it does nothing"
+            yield Problem(message=message, key=f"effects.sensors.{name}", code="unused-effect")
+        steps = effects.delay / scenario.step
+        if abs(steps - round(steps)) > 1e-6:
+            message = "is no whole number of steps and may be rounded"
+            yield Problem(message=message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
 
 
 def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:

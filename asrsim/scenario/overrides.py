@@ -30,6 +30,9 @@ def apply_override(root: Node, override: str) -> Node:
     if not equals or not key.strip():
         hint = "Write key=value, such as duration=2 or references.joint1.equilibrium_position=0.5"
         raise ScenarioError(Problem(message="is no key=value", value=override, hint=hint, code="override"))
+    if key.strip().partition(".")[0] == "variants":
+        hint = "What is set holds for every variant that runs; --variant chooses one"
+        raise ScenarioError(Problem(message="cannot be set", key=key.strip(), hint=hint, code="override"))
     try:
         value = parse_yaml(text, error=ScenarioError)
     except InputError as error:

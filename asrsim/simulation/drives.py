@@ -130,7 +130,7 @@ def make_drives(
                 mode=MODES[block.mode] if block else None,
                 values=block.values() if block else {},
                 stepping=stepping,
-                initial_position=float(initial_positions.get(joint.name, 0.0)),
+                initial_position=float(initial_positions.get(joint.name, initial_positions.get("*", 0.0))),
                 link_damping=link_damping.get(joint.name, link_damping.get("*")) if block else None,
                 block=block,
             )

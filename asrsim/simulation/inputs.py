@@ -71,7 +71,8 @@ class Inputs:
                     signal = references.get(names[slot], self._rest(drive, slot))
                     signal = through(signal, effects, step=scenario.step, seed=(scenario.seed, index, slot))
                 self._signals[slot].append(signal)
-            self._signals[2].append(scenario.external_torques.get(drive.name, REST))
+            external = scenario.external_torques
+            self._signals[2].append(external.get(drive.name, external.get("*", REST)))
 
     @staticmethod
     def _rest(drive: Drive, slot: int) -> Signal:
