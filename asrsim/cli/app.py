@@ -71,12 +71,18 @@ def root(
 
 def main() -> None:
     """Entry point: known errors become a few lines and exit code 1."""
+    # A stream that was closed (>&-) is none at all, and its number would go to the next file that is opened.
+    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     code = _call()
     try:
         sys.stdout.flush()
-    except BrokenPipeError:
-        # Whoever read our output has gone; Python must not complain of it once more when it ends.
+    except OSError as error:
+        # Whoever read our output has gone, or its disk is full; Python must not complain of it once more when it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            sys.stderr.write(f"asrsim: cannot write the output: {error.strerror}\n")
+            code = code or 1
     sys.exit(code)
 
 
@@ -97,6 +103,12 @@ def _call() -> int:
 
         for line in (*error_lines(error), *getattr(error, "__notes__", ())):
             sys.stderr.write(f"asrsim: {line}\n")
+        return 1
+    except OSError as error:
+        if _debugging():
+            raise
+        what = f"{error.filename}: " if error.filename else ""
+        sys.stderr.write(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}\n")
         return 1
     except Exception as error:
         if _debugging():

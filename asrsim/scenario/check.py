@@ -28,6 +28,10 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     """
     errors: list[Problem] = []
     warnings: list[Problem] = []
+    if not robot.moving_joints:
+        return [
+            Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
+        ], []
     try:
         changed = apply_to_robot(scenario, robot)
     except InputError as error:
