@@ -52,6 +52,12 @@ def test_the_smallest_scenario(load, tmp_path):
     assert scenario.text == BASE
 
 
+def test_duplicate_keys_are_told_together_with_all_else(load):
+    text = BASE + "duration: 3\nduratoin: 4\nbase: {fixed: maybe}\nexpect: [{variant: no, joint: a, measure: mean}]\n"
+    found = {(problem.line, problem.key) for problem in faults(load, text)}
+    assert found >= {(3, "duration"), (4, "duratoin"), (5, "base.fixed"), (6, "expect.0.variant")}
+
+
 def test_every_key_arrives(load, tmp_path):
     (tmp_path / "manager.yaml").write_text("namespace: /left/arm/\njoints_name: [b, a]\njoints_number: 2\n")
     (tmp_path / "hand.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0))

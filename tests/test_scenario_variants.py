@@ -99,6 +99,14 @@ def test_an_empty_override_takes_the_key_away(path):
     assert "a" not in scenario.references
 
 
+def test_a_fault_of_an_override_names_no_line_of_the_file(path):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path, overrides=["duratoin=3"])
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.file, problem.line) == ("duratoin", None, None)
+    assert "duration" in str(problem.hint)
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [

@@ -127,10 +127,10 @@ class Block(Kind[T], Generic[T]):
 
     def _unknown(self, node: Node, path: KeyPath, reading: Reading) -> bool:
         good = True
-        for name in node.value if isinstance(node.value, dict) else ():
+        for name, item in node.value.items() if isinstance(node.value, dict) else ():
             if name not in self.names:
                 reading.fault(
-                    node,
+                    item,
                     (*path, name),
                     "unknown key",
                     line=node.key_line(name),

@@ -44,8 +44,10 @@ def plain_scalar(text: str) -> bool | int | float | str | None:
     return text
 
 
-def read_yaml(path: Path, *, error: type[InputError] = InputError, max_bytes: int = MAX_BYTES) -> tuple[Node, str]:
-    """The document of a file and its text; raises `error` if it cannot be read or is no sound YAML."""
+def read_yaml(
+    path: Path, *, error: type[InputError] = InputError, max_bytes: int = MAX_BYTES, faults: list[Problem] | None = None
+) -> tuple[Node, str]:
+    """The document of a file and its text; raises `error` if it cannot be read or is no sound YAML; `faults` as below."""
     try:
         if path.is_dir():
             raise error(Problem(message="is a folder, not a file", file=path, code="no-file"))
@@ -60,11 +62,16 @@ def read_yaml(path: Path, *, error: type[InputError] = InputError, max_bytes: in
         raise error(Problem(message=f"is not UTF-8 text ({fault.reason})", file=path, code="encoding")) from None
     except OSError as fault:
         raise error(Problem(message=f"cannot be read: {fault.strerror}", file=path, code="no-file")) from None
-    return parse_yaml(text, file=path, error=error), text
+    return parse_yaml(text, file=path, error=error, faults=faults), text
 
 
-def parse_yaml(text: str, *, file: Path | None = None, error: type[InputError] = InputError) -> Node:
-    """The document of a text; raises `error` with every duplicate key, or the first fault of syntax."""
+def parse_yaml(
+    text: str, *, file: Path | None = None, error: type[InputError] = InputError, faults: list[Problem] | None = None
+) -> Node:
+    """The document of a text; raises `error` with every duplicate key, or the first fault of syntax.
+
+    faults: takes duplicate keys and the like, so that they are told together with what else is wrong.
+    """
     import yaml
 
     converter = _Converter(file)
@@ -84,7 +91,9 @@ def parse_yaml(text: str, *, file: Path | None = None, error: type[InputError] =
     except (_Refused, RecursionError) as fault:
         message = str(fault) if isinstance(fault, _Refused) else "is nested too deeply"
         raise error(Problem(message=message, file=file, code="yaml")) from None
-    if converter.problems:
+    if faults is not None:
+        faults += converter.problems
+    elif converter.problems:
         raise error(converter.problems)
     return node
 

@@ -29,17 +29,19 @@ def load_scenario(
     applied after the variant; `robot` replaces the file's robot. Raises ScenarioError with every problem of the file.
     """
     path = Path(path)
-    root, text = read_yaml(path, error=ScenarioError)
+    faults: list[Problem] = []
+    root, text = read_yaml(path, error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
         message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
-        raise ScenarioError(Problem(message=message, file=path, line=root.line, code="type"))
-    common, variants = _split(root)
+        raise ScenarioError([*faults, Problem(message=message, file=path, line=root.line, code="type")])
+    common, variants = _split(root, faults)
     if variant is not None and variant not in variants:
         names = tuple(variants)
         hint = did_you_mean(variant, names)
         message = f"there is no variant '{variant}'"
-        raise ScenarioError(Problem(message=message, file=path, choices=names, hint=hint, code="unknown-variant"))
-    _check_claims(common, tuple(variants))
+        faults.append(Problem(message=message, file=path, choices=names, hint=hint, code="unknown-variant"))
+        raise ScenarioError(faults)
+    faults += _faults_of_claims(common, tuple(variants))
     chosen = variants if variant is None else {variant: variants[variant]}
     readings, scenarios = [], []
     for name, merged in chosen.items():
@@ -52,7 +54,7 @@ def load_scenario(
         reading = Reading(base=path.parent)
         readings.append(reading)
         scenarios.append(build_scenario(merged, reading, name=path.stem, variant=name, path=path, text=text))
-    problems = _distinct(problem for reading in readings for problem in reading.problems)
+    problems = _distinct([*faults, *(problem for reading in readings for problem in reading.problems)])
     if problems:
         raise ScenarioError(problems)
     return tuple(scenario for scenario in scenarios if scenario is not None)
@@ -94,8 +96,8 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
     return scenario_from_data({"robot": str(robot), **keys}, base_dir=base_dir)
 
 
-def _split(root: Node) -> tuple[Node, dict[str, Node]]:
-    """What all variants share, and every variant merged with it."""
+def _split(root: Node, faults: Sequence[Problem]) -> tuple[Node, dict[str, Node]]:
+    """What all variants share, and every variant merged with it. Raises ScenarioError, with the faults found so far."""
     assert isinstance(root.value, dict)
     items = dict(root.value)
     node = items.pop("variants", None)
@@ -122,11 +124,11 @@ def _split(root: Node) -> tuple[Node, dict[str, Node]]:
             problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))
         merged[name] = common if over.value is None else SCENARIO.merge(common, over)
     if problems:
-        raise ScenarioError(problems)
+        raise ScenarioError([*faults, *problems])
     return common, merged
 
 
-def _check_claims(common: Node, variants: tuple[str, ...]) -> None:
+def _faults_of_claims(common: Node, variants: tuple[str, ...]) -> list[Problem]:
     """Claims about variants that there are not."""
     assert isinstance(common.value, dict)
     claims = common.value.get("expect")
@@ -136,8 +138,7 @@ def _check_claims(common: Node, variants: tuple[str, ...]) -> None:
         if named is not None and named.value is not None and str(named.value) not in variants:
             problem = _problem(f"there is no variant '{named.value}'", named, f"expect.{index}.variant", variants)
             problems.append(problem)
-    if problems:
-        raise ScenarioError(problems)
+    return problems
 
 
 def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) -> Problem:
