@@ -40,7 +40,9 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("friction_torque_2", "N m", r"$\tau_{f,2}$", "friction torque on motor 2"),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
         Quantity("spring_energy", "J", r"$E_{el}$", "energy that the springs hold (from the work done on them)"),
-        Quantity("friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"),
+        Quantity(
+            "friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"
+        ),
         Quantity("link_work", "J", r"$W_q$", "work of the actuator on the link since the start"),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
         Quantity(
@@ -59,3 +61,11 @@ DERIVED: dict[str, Quantity] = {
     )
 }
 """Quantities computed from a log by :mod:`asrsim.log.derived`, not stored."""
+
+_PRISMATIC = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
+
+
+def unit_of(name: str, *, prismatic: bool = False) -> str:
+    """SI unit of a quantity, recorded or derived; "" where it follows from the operation mode."""
+    unit = (QUANTITIES | DERIVED)[name].unit
+    return _PRISMATIC.get(unit, unit) if prismatic else unit

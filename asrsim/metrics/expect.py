@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.metrics.measures import MEASURES, measure, option_problems
 from asrsim.metrics.motion import AXES
-from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.quantities import DERIVED, QUANTITIES, unit_of
 from asrsim.samples import Array, Samples
 
 if TYPE_CHECKING:
@@ -48,7 +48,12 @@ class ExpectationResult:
 
 
 def evaluate_expectation(
-    expectation: Expectation, time: Array, columns: Mapping[str, Array], *, reference: Array | None = None
+    expectation: Expectation,
+    time: Array,
+    columns: Mapping[str, Array],
+    *,
+    reference: Array | None = None,
+    prismatic: bool = False,
 ) -> ExpectationResult:
     """Evaluates a claim on the quantities of its joint or body.
 
@@ -58,6 +63,7 @@ def evaluate_expectation(
         columns: Quantity -> (n,) (or (n, 7) for `position` of a body) of the joint or body.
         reference: (n,) to compare with, for measures of a difference; without one the joint's own reference serves:
             `position_error` + `link_position` where both are there and the claim is about the link position.
+        prismatic: The joint is one: its units are m and N.
 
     Raises:
         ScenarioError: For unknown quantities, measures or options, placed at the claim's line.
@@ -76,8 +82,10 @@ def evaluate_expectation(
     except InputError as error:
         raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
     found = MEASURES.get(expectation.measure)
-    known = (QUANTITIES | DERIVED).get(expectation.quantity)
-    series_unit = known.unit if known is not None else ("N" if expectation.quantity.startswith("contact_force") else "m")
+    if expectation.quantity in QUANTITIES | DERIVED:
+        series_unit = unit_of(expectation.quantity, prismatic=prismatic)
+    else:
+        series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
     unit = found.unit_of(series_unit)
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
     return ExpectationResult(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -66,7 +67,10 @@ def align_recording(
                     choices=tuple(f"{joint}.{quantity}" for (joint, quantity), _ in candidates))
         )  # fmt: skip
     name, time, values, column = best
-    return align(time, values, column.time, column.values, choice=lag, limit=limit, name=name)
+    try:
+        return align(time, values, column.time, column.values, choice=lag, limit=limit, name=name)
+    except RecordingError as error:
+        raise RecordingError(replace(problem, file=recording.path) for problem in error.problems) from None
 
 
 def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:

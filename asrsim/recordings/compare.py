@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.errors import Problem, RecordingError
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
-from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.quantities import unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
 from asrsim.recordings.checks import suspect_scale, suspect_sign
 from asrsim.recordings.clock import align_recording, simulated
@@ -121,8 +121,9 @@ def compare(
 
     alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on)
     findings += alignment.findings
+    prismatic = {info.name for info in infos if info.prismatic}
     series = tuple(
-        _series(joint, quantity, samples.time, values, column, alignment.lag)
+        _series(joint, quantity, samples.time, values, column, alignment.lag, prismatic=joint in prismatic)
         for (joint, quantity), (values, column) in found.items()
     )
     for one in series:
@@ -187,7 +188,9 @@ def _nothing_common(
     )  # fmt: skip
 
 
-def _series(joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float) -> Series:
+def _series(
+    joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float, *, prismatic: bool
+) -> Series:  # fmt: skip
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
     # The coarser one's samples are kept as they are; only the finer one is interpolated, where that costs least.
@@ -204,7 +207,7 @@ def _series(joint: str, quantity: str, time: Array, values: Array, column: Colum
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
     findings = [problem for problem in (suspect_scale(a, b), suspect_sign(a, b)) if problem is not None]
-    unit = (QUANTITIES | DERIVED)[quantity].unit or column.unit
+    unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
         findings.append(Problem(message="has no two samples with numbers in both", code="no-overlap"))

@@ -169,7 +169,7 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     """The block's mode if it can take the command, else the nearest one that can."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     if command.unit in ("N m", "N"):
-        return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 else 0
+        return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
     if mode.number in (0, 4):
         return 6 if mode.number == 4 else 1
     if mode.number in (2, 5) and actuator.motors > 1 and second is None:

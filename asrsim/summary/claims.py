@@ -57,10 +57,13 @@ def claim_results(
                 if claim.against is not None:
                     series = recorded.series(one, joint)
                     columns = {claim.quantity: series.simulation}
-                    results.append(evaluate_expectation(one, series.time, columns, reference=series.recording))
+                    results.append(
+                        evaluate_expectation(one, series.time, columns, reference=series.recording, prismatic=joint.prismatic)
+                    )
                 else:
                     samples = read(*_needed(claim, joint))
-                    results.append(evaluate_expectation(one, samples.time, _columns(samples, joint)))
+                    columns = _columns(samples, joint)
+                    results.append(evaluate_expectation(one, samples.time, columns, prismatic=joint.prismatic))
         except InputError as error:
             raise ScenarioError([replace(problem, file=problem.file or file) for problem in error.problems]) from error
     return tuple(results)
