@@ -75,7 +75,7 @@ def actuators() -> str:
     """Every built-in actuator with its law and the file name by which a URDF asks for it."""
     from asrsim.actuators import ACTUATORS
 
-    known = [ACTUATORS.get(name) for name in ACTUATORS]
+    known = [one for one in map(ACTUATORS.get, ACTUATORS) if one.__module__.startswith("asrsim.")]
     return markdown_table(
         ("actuator", "`filename` in the URDF", "law"),
         [(one.title, f"`lib{one.name}_plugin.so`", f"`{one.law}`") for one in known],
