@@ -28,9 +28,7 @@ def test_the_estimate_bounds_the_true_error_within_a_factor_of_two(case: str, st
     file = DATA / "gazebo_urdf" / f"dof1_m3_step_{case}_ideal.urdf"
     robot = load_robot(file)
     references = {"joint": {"equilibrium_position": Constant(value=0.8), "stiffness_preset": Constant(value=CASES[case])}}
-    scenario = Scenario(
-        name=case, robot=file, duration=5.0, gravity=(0.0, 0.0, -9.8), references=references, stepping=stepping
-    )
+    scenario = Scenario(name=case, robot=file, duration=5.0, gravity=(0.0, 0.0, -9.8), references=references, stepping=stepping)
     run = simulate(scenario, robot)
     truth = np.load(DATA / "ideal.npz")[case]
     error = run.samples.values["link_position"][:, 0] - truth[:, 1]

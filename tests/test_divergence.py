@@ -167,8 +167,8 @@ def test_contacts_are_left_alone() -> None:
 
 def guard(energy: float | None, *, given: float = 0.0, residual: float = 0.0, turnover: float = 10.0) -> str | None:
     fault = EnergyGuard(2.0).fault(
-        energy, kinetic=0.0, given=np.array([given, 0.0]), residual=np.array([residual, 0.0]), turnover=np.array([turnover, 1.0]),
-        names=["a", "b"],
+        energy, kinetic=0.0, given=np.array([given, 0.0]), residual=np.array([residual, 0.0]),
+        turnover=np.array([turnover, 1.0]), names=["a", "b"],
     )  # fmt: skip
     return None if fault is None else " ".join(fault)
 
