@@ -16,6 +16,7 @@ from asrsim.errors import DivergenceError, Problem, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.choice import available, pays
 from asrsim.simulation.divergence import EnergyGuard, blame, not_finite, runaway
 from asrsim.simulation.loop import Hook, Loop, NoValueError
 from asrsim.simulation.prepare import Prepared, prepare
@@ -193,18 +194,17 @@ def make_loop(prepared: Prepared, hooks: Sequence[Hook], last: int) -> Loop:
         "omega_h": prepared.resolution.omega_h,
         "before_step": hooks,
     }
-    if scenario.compiled is not False:
-        from asrsim.simulation import compiled
-
-        wanted = scenario.compiled or compiled.pays(len(prepared.drives), last * prepared.resolution.motor_substeps)
-        if scenario.compiled and not compiled.available():
+    motor_steps = last * prepared.resolution.motor_substeps
+    if scenario.compiled or (scenario.compiled is None and pays(len(prepared.drives), motor_steps) and available()):
+        if not available():
             raise SimulationError("the compiled loop needs Numba: pip install 'asrsim[fast]'")
-        if wanted and compiled.available():
-            try:
-                return compiled.CompiledLoop(prepared.engine, prepared.drives, prepared.stepping, **options)
-            except SimulationError:
-                if scenario.compiled:
-                    raise
+        from asrsim.simulation.compiled import CompiledLoop
+
+        try:
+            return CompiledLoop(prepared.engine, prepared.drives, prepared.stepping, **options)
+        except SimulationError:
+            if scenario.compiled:
+                raise
     return Loop(prepared.engine, prepared.drives, prepared.stepping, **options)
 
 

@@ -43,6 +43,8 @@ def claim_results(
     claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
     """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`."""
+    if not claims:
+        return ()
     from asrsim.recordings import RecordedSeries
 
     recorded = RecordedSeries(joints, read)
