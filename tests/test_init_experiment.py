@@ -1,0 +1,208 @@
+"""`asrsim init --experiment`: the recorded commands played, the motion compared, and the same numbers from run and plot."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.errors import RecordingError
+from asrsim.robot import load_robot
+from asrsim.runs.from_recording import Written, write_from_recording
+from asrsim.scenario import Scenario, check_against_robot, load_scenario
+
+SHARED = Path(__file__).parents[2] / "shared" / "recordings"
+EXAMPLES = Path(__file__).parents[1] / "examples" / "urdf"
+TIME = np.arange(0, 0.8, 0.01)
+STEP = np.where(TIME >= 0.2, 0.3, 0.05)
+SMOOTH = 0.05 + 0.2 * np.sin(4 * TIME)
+
+
+def lab(folder: Path, *, zero: float = 0.0, scale: float = 1.0, header: str = "time,q1,q1_ref,current", command=SMOOTH) -> Path:
+    response = np.interp(TIME - 0.03, TIME, command)
+    table = np.column_stack([zero + TIME, scale * response, scale * command, TIME])
+    np.savetxt(folder / "lab.csv", table, delimiter=",", header=header, comments="", fmt="%.12g")
+    return folder / "lab.csv"
+
+
+def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: object) -> tuple[Written, Scenario]:
+    made = write_from_recording(EXAMPLES / f"{robot}.urdf", experiment, folder / "s.yaml", **options)  # type: ignore[arg-type]
+    (scenario,) = load_scenario(folder / "s.yaml")
+    errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+    assert errors == []
+    assert warnings == []
+    return made, scenario
+
+
+def test_a_text_file_is_played_as_it_is(tmp_path: Path) -> None:
+    made, scenario = make(tmp_path, lab(tmp_path))
+    assert [path.name for path in made.files] == ["s.yaml", "asrsim.schema.json"]
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-12)
+    np.testing.assert_allclose(signal.values(TIME[:-1] + 0.005), 0.5 * (SMOOTH[1:] + SMOOTH[:-1]), atol=1e-9)
+    assert scenario.duration == pytest.approx(0.79)
+    assert scenario.initial_positions == {"joint_1": pytest.approx(0.05)}
+    assert made.compared
+
+
+def test_commands_in_stairs_are_held(tmp_path: Path) -> None:
+    _, scenario = make(tmp_path, lab(tmp_path, command=STEP))
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    assert signal.values(np.array([0.195]))[0] == 0.05
+    assert 0.2 in signal.jumps(0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("zero", "header", "scale", "lag"),
+    [
+        (0.5, "time,q1,q1_ref,current", 1.0, 0.0),
+        (100.0, "time,q1,q1_ref,current", 1.0, 100.0),
+        (1.7e9, "time,q1,q1_ref,current", 1.0, 0.0),
+        (-2.0, "t [s],q1 [deg],q1_ref [deg],current", 180 / np.pi, -2.0),
+    ],
+)
+def test_the_command_is_played_on_the_recordings_clock(
+    tmp_path: Path, zero: float, header: str, scale: float, lag: float
+) -> None:
+    made, scenario = make(tmp_path, lab(tmp_path, zero=zero, header=header, scale=scale))
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    start = 0.5 if zero == 0.5 else 0.0
+    np.testing.assert_allclose(signal.values(start + TIME), SMOOTH, atol=1e-6)  # a float of 1.7e9 s resolves 2.4e-7 s
+    assert {claim.options["lag"] for claim in scenario.expect} == {lag}
+    assert scenario.duration == pytest.approx(start + 0.79, abs=1.1e-3)
+    assert made.compared
+
+
+def test_what_playback_cannot_read_is_written_beside(tmp_path: Path) -> None:
+    """Milliseconds that nobody states, a duplicate, and a cell without a number."""
+    path = lab(tmp_path, header="time,q1,q1_ref,current")
+    rows = path.read_text().splitlines()
+    rows = [rows[0], *(re.sub(r"^[^,]*", f"{10 * i}", row) for i, row in enumerate(rows[1:]))]
+    rows.insert(5, rows[4])
+    rows[20] = ",".join([*rows[20].split(",")[:2], "", "0"])
+    path.write_text("\n".join(rows) + "\n")
+    made, scenario = make(tmp_path, path)
+    assert "s_commands.csv" in {file.name for file in made.files}
+    assert "s_commands.csv" in (tmp_path / "s.yaml").read_text()
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-3)
+
+
+def test_matlab_and_bags_are_written_beside(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "lab.mat", {"t": TIME, "q1": SMOOTH, "q1_ref": SMOOTH})
+    made, scenario = make(tmp_path, tmp_path / "lab.mat")
+    assert "s_commands.csv" in {file.name for file in made.files}
+    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
+
+
+def test_a_mapping_reaches_claims_and_commands(tmp_path: Path) -> None:
+    path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
+    mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]
+    _, scenario = make(tmp_path, path, mapping=mapping)
+    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
+    assert all(claim.options["map"] == mapping for claim in scenario.expect)
+
+
+@pytest.mark.parametrize(("mode", "unit", "taken"), [(2, "rad", 3), (5, "rad", 6), (4, "rad", 6), (6, "N m", 0), (0, "rad", 1)])
+def test_modes_that_cannot_take_the_command_are_replaced(tmp_path: Path, mode: int, unit: str, taken: int) -> None:
+    mapping = [f"q1_ref=joint_1.reference_1 [{unit}]"]
+    made, scenario = make(tmp_path, lab(tmp_path), mapping=mapping, mode=mode, robot="dof1_qbmove")
+    assert scenario.modes["joint_1"] == taken
+    assert any(f"mode {taken} in the place of {mode}" in remark for remark in made.remarks)
+
+
+def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:
+    lab(tmp_path, header="time,q1,motor1,current")
+    made, _ = make(tmp_path, tmp_path / "lab.csv")
+    assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
+    lab(tmp_path, header="time,q1,foo,current")
+    with pytest.raises(RecordingError, match=r"no column is a command.*foo.*--map COLUMN=joint_1.reference_1"):
+        make(tmp_path, tmp_path / "lab.csv", force=True)
+
+
+def test_limits_are_a_fifth_above_the_first_comparison(tmp_path: Path) -> None:
+    _, scenario = make(tmp_path, lab(tmp_path))
+    (claim,) = scenario.expect
+    said = re.search(r"# (\S+) in the first comparison", (tmp_path / "s.yaml").read_text())
+    assert said is not None
+    assert 1.2 * float(said[1]) <= claim.value * 1.01
+    assert claim.value <= 1.35 * float(said[1])
+
+
+def test_comments_show_mapping_and_guesses(tmp_path: Path) -> None:
+    make(tmp_path, lab(tmp_path))
+    text = (tmp_path / "s.yaml").read_text()
+    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +guessed: 'q1' reads as link_position", text)
+    assert "not used: current" in text
+
+
+def test_run_and_plot_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab(tmp_path)
+    runner = CliRunner()
+    made = runner.invoke(app, ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "lab.csv", "--out", "s.yaml"])
+    assert made.exit_code == 0, made.output
+    assert "joint_1.reference_1" in made.output
+    run = runner.invoke(app, ["run", "s.yaml", "--no-plot", "--json"])
+    assert run.exit_code == 0, run.output
+    claims = json.loads(run.stdout)["runs"][0]["expect"]
+    # The log carries the recording of its claims.
+    moved = tmp_path / "elsewhere.csv"
+    (tmp_path / "lab.csv").rename(moved)
+    log = "out/s/default/log.mcap"
+    plot = runner.invoke(app, ["plot", log, "--experiment", str(moved), "--lag", "0", "--json"])
+    assert plot.exit_code == 0, plot.output
+    told = json.loads(plot.stdout)
+    metrics = {(m["quantity"], m["measure"]): m["value"] for m in told["metrics"]}
+    assert [claim["measured"] for claim in claims] == [claim["measured"] for claim in told["expect"]]
+    assert claims[0]["measured"] == metrics["link_position", "rmse"]
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared recordings are not here")
+@pytest.mark.slow
+class TestShared:
+    """The three real recordings, as they are."""
+
+    def test_an_arm_with_two_elastic_joints(self, tmp_path: Path) -> None:
+        mapping = [f"tip_deflection{i}_rad=-joint_{i}.deflection" for i in (1, 2)]
+        made, scenario = make(tmp_path, SHARED / "quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints", mapping=mapping)
+        limits = {(claim.joint, claim.quantity): claim.value for claim in scenario.expect}
+        assert limits["joint_1", "motor_1_position"] < 0.04
+        assert limits["joint_2", "motor_1_position"] < 0.015
+        assert limits["joint_1", "deflection"] < 0.004
+        assert limits["joint_2", "deflection"] < 0.004
+        assert made.remarks == ()
+
+    def test_turned_deflections_are_suspected(self, tmp_path: Path) -> None:
+        make(tmp_path, SHARED / "quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints")
+        text = (tmp_path / "s.yaml").read_text()
+        assert text.count("# - {joint") == 2  # the deflections, the other way round
+
+    def test_series_elastic_module(self, tmp_path: Path) -> None:
+        _, scenario = make(tmp_path, SHARED / "hebi_sine_1hz.csv", mode=6)
+        assert {"link_position", "link_velocity"} <= {claim.quantity for claim in scenario.expect}
+
+    @pytest.mark.parametrize("mapping", [(), ("force_N=axis.reference_1", "reference_m=ignore")])
+    def test_prismatic_axis(self, tmp_path: Path, mapping: tuple[str, ...]) -> None:
+        (tmp_path / "axis.urdf").write_text(
+            "<robot name='axis'><link name='world'/><link name='carriage'><inertial><mass value='95'/>"
+            "<inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
+            "<joint name='axis' type='prismatic'><parent link='world'/><child link='carriage'/><axis xyz='1 0 0'/>"
+            "<limit lower='-1' upper='1' effort='5000' velocity='10'/><dynamics damping='200' friction='20'/></joint>"
+            "<gazebo><plugin name='axis' filename='libsea_plugin.so'><joint>axis</joint><operation_mode>1</operation_mode>"
+            "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>true</sub_ext_tau>"
+            "<ctrl_P>160000</ctrl_P><ctrl_D>7000</ctrl_D></plugin></gazebo></robot>"
+        )
+        made = write_from_recording(
+            tmp_path / "axis.urdf", SHARED / "emps_estimation.csv", tmp_path / "s.yaml", mapping=mapping
+        )
+        (scenario,) = load_scenario(tmp_path / "s.yaml")
+        assert set(scenario.references["axis"]) == {"link_torque" if mapping else "link_position"}
+        assert made.compared
