@@ -1,0 +1,127 @@
+"""Files as laboratories write them, laid over a simulation with nothing said about them: right, or refused in clear words."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lab_files import MATLAB, READ, REFUSED, TIME, A, B, command, elbow, shoulder, table, write_bag
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.errors import RecordingError
+from asrsim.log import LogWriter
+from asrsim.recordings import Comparison, Recording, compare, read_recording
+from asrsim.samples import JointInfo, RunInfo, Samples
+
+JOINTS = ("shoulder", "elbow")
+FINE = np.arange(3001) * 0.001
+SIMULATION = Samples(
+    time=FINE, joints=JOINTS,
+    values={"link_position": np.column_stack([shoulder(FINE), elbow(FINE)]),
+            "reference_1": np.column_stack([command(FINE), elbow(FINE)])},
+)  # fmt: skip
+
+
+def lay_over(path: Path) -> tuple[Recording, Comparison]:
+    recording = read_recording(path, joints=JOINTS)
+    return recording, compare(SIMULATION, recording)
+
+
+def check(path: Path) -> Recording:
+    recording, compared = lay_over(path)
+    for joint in JOINTS:
+        series = compared.find(joint, "link_position")
+        assert series is not None, f"no position of {joint}"
+        # The lag is found to a few ms where a step is the only reference.
+        assert series.metrics["rmse"] < 0.01
+    return recording
+
+
+@pytest.mark.parametrize("name", READ)
+def test_text_files_are_read_as_they_are(tmp_path: Path, name: str) -> None:
+    (tmp_path / "lab.csv").write_bytes(READ[name])
+    check(tmp_path / "lab.csv")
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_read_is_refused_with_what_was_found(tmp_path: Path, name: str) -> None:
+    content, words = REFUSED[name]
+    (tmp_path / "lab.csv").write_bytes(content)
+    with pytest.raises(RecordingError, match=words):
+        lay_over(tmp_path / "lab.csv")
+
+
+@pytest.mark.parametrize("name", MATLAB)
+def test_matlab_files(tmp_path: Path, name: str) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "lab.mat", MATLAB[name])
+    check(tmp_path / "lab.mat")
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+@pytest.mark.parametrize("kind", ["joint state", "array", "own", "nested"])
+def test_bags(tmp_path: Path, storage: str, kind: str) -> None:
+    check(write_bag(tmp_path / "bag", storage, kind))
+
+
+def test_what_is_odd_is_said(tmp_path: Path) -> None:
+    for name, words in {
+        "marked by -9999": "40 cells are -9999",
+        "no number": "40 of 300 samples have no number",
+        "date and time": "'Datum' and 'Uhrzeit' are read as one time",
+        "duplicates": "3 duplicate time stamps, dropped: lines",
+        "backward": "2 time stamps that go backward",
+    }.items():
+        (tmp_path / "lab.csv").write_bytes(READ[name])
+        assert any(words in finding.message for finding in check(tmp_path / "lab.csv").findings), name
+
+
+def test_constant_columns_and_columns_without_numbers_are_said(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, 0 * A + 0.3, np.nan * B], before="t,q1,q2\n"))
+    recording, compared = lay_over(tmp_path / "lab.csv")
+    said = [finding.message for finding in (*recording.findings, *compared.findings)]
+    assert any("is constant at 0.3 rad" in text for text in said)
+    assert any("has no number at all" in text for text in said)
+    assert any("does not move in both" in text for text in said)
+
+
+@pytest.mark.parametrize(
+    ("factor", "header", "words"),
+    [
+        (180 / np.pi, "t,q1,q2", "57.3 times as large"),
+        (1000.0, "t,q1,q2", "thousandths"),
+        (-1.0, "t,q1,q2", "moves against the simulation"),
+        (2.0, "t,q1 [furlong],q2 [furlong]", r"its unit \[furlong\] is not known; read as rad"),
+    ],
+)
+def test_units_and_signs_are_suspected(tmp_path: Path, factor: float, header: str, words: str) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, factor * A, factor * B], before=f"{header}\n"))
+    recording, compared = lay_over(tmp_path / "lab.csv")
+    said = " ".join(finding.message for finding in (*recording.findings, *compared.findings))
+    assert re.search(words, said)
+
+
+def test_a_minus_turns_an_axis(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, -A * 57.29577951, B], before="t,q1,q2\n"))
+    recording = read_recording(tmp_path / "lab.csv", joints=JOINTS, mapping=["q1=-shoulder.link_position [deg]"])
+    np.testing.assert_allclose(recording.column("shoulder", "link_position").values, A, atol=1e-7)
+
+
+def test_plot_takes_them_from_the_command_line(tmp_path: Path) -> None:
+    infos = tuple(JointInfo(name=n, actuator="sea", mode=6, motors=1, quantities=tuple(SIMULATION.values)) for n in JOINTS)
+    with LogWriter(tmp_path / "log.mcap", RunInfo(robot="arm", joints=infos, step=0.001, urdf="<robot name='arm'/>")) as log:
+        log.write(SIMULATION)
+    (tmp_path / "lab.csv").write_bytes(READ["german joints"])
+    arguments = ["plot", str(tmp_path / "log.mcap"), "--experiment", str(tmp_path / "lab.csv"), "--json"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["experiments"][0]["columns"]["Gelenk2_Ist [Grad]"] == "elbow.link_position"
+    rmse = [row["value"] for row in told["metrics"] if (row["quantity"], row["measure"]) == ("link_position", "rmse")]
+    assert max(rmse) < 0.01
+    assert (tmp_path / "compared" / "comparison.png").stat().st_size > 10_000
