@@ -8,12 +8,16 @@ import re
 import sys
 import traceback
 from collections.abc import Iterable
+from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
 
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.parameters import Parameter
 from asrsim.errors import ActuatorError, Problem
+
+MODULES = "asrsim_plugin_"
+"""What the names of users' files begin with, as modules."""
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
@@ -52,6 +56,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         for i, actuator in enumerate(found)
         if names[i] is not None and names[i] in names[:i]
     )
+    problems = problems or [problem for actuator in found for problem in _results(actuator)]
     if problems:
         raise ActuatorError(problems)
     for actuator in found:
@@ -103,6 +108,40 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
             yield _problem(actuator, f"must take {names}", "bad-law", key=law)
 
 
+def _results(actuator: type[Actuator]) -> Iterable[Problem]:
+    """One call of each law at rest: what it gives is what the simulation can take."""
+    values = tuple(parameter.default for parameter in actuator.parameters)
+    calls: tuple[tuple[str, tuple[object, ...], int], ...] = (
+        ("elastic_torques", (0.0, 0.0, 0.0, values), 2),
+        ("stiffness", (0.0, 0.0, 0.0, values), 1),
+        ("motor_references", (0.0, 0.0), 2),
+        ("equilibrium_position", (0.0, 0.0), 1),
+    )
+    for law, arguments, count in calls:
+        try:
+            result = getattr(actuator, law)(*arguments)
+        except (Exception, SystemExit) as error:
+            yield _problem(actuator, f"raised {type(error).__name__}: {error}", "law-raised", key=law)
+            continue
+        numbers = result if count == 2 and isinstance(result, tuple) else (result,)
+        if len(numbers) != count or not all(isinstance(number, (int, float)) for number in numbers):
+            wanted = "two numbers" if count == 2 else "one number"
+            yield _problem(actuator, f"must give {wanted}", "law-result", key=law, value=result)
+
+
+def law_fault(error: BaseException) -> ActuatorError | None:
+    """The error as one of a user's law, if it came up in a user's file."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    lines = [line for _, line in traceback.walk_tb(error.__traceback__)]
+    for frame, line in reversed(list(zip(frames, lines, strict=True))):
+        if str(frame.f_globals.get("__name__", "")).startswith(MODULES):
+            message = f"the law raised {type(error).__name__}: {error}"
+            hint = "asrsim check --actuator NAME --plugin FILE tries a law over its whole range"
+            file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
+            return ActuatorError(Problem(message=message, file=file, line=line, key=key, hint=hint, code="law-raised"))
+    return None
+
+
 def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
     declared = actuator.parameters
     if not isinstance(declared, tuple) or not all(isinstance(parameter, Parameter) for parameter in declared):
@@ -139,14 +178,16 @@ def _same_file(actuator: type[Actuator], path: Path) -> bool:
 def _run(path: Path) -> ModuleType:
     from importlib.util import module_from_spec, spec_from_file_location
 
-    name = f"asrsim_plugin_{re.sub(r'[^0-9A-Za-z_]', '_', path.stem)}_{abs(hash(str(path.resolve()))):x}"
+    name = f"{MODULES}{re.sub(r'[^0-9A-Za-z_]', '_', path.stem)}_{abs(hash(str(path.resolve()))):x}"
     spec = spec_from_file_location(name, path.resolve())
     if spec is None or spec.loader is None:
         raise ActuatorError(Problem(message="is not a Python file", file=path, code="not-python"))
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        # What the file prints must not mix with JSON.
+        with redirect_stdout(sys.stderr):
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise ActuatorError(

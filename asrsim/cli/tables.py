@@ -86,10 +86,10 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
     joints = [block.joint + (f" (line {block.line})" if block.line else "") for block in blocks]
     console.print(f"{'joint' if len(blocks) == 1 else f'{len(blocks)} joints'}: {escape(', '.join(joints))}")
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    table.add_column("from")
+    table.add_column("parameter", overflow="fold")
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("from", overflow="fold")
     section = ""
     for value in first.parameters.values():
         part = _part(value.name)
@@ -213,8 +213,9 @@ def print_actuator(actuator: type[Actuator]) -> None:
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("parameter", no_wrap=True)
     table.add_column("default", justify="right")
-    for heading in ("unit", "tag", "what"):
-        table.add_column(heading)
+    for heading in ("unit", "tag"):
+        table.add_column(heading, no_wrap=True)
+    table.add_column("what")
     tags = parameter_tags(actuator)
     for parameter in actuator.all_parameters():
         note = f"{parameter.doc} [dim]({escape(parameter.unused)})[/]" if parameter.unused else parameter.doc

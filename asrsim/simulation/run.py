@@ -80,14 +80,29 @@ def simulate(
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
     the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly.
-    Raises InputError and SimulationError; DivergenceError carries the run so far as `.run`.
+    Raises InputError (a user's law that raises: ActuatorError) and SimulationError; DivergenceError carries the run so far as `.run`.
     """
-    prepared = prepare(scenario, robot)
-    with closing(prepared.engine):
-        ready = sinks(prepared.info) if callable(sinks) else sinks
-        _keep_freed_memory()
-        with _no_collection():
-            return _run(prepared, ready, keep=keep, progress=progress, stop=stop)
+    with blame_laws():
+        prepared = prepare(scenario, robot)
+        with closing(prepared.engine):
+            ready = sinks(prepared.info) if callable(sinks) else sinks
+            _keep_freed_memory()
+            with _no_collection():
+                return _run(prepared, ready, keep=keep, progress=progress, stop=stop)
+
+
+@contextmanager
+def blame_laws() -> Iterator[None]:
+    """Whatever a user's law raises becomes an ActuatorError with its file and line."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        from asrsim.actuators.user import law_fault
+
+        fault = law_fault(error)
+        if fault is None:
+            raise
+        raise fault from error
 
 
 def _keep_freed_memory() -> None:
