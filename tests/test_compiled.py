@@ -1,0 +1,226 @@
+"""The compiled loop: the plain one's bits, for every actuator and mode; chosen when it pays, and never needed."""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import MODES
+from asrsim.actuators.user import load_plugin_file
+from asrsim.errors import SimulationError
+from asrsim.robot import load_robot
+from asrsim.robot.model import Robot
+from asrsim.scenario import Scenario
+from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
+from asrsim.simulation import choice
+from asrsim.simulation.run import Run, simulate
+
+pytest.importorskip("numba")
+
+LINK = """<link name="l{i}"><inertial><origin xyz="0 0 0.08"/><mass value="0.4"/>
+<inertia ixx="2e-3" iyy="2e-3" izz="2e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{i}" type="revolute"><origin xyz="0 0 0.1"/><parent link="l{before}"/><child link="l{i}"/><axis xyz="{axis}"/>
+<limit lower="-3" upper="3" effort="{effort}" velocity="100"/><dynamics damping="{damping}"/></joint>"""
+PLUGIN = """<gazebo><plugin name="p{i}" filename="lib{actuator}_plugin.so"><joint>j{i}</joint>
+<operation_mode>{mode}</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>
+</plugin></gazebo>"""
+PLAIN_PYTHON = """
+from asrsim.actuators import Actuator
+from asrsim.actuators.base import max_deflection
+from asrsim.actuators.parameters import Parameter
+
+
+TABLE = {"linear": lambda deflection: deflection}
+
+
+class Tabled(Actuator):
+    name = "tabled"
+    title = "A spring with a table that only Python can look up"
+    source = "this test"
+    motors = 1
+    parameters = (Parameter(name="k", default=10.0, unit="N m/rad", doc="stiffness"), max_deflection(0.8))
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return parameters[0] * TABLE["linear"](theta_1 - q), 0.0
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return parameters[0]
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """One for the whole session: kernels are compiled once."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+def make_robot(
+    folder: Path, actuators: tuple[str | None, ...], mode: int, damping: float = 0.0, effort: float = 100.0, chain: bool = True
+) -> Robot:
+    parts = ['<link name="l-1"/>']
+    for i, actuator in enumerate(actuators):
+        axis = "0 1 0" if i % 2 else "1 0 0"
+        parts.append(LINK.format(i=i, before=i - 1 if chain else -1, axis=axis, damping=damping, effort=effort))
+        if actuator:
+            parts.append(PLUGIN.format(i=i, actuator=actuator, mode=mode))
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+    return load_robot(path)
+
+
+def make_scenario(robot: Robot, mode: int, **changes: object) -> Scenario:
+    """Both references move, one of them in jumps that hit steps and miss them; a torque pushes."""
+    first: Signal = PulseTrain(high=0.2, width=0.0313, period=0.0713)
+    second: Signal = Constant(value=0.3) if MODES[mode].mapped else Sinusoid(amplitude=0.2, frequency=3.0)
+    references = dict(zip(MODES[mode].references, (first, second), strict=False))
+    scenario = Scenario(
+        name="c", robot=Path(robot.path), duration=0.12, substeps=1, motor_substeps=1, references={"*": references},
+        external_torques={"j0": Step(at=0.0505, after=0.05)},
+    )  # fmt: skip
+    return replace(scenario, **changes)  # type: ignore[arg-type]
+
+
+def both(robot: Robot, scenario: Scenario) -> tuple[Run, Run]:
+    plain, fast = (simulate(replace(scenario, compiled=compiled), robot) for compiled in (False, True))
+    return plain, fast
+
+
+def assert_equal(plain: Run, fast: Run) -> None:
+    assert plain.samples is not None
+    assert fast.samples is not None
+    assert plain.samples.values.keys() == fast.samples.values.keys()
+    for name, values in plain.samples.values.items():
+        assert np.array_equal(values, fast.samples.values[name], equal_nan=True), name
+    assert np.nanmax(np.abs(plain.samples.values["link_velocity"])) > 1e-3, "nothing moved"
+
+
+@pytest.mark.slow
+def test_equal_bits_of_every_actuator_in_every_mode(tmp_path: Path) -> None:
+    """All on one robot, a joint each and one without actuator: one kernel to compile."""
+    kinds = [(actuator, mode) for actuator in ("sea", "qbmove", "bavs", "awas_ii") for mode in range(7)]
+    robot = make_robot(tmp_path, (None, *(actuator for actuator, _ in kinds)), 6, chain=False)
+    scenario = make_scenario(robot, 6)
+    references = {}
+    for i, (actuator, mode) in enumerate(kinds, 1):
+        first, *second = MODES[mode].references
+        references[f"j{i}"] = {first: PulseTrain(high=0.2, width=0.0313, period=0.0713)}
+        if second:
+            # An adjuster's unit is m.
+            references[f"j{i}"][second[0]] = Constant(value=0.02 if actuator == "awas_ii" else 0.2)
+    modes = {f"j{i}": mode for i, (_, mode) in enumerate(kinds, 1)}
+    assert_equal(*both(robot, replace(scenario, references=references, modes=modes)))
+
+
+@pytest.mark.parametrize(("stepping", "mode"), [("leapfrog", 6), ("euler", 3)])
+def test_equal_bits_with_damping_limits_and_motor_substeps(tmp_path: Path, mode: int, stepping: str) -> None:
+    robot = make_robot(tmp_path, ("qbmove", "sea"), mode, damping=0.05, effort=0.1)
+    scenario = make_scenario(robot, mode, motor_substeps=5, stepping=stepping)
+    plain, fast = both(robot, scenario)
+    assert_equal(plain, fast)
+    assert plain.counts.effort.sum() > 0
+    assert np.array_equal(plain.counts.effort, fast.counts.effort)
+
+
+def test_equal_bits_of_the_brake_of_a_link_controller(tmp_path: Path) -> None:
+    robot = make_robot(tmp_path, ("qbmove", "sea"), 1, damping=0.01)
+    scenario = make_scenario(robot, 1, parameters={"*": {"controller_1_derivative": 0.3}})
+    assert_equal(*both(robot, scenario))
+
+
+def test_equal_bits_across_blocks(tmp_path: Path) -> None:
+    robot = make_robot(tmp_path, ("qbmove", None), 6, damping=0.01)
+    assert_equal(*both(robot, make_scenario(robot, 6, duration=3.2)))
+
+
+def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plugin = tmp_path / "tabled.py"
+    plugin.write_text(PLAIN_PYTHON)
+    load_plugin_file(plugin)
+    robot = make_robot(tmp_path, ("tabled",), 6)
+    scenario = make_scenario(robot, 6)
+    with pytest.raises(SimulationError, match="cannot be compiled"):
+        simulate(replace(scenario, compiled=True), robot)
+    monkeypatch.setattr("asrsim.simulation.run.pays", lambda *_: True)
+    assert simulate(scenario, robot).status == "complete"
+
+
+def test_it_is_chosen_when_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not choice.pays(1, 1_000)
+    assert choice.pays(5, 1_000_000)
+    assert choice.pays(5, 100_000 * 11)
+    # Without Numba nobody asks for it.
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert not choice.available()
+
+
+def test_what_needs_the_plain_loop_says_so(tmp_path: Path) -> None:
+    robot = make_robot(tmp_path, ("qbmove",), 6)
+    with pytest.raises(SimulationError, match="stepping"):
+        simulate(make_scenario(robot, 6, compiled=True, stepping="toolbox"), robot)
+
+
+def kernels() -> list[Path]:
+    return sorted(Path(os.environ["XDG_CACHE_HOME"]).glob("asrsim/kernels/*.py"))
+
+
+def test_kernels_are_kept_and_parameters_need_no_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    robot = make_robot(tmp_path, ("sea",), 6)
+    scenario = make_scenario(robot, 6, compiled=True)
+    simulate(scenario, robot)
+    (kept,) = kernels()
+    simulate(replace(scenario, parameters={"j0": {"spring_stiffness": 20.0}}), robot)
+    assert kernels() == [kept]
+    simulate(replace(scenario, motor_substeps=3), robot)
+    assert len(kernels()) == 2
+
+
+def test_a_changed_law_gets_a_kernel_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    robot = make_robot(tmp_path, ("sea",), 3)
+    scenario = make_scenario(robot, 3)
+    first, _ = both(robot, scenario)
+    # A helper of the law, in another file than the law itself.
+    monkeypatch.setattr("asrsim.actuators.sea.saturate", lambda value, limit: 0.5 * value)
+    second, fast = both(robot, scenario)
+    assert_equal(second, fast)
+    assert not np.array_equal(first.samples.values["link_position"], second.samples.values["link_position"])  # type: ignore[union-attr]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions")
+@pytest.mark.parametrize("hindrance", ["file", "read-only"])
+def test_a_cache_that_cannot_be_written_is_done_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hindrance: str
+) -> None:
+    place = tmp_path / "cache"
+    if hindrance == "file":
+        place.write_text("in the way")
+    else:
+        place.mkdir()
+        place.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(place))
+    robot = make_robot(tmp_path, ("sea",), 3)
+    try:
+        assert_equal(*both(robot, make_scenario(robot, 3)))
+    finally:
+        if place.is_dir():
+            place.chmod(stat.S_IRWXU)
+
+
+def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    robot = make_robot(tmp_path, ("sea",), 3)
+    scenario = make_scenario(robot, 3)
+    simulate(replace(scenario, compiled=True), robot)
+    kept = [path for path in Path(tmp_path / "cache").rglob("*") if path.suffix in (".nbi", ".nbc")]
+    assert kept
+    for path in kept:
+        path.write_bytes(b"damaged")
+    assert_equal(*both(robot, scenario))
