@@ -14,11 +14,14 @@ class Registry(Generic[T]):
     """A table of named variants; unknown names are errors that list the known ones.
 
     Installed packages add entries under the entry point group given; they are loaded at the first look-up that
-    misses, so that start-up does not pay for them.
+    misses, so that start-up does not pay for them. One that cannot be loaded, or is no class derived from `base`, is an
+    error only for those who ask for it.
     """
 
-    def __init__(self, noun: str, entry_point_group: str | None = None) -> None:
+    def __init__(self, noun: str, entry_point_group: str | None = None, *, base: type | None = None) -> None:
         self.noun = noun
+        self.base = base
+        self._broken: dict[str, str] = {}
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
         self._searched = entry_point_group is None
@@ -37,6 +40,9 @@ class Registry(Generic[T]):
         try:
             return self._entries[name]
         except KeyError:
+            if name in self._broken:
+                message = f"the {self.noun} '{name}' of an installed package cannot be used: {self._broken[name]}"
+                raise InputError(Problem(message=message, code=f"broken-{self.noun}")) from None
             known = self.names()
             raise InputError(
                 Problem(
@@ -67,5 +73,14 @@ class Registry(Generic[T]):
         from importlib.metadata import entry_points
 
         for point in entry_points(group=self.entry_point_group or ""):
-            if point.name not in self._entries:
-                self._entries[point.name] = point.load()
+            if point.name in self._entries:
+                continue
+            try:
+                entry = point.load()
+            except (Exception, SystemExit) as error:  # a stranger's package may raise anything
+                self._broken[point.name] = f"{point.value} raised {type(error).__name__}: {error}"
+                continue
+            if self.base is not None and not (isinstance(entry, type) and issubclass(entry, self.base)):
+                self._broken[point.name] = f"{point.value} is no class derived from {self.base.__name__}"
+                continue
+            self._entries[point.name] = entry

@@ -11,7 +11,7 @@ from asrsim.actuators.qbmove import QbMove
 from asrsim.actuators.sea import Sea
 from asrsim.registry import Registry
 
-ACTUATORS: Registry[type[Actuator]] = Registry("actuator", entry_point_group="asrsim.actuators")
+ACTUATORS: Registry[type[Actuator]] = Registry("actuator", entry_point_group="asrsim.actuators", base=Actuator)
 for _actuator in (Sea, QbMove, Bavs, AwasII):
     ACTUATORS.add(_actuator.name, _actuator)
 

@@ -192,7 +192,7 @@ def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
     console = Console(highlight=False)
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for heading in ("name", "what", "plugin file", "motors", "source"):
-        table.add_column(heading)
+        table.add_column(heading, no_wrap=heading == "plugin file", overflow="fold")
     for actuator in actuators:
         motors = f"{actuator.motors}{' + adjuster' if actuator.adjuster else ''}"
         table.add_row(actuator.name, actuator.title, f"lib{actuator.name}_plugin.so", motors, actuator.source)

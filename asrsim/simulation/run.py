@@ -80,7 +80,8 @@ def simulate(
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
     the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly.
-    Raises InputError (a user's law that raises: ActuatorError) and SimulationError; DivergenceError carries the run so far as `.run`.
+    Raises InputError (ActuatorError if a user's law raises) and SimulationError; DivergenceError carries the run so far as
+    `.run`.
     """
     with blame_laws():
         prepared = prepare(scenario, robot)
