@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lab_files import TIME as MOVED
+from lab_files import B as ELBOW
+from lab_files import write_bag
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
@@ -93,13 +97,28 @@ def test_what_playback_cannot_read_is_written_beside(tmp_path: Path) -> None:
     np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-3)
 
 
-def test_matlab_and_bags_are_written_beside(tmp_path: Path) -> None:
+def test_matlab_is_written_beside(tmp_path: Path) -> None:
     from scipy.io import savemat
 
     savemat(tmp_path / "lab.mat", {"t": TIME, "q1": SMOOTH, "q1_ref": SMOOTH})
     made, scenario = make(tmp_path, tmp_path / "lab.mat")
     assert "s_commands.csv" in {file.name for file in made.files}
     np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_bag(tmp_path / "bag", storage, "own")
+    made, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
+    assert "s_commands.csv" in {file.name for file in made.files}
+    np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(MOVED), ELBOW, atol=1e-6)
+    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--set", "duration=1.0"])
+    shutil.rmtree(tmp_path / "bag")
+    plot = CliRunner().invoke(app, ["plot", "out/s/default/log.mcap"])
+    said = re.findall(r"rmse of link_position against bag is \S+", run.output)
+    assert said == re.findall(r"rmse of link_position against bag is \S+", plot.output)
+    assert len(said) == len(scenario.expect) > 0
 
 
 def test_a_mapping_reaches_claims_and_commands(tmp_path: Path) -> None:

@@ -164,7 +164,9 @@ def _joint(number: int | None, known: Sequence[str], counted: set[int], words: S
     if number is None:
         return known[0] if len(known) == 1 else None
     ending = [joint for joint in known if tokens_of(joint)[-1:] == [str(number)]]
-    if len(ending) == 1:
+    # Counted from 0, [1] is the second of joint_1, joint_2, unless there is a joint_0.
+    shifted = 0 in counted and not any(tokens_of(joint)[-1:] == ["0"] for joint in known)
+    if len(ending) == 1 and not shifted:
         return ending[0]
     place = number if 0 in counted else number - 1
     return known[place] if 0 <= place < len(known) else None

@@ -86,13 +86,14 @@ def tokens_of(name: str) -> list[str]:
 
 
 def joint_numbers(names: Iterable[str]) -> set[int]:
-    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1).
+    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1), and of arrays (q_ref[0]).
 
     Of angles called theta only where the file has no other positions: beside a q they are motors.
     """
+    names = list(names)
     listed = [tokens_of(name) for name in names]
     plain = _PLAIN if has_positions(listed) else _PLAIN | {"theta", "th"}
-    found = set()
+    found = {int(match[1]) for name in names if (match := re.search(r"\[(\d+)\]$", name))}
     for words in listed:
         rest = [word for word in words if not word.isdigit()]
         numbers = [int(word) for word in words if word.isdigit()]
@@ -188,8 +189,8 @@ def _quantity(
 
 
 def _after(words: list[str], keys: set[str]) -> int | None:
-    """The number that follows one of the words."""
+    """1 or 2 where it follows one of the words."""
     for word, following in pairwise(words):
-        if word in keys and following.isdigit():
+        if word in keys and following in ("1", "2"):
             return int(following)
     return None

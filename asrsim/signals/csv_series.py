@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,10 +26,8 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     column of everything that is wrong: no such column (the ones that there are), cells that are empty or no numbers, rows
     of another length, times that do not ascend.
     """
-    from asrsim.recordings.delimited import read_table
-
     try:
-        table = read_table(path)
+        table = _table(path, path.stat().st_mtime_ns)
     except OSError as error:
         raise RecordingError(Problem(message=f"cannot be read: {error.strerror}", file=path, code="no-file")) from None
     place = _find(path, table, column, "column")
@@ -46,6 +45,14 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     if problems:
         raise RecordingError(problems)
     return times * _factor(table, clock), table.values[:, place] * _factor(table, place)
+
+
+# The columns of one file are asked for one after the other. The time of change keeps the cache honest.
+@lru_cache(maxsize=1)
+def _table(path: Path, _newest: int) -> Table:
+    from asrsim.recordings.delimited import read_table
+
+    return read_table(path)
 
 
 def _unit(table: Table, index: int) -> Unit | None:
