@@ -105,8 +105,7 @@ def test_every_command_has_a_summary_an_example_and_help_for_its_options(name):
     assert f"Example: asrsim {name}" in command.help
     assert command.help.split("\n\n")[0].endswith(".")
     for parameter in command.params:
-        # Older versions of typer keep an argument's help elsewhere.
-        assert parameter.param_type_name == "argument" or parameter.help, f"{name}: {parameter.name} has no help"
+        assert parameter.help, f"{name}: {parameter.name} has no help"
 
 
 def test_readme_block_is_that_of_the_example():
