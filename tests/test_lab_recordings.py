@@ -106,6 +106,14 @@ def test_units_and_signs_are_suspected(tmp_path: Path, factor: float, header: st
     assert re.search(words, said)
 
 
+def test_a_motor_before_its_gear_is_suspected(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, 273 * A], before="t,shoulder_motor\n"))
+    motors = Samples(time=FINE, joints=JOINTS, values={"motor_1_position": SIMULATION.values["link_position"]})
+    compared = compare(motors, read_recording(tmp_path / "lab.csv", joints=JOINTS))
+    assert "273 times as large" in compared.findings[0].message
+    assert "before the gear" in compared.findings[0].message
+
+
 def test_a_minus_turns_an_axis(tmp_path: Path) -> None:
     (tmp_path / "lab.csv").write_bytes(table([TIME, -A * 57.29577951, B], before="t,q1,q2\n"))
     recording = read_recording(tmp_path / "lab.csv", joints=JOINTS, mapping=["q1=-shoulder.link_position [deg]"])

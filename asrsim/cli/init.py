@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,7 +67,7 @@ def init(
 
     written = write_starter(robot, out, mode=mode, force=force, schema=schema, arguments=arguments, packages=packages)
     if not quiet:
-        typer.echo(f"Wrote {', '.join(map(str, written))}. Run it: asrsim run {out}")
+        typer.echo(f"Wrote {', '.join(map(str, written))}. Run it: asrsim run {shlex.quote(str(out))}")
 
 
 def _print(made: Written, out: Path) -> None:
@@ -79,4 +80,5 @@ def _print(made: Written, out: Path) -> None:
     for text in (*made.remarks, *([made.message] if made.message else [])):
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
-    typer.echo(f"Wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}. Run it: asrsim run {out}")
+    command = f"asrsim run {shlex.quote(str(out))}"
+    typer.echo(f"Wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}. Run it: {command}")

@@ -22,6 +22,7 @@ _FACTORS = (
     (0.001, "the recording seems to be in thousands, or was converted from thousandths once too often"),
 )
 _TURNED = 0.7
+_GEAR = 8.0
 _WIDTH = 1.6
 """A factor is suspected if the ratio of sizes is within this factor of it; real robots differ by less from their model."""
 
@@ -45,6 +46,20 @@ def suspect_scale(simulation: Array, recording: Array) -> Problem | None:
                 hint="State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'", code="suspected-unit",
             )  # fmt: skip
     return None
+
+
+def suspect_gear(simulation: Array, recording: Array) -> Problem | None:
+    """A suspicion that a motor was recorded before its gear: eight times as large or more, and not by a unit's factor."""
+    sizes = _size(simulation)[0], _size(recording)[0]
+    if not all(map(math.isfinite, sizes)) or sizes[0] < 1e-9 or sizes[1] < _GEAR * sizes[0]:
+        return None
+    if suspect_scale(simulation, recording) is not None:
+        return None
+    return Problem(
+        message=f"the recording is {sizes[1] / sizes[0]:.4g} times as large as the simulation, whose motors are counted at the "
+        "link's side of the gear: was it recorded before the gear?",
+        hint="Divide by the gear's ratio with `scale` in a mapping file", code="suspected-gear",
+    )  # fmt: skip
 
 
 def suspect_sign(simulation: Array, recording: Array) -> Problem | None:

@@ -14,7 +14,7 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspect_scale, suspect_sign
+from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign
 from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array, JointInfo, Samples
@@ -206,7 +206,8 @@ def _series(
         )
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
-    findings = [problem for problem in (suspect_scale(a, b), suspect_sign(a, b)) if problem is not None]
+    suspicions = [suspect_scale(a, b), suspect_sign(a, b), suspect_gear(a, b) if quantity.startswith("motor") else None]
+    findings = [problem for problem in suspicions if problem is not None]
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:

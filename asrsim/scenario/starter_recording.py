@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -92,11 +93,17 @@ def placeholders(plan: Plan) -> list[Claim]:
 def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> Iterator[str]:
     recording = plan.recording
     name = Path(names.scenario).stem
-    options = [f"--lag {exact(plan.lag)}", *(f"--map '{text}'" for text in mapping), *([f"--rate {rate:g}"] if rate else [])]
+    recorded = shlex.quote(names.recording)
+    log = shlex.quote(f"out/{name}/default/log.mcap")
+    options = [
+        f"--lag {exact(plan.lag)}",
+        *(f"--map {shlex.quote(text)}" for text in mapping),
+        *([f"--rate {rate:g}"] if rate else []),
+    ]
     yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`."
     yield "# It plays the recorded commands into the simulation and compares the motion with the recorded one. Units are SI."
-    yield f"#   asrsim run {names.scenario}"
-    yield f"#   asrsim plot out/{name}/default/log.mcap --experiment {names.recording} {' '.join(options)}"
+    yield f"#   asrsim run {shlex.quote(names.scenario)}"
+    yield f"#   asrsim plot {log} --experiment {recorded} {' '.join(options)}"
     yield "#"
     yield f"# How the file was read ({recording.format}, {_sampling(recording)}); --map COLUMN=JOINT.QUANTITY corrects it:"
     rows = [row for row in guess_rows(recording) if row.meaning != "-"]
