@@ -8,13 +8,15 @@ from typing import Any
 
 from lxml import etree
 
-from asrsim.errors import Problem
+from asrsim.errors import Problem, RobotError
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Robot
 from asrsim.robot.packages import Packages, packages_of
 from asrsim.robot.shapes import shape_fault
 from asrsim.robot.xmlfile import elements, parse_xml
 
+LONGEST_LINE = 1000
+"""Bytes."""
 STRIPPED = ("gazebo", "transmission", "sensor")
 
 
@@ -28,7 +30,8 @@ def engine_urdf(
     names the link of each collision; all visuals share one). `visuals=False` takes all visuals out. Links without
     `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where none is given
     (PyBullet: 1 kg). Joints lose `<dynamics>`: damping and friction are applied from the robot's data, and an engine that
-    applied the damping too would do so twice. The rest is untouched.
+    applied the damping too would do so twice. Comments and text are left out, and each element has a line of its own.
+    Raises RobotError for an element too long for an engine.
     """
     root = parse_xml(robot.text.encode(), robot.path)
     packages = packages_of(robot.path, package_paths)
@@ -77,7 +80,26 @@ def engine_urdf(
                 code="missing-visual-mesh",
             )
         )
-    return etree.tostring(root, encoding="unicode"), tuple(warnings)
+    return _in_short_lines(root, robot), tuple(warnings)
+
+
+def _in_short_lines(root: Any, robot: Robot) -> str:
+    """The document without comments and free text, an element a line: PyBullet reads lines in pieces of 1023 bytes, and a
+    number that falls on a seam is cut in two without a word.
+    """
+    for element in list(root.iter()):
+        element.tail = None
+        if isinstance(element.tag, str):
+            element.text = None
+        elif element is not root:
+            element.getparent().remove(element)
+    etree.indent(root, "")
+    text: str = etree.tostring(root, encoding="unicode")
+    for line in text.splitlines():
+        if len(line.encode()) > LONGEST_LINE:
+            message = f"an element is longer than {LONGEST_LINE} bytes, which PyBullet cannot read"
+            raise RobotError(Problem(message=message, file=robot.path, value=line, code="long-element"))
+    return text
 
 
 def _resolve(shape: Any, packages: Packages) -> tuple[str, str] | None:
