@@ -170,3 +170,11 @@ def test_the_documentation_holds_the_generated_table() -> None:
     begin, end = "<!-- generated: measures -->\n", "\n<!-- end -->"
     text = page.read_text(encoding="utf-8")
     assert text.partition(begin)[2].partition(end)[0] == tables()["measures"]
+
+
+def test_the_delay_of_a_drifting_periodic_motion_is_not_a_period():
+    """The period is the limit of the search, and the drift makes its edge correlate best."""
+    time = np.arange(0, 24.8, 0.01)
+    motion = np.cos(2 * np.pi * time / 6.22)
+    drift = motion - 0.0002 * time**2
+    assert abs(measure("delay", time, drift, motion)) < 0.1

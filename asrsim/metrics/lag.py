@@ -97,7 +97,8 @@ def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
     """Index of the best peak, of equal ones that of the least lag; and whether there were equal ones."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-    near = inner[rho[inner] >= rho[best] - _NEAR]
+    # The best may be no peak, but the edge of the search on the way to one: of a periodic signal, another period's.
+    near = np.union1d(inner[rho[inner] >= rho[best] - _NEAR], [best])
     if len(near) < 2:
         return best, False
     chosen = int(near[np.argmin(np.abs(lags[near]))])
