@@ -110,20 +110,20 @@ def test_the_largest_robot_that_the_engine_takes(tiny, asrsim_command) -> None:
     assert [round(joint["steady_state"], 9) for joint in joints] == [0.01] * MAX_MOVING
 
 
-@pytest.mark.parametrize("padding", range(0, 60, 7))
+@pytest.mark.parametrize("padding", [0, 4, 8, 12])
 def test_a_robot_on_one_line_keeps_its_numbers(padding: int, tmp_path: Path) -> None:
-    """PyBullet reads lines in pieces of 1023 bytes; a number on a seam would be cut in two without a word."""
+    """PyBullet reads lines in pieces of 8 kB; a seam inside a tag breaks the document."""
     text = (
-        chain(12)
+        chain(28)
         .replace('value="1"', 'value="1.234567890123456789"')
-        .replace("<link name", f"<!--{'x' * padding}--><link name")
+        .replace("<link name", f"<!--{'x' * padding}--><link name", 1)
     )
     path = tmp_path / "line.urdf"
     path.write_text(text)
     robot = load_robot(path)
     engine = BulletEngine(robot, engine_urdf(robot)[0], step=1e-3)
     try:
-        np.testing.assert_allclose(engine.mass_matrix([0.0] * 12), zero_pose_inertia(robot).matrix, rtol=1e-6)
+        np.testing.assert_allclose(engine.mass_matrix([0.0] * 28), zero_pose_inertia(robot).matrix, rtol=1e-6)
     finally:
         engine.close()
 

@@ -84,8 +84,8 @@ def engine_urdf(
 
 
 def _in_short_lines(root: Any, robot: Robot) -> str:
-    """The document without comments and free text, an element a line: PyBullet reads lines in pieces of 1023 bytes, and a
-    number that falls on a seam is cut in two without a word.
+    """The document without comments and free text, an element a line: PyBullet reads lines in pieces of 8 kB, and a seam
+    inside a tag breaks the document.
     """
     for element in list(root.iter()):
         element.tail = None
