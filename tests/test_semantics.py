@@ -1,0 +1,197 @@
+"""What a scenario says is what happens, in numbers that a user can work out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import InputError
+
+ROBOT = """<robot name="arm">
+  <link name="base"/>
+  <link name="arm">
+    <inertial>
+      <origin xyz="0.1 0 0"/><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <joint name="j" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="100" velocity="100"/><dynamics damping="1"/>
+  </joint>
+  <gazebo>
+    <plugin name="p" filename="libsea_plugin.so">
+      <joint>j</joint><operation_mode>3</operation_mode>
+      <pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>true</sub_ext_tau>
+      <spring_k>50</spring_k><max_def>1</max_def>
+    </plugin>
+  </gazebo>
+</robot>
+"""
+"""One joint about y with a spring of 50 N m/rad; 1 kg at 0.1 m along x."""
+STIFFNESS, WEIGHT = 50.0, 9.81 * 1.0 * 0.1
+FREE = [0.0, 0.0, 0.0]
+SINE = {"sinusoid": {"amplitude": 0.1, "frequency": 2}}
+BASE_MASS = '<link name="base"><inertial>{origin}<mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.3"/></inertial></link>'
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Runs the robot above; `root`: what stands for its root link; `passive`: without its actuator."""
+
+    def runner(*, root: str = "", passive: bool = False, **keys: Any) -> Any:
+        text = ROBOT.replace('<link name="base"/>', root or '<link name="base"/>')
+        path = tmp_path / "arm.urdf"
+        path.write_text(text[: text.index("<gazebo>")] + "</robot>" if passive else text)
+        if not passive:
+            keys.setdefault("references", {"j": {"equilibrium_position": 0.0}})
+        return asrsim.run(asrsim.make_scenario(path, **{"duration": 0.5, **keys}))
+
+    return runner
+
+
+def about_y(q: float) -> np.ndarray:
+    return np.array([[np.cos(q), 0, np.sin(q)], [0, 1, 0], [-np.sin(q), 0, np.cos(q)]])
+
+
+@pytest.mark.parametrize("frame", ["world", "link"])
+@pytest.mark.parametrize(("force", "point"), [([0, 0, 2.0], [0.3, 0, 0]), ([3.0, 1.0, 0], [0.1, 0.4, 0.2])])
+def test_a_force_at_a_point_gives_its_moment(run: Run, frame: str, force: list[float], point: list[float]) -> None:
+    wrench = {"link": "arm", "force": force, "point": point, "frame": frame}
+    q = run(gravity=FREE, duration=2.5, wrenches=[wrench])["j"].link_position[-1]
+    turned = about_y(q)
+    pushed = turned @ np.array(force) if frame == "link" else np.array(force)
+    assert STIFFNESS * q == pytest.approx(np.cross(turned @ np.array(point), pushed)[1], abs=1e-8)
+
+
+def test_a_torque_on_a_link_and_about_its_joint(run: Run) -> None:
+    by_wrench = run(gravity=FREE, duration=2.5, wrenches=[{"link": "arm", "torque": [0, 4.0, 0]}])
+    assert STIFFNESS * by_wrench["j"].link_position[-1] == pytest.approx(4.0, abs=1e-8)
+    for joint in ("j", "*"):
+        result = run(gravity=FREE, duration=2.5, external_torques={joint: 4.0})["j"]
+        assert STIFFNESS * result.link_position[-1] == pytest.approx(4.0, abs=1e-8)
+        assert result.external_torque[-1] == 4.0
+
+
+@pytest.mark.parametrize(("rpy", "tilt"), [([0, 0, 0.7], 0.0), ([0, 0.3, 0], 0.3), ([np.pi, 0, 0], np.pi), ([0.5, 0, 0], None)])
+def test_gravity_on_a_turned_base(run: Run, rpy: list[float], tilt: float | None) -> None:
+    q = run(duration=2.5, base={"rpy": rpy, "position": [1, 2, 3]})["j"].link_position[-1]
+    if tilt is None:  # rolled: the axis leaves the horizontal
+        expected = WEIGHT * np.cos(0.5) * np.cos(q)
+    else:
+        expected = WEIGHT * (np.cos(q + tilt) if tilt != np.pi else -np.cos(q))
+    assert STIFFNESS * q == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("origin", ["", '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'])
+def test_a_floating_robot_falls_freely(run: Run, origin: str) -> None:
+    """At rest it does not turn, and all of it falls alike: z = -g t^2 / 2 to rounding."""
+    start = {"fixed": False, "position": [1, 2, 10], "rpy": [0.3, 0.2, 1.0]}
+    result = run(root=BASE_MASS.format(origin=origin), passive=True, duration=1.0, base=start)
+    pose = result.bodies["base"]
+    fallen = np.array([1.0, 2.0, 10.0]) - np.outer(0.5 * 9.81 * result.time**2, [0, 0, 1])
+    np.testing.assert_allclose(pose[:, :3], fallen, atol=1e-10)
+    np.testing.assert_allclose(pose[:, 3:] - pose[0, 3:], 0.0, atol=1e-12)
+    np.testing.assert_allclose(result["j"].link_position, 0.0, atol=1e-10)
+
+
+def test_a_spring_on_a_floating_base_turns_both(run: Run) -> None:
+    """Nothing pushes from outside: with 2 kg and 0.2 kg m^2 of the base against 1 kg at 0.1 m and 0.01 kg m^2 of the link,
+    angular momentum about y stays zero if the base turns by -1/13 of the joint's angle.
+    """
+    result = run(
+        root=BASE_MASS.format(origin=""), gravity=FREE, duration=0.3, base={"fixed": False},
+        references={"j": {"equilibrium_position": 0.5}},
+    )  # fmt: skip
+    moved, turned = result["j"].link_position, 2 * np.arcsin(result.bodies["base"][:, 4])
+    assert moved[-1] > 0.1
+    np.testing.assert_allclose(turned, -moved / 13, atol=1e-6)
+
+
+def test_initial_positions(run: Run) -> None:
+    for joint in ("j", "*"):
+        result = run(initial={joint: 0.4}, gravity=FREE, modes=6, references={})["j"]
+        np.testing.assert_allclose(result.link_position, 0.4, atol=1e-12)
+        np.testing.assert_allclose(result.motor_1_position, 0.4, atol=1e-12)
+        assert run(initial={joint: 0.4}, passive=True, gravity=FREE)["j"].link_position[0] == 0.4
+        locked = run(initial={joint: 0.4}, engine="bench")["j"]
+        np.testing.assert_array_equal(locked.link_position, 0.4)
+
+
+# -- effects ----------------------------------------------------------------------------------------------------------
+
+
+def commanded(run: Run, effects: dict[str, float], *, signal: Any = SINE, **keys: Any) -> Any:
+    references = {"j": {"equilibrium_position": signal}}
+    return run(references=references, effects={"commands": {"*": effects}}, duration=1.0, **keys)
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.0105])
+def test_a_delay_is_exact(run: Run, delay: float) -> None:
+    result = commanded(run, {"delay": delay})
+    expected = 0.1 * np.sin(4 * np.pi * np.maximum(result.time - delay, 0.0))
+    np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
+
+
+def test_what_a_delayed_command_moves_is_as_late(run: Run) -> None:
+    now = run(references={"j": {"equilibrium_position": SINE}}, gravity=FREE, duration=1.0)["j"].link_position
+    late = commanded(run, {"delay": 0.05}, gravity=FREE)["j"].link_position
+    np.testing.assert_allclose(late[50:], now[:-50], atol=1e-9)
+
+
+def test_hold(run: Run) -> None:
+    result = commanded(run, {"rate": 100})
+    expected = 0.1 * np.sin(4 * np.pi * np.floor(result.time * 100 + 1e-6) / 100)
+    np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
+
+
+def test_quantum(run: Run) -> None:
+    seen = commanded(run, {"quantum": 0.01})["j"].reference_1
+    np.testing.assert_allclose(seen, 0.01 * np.round(seen / 0.01), atol=1e-12)
+    assert len(np.unique(np.round(seen / 0.01))) == 21
+
+
+def test_noise_is_the_seeds(run: Run) -> None:
+    first, again, other = (commanded(run, {"noise": 0.02}, signal=0.1, seed=seed)["j"].reference_1 for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+    # 1001 draws: 5 standard errors.
+    assert first.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * 1001))
+    assert first.mean() == pytest.approx(0.1, abs=5 * 0.02 / np.sqrt(1001))
+
+
+def test_a_sensor_that_nobody_reads_is_a_warning(run: Run) -> None:
+    words = " ".join(map(str, run(effects={"sensors": {"j": {"noise": 0.01}}}).summary.warnings))
+    assert "no controller reads this sensor in mode 3" in words
+    words = " ".join(map(str, run(modes=6, effects={"sensors": {"j": {"delay": 0.0105}}}).summary.warnings))
+    assert "no controller" not in words
+    assert "may be rounded" in words
+
+
+# -- the rest ---------------------------------------------------------------------------------------------------------
+
+
+def test_parameters_of_all_joints_and_of_one(run: Run) -> None:
+    soft, softer = ({"*": {"spring_k": 20}}, {"*": {"spring_k": 20}, "j": {"spring_stiffness": 10}})
+    for parameters, stiffness in ((soft, 20.0), (softer, 10.0)):
+        result = run(parameters=parameters, gravity=FREE, external_torques={"j": 1.0}, duration=4.0)["j"]
+        assert 1.0 / result.link_position[-1] == pytest.approx(stiffness, rel=1e-6)
+
+
+def test_log_rate_leaves_samples_out_and_changes_none(run: Run) -> None:
+    every, tenth = run(), run(log_rate=100)
+    np.testing.assert_array_equal(every.time[::10], tenth.time)
+    np.testing.assert_array_equal(every["j"].link_position[::10], tenth["j"].link_position)
+    np.testing.assert_array_equal(every["j"].link_velocity[::10], tenth["j"].link_velocity)
+
+
+def test_a_floating_root_needs_a_mass(run: Run) -> None:
+    with pytest.raises(InputError, match="root link 'base'"):
+        run(passive=True, base={"fixed": False})
