@@ -16,7 +16,7 @@ import pytest
 from asrsim.actuators import ACTUATORS
 from asrsim.engines.bullet import BulletEngine
 from asrsim.engines.foreign import crashes
-from asrsim.errors import Problem
+from asrsim.errors import OutputError, Problem
 from asrsim.robot import engine_urdf, load_robot
 from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.meshes import mesh_fault
@@ -358,3 +358,21 @@ def test_an_installed_actuator_that_is_broken_harms_nobody_else(code: str, words
     named = call("actuators", "mine")
     assert named.returncode == 1
     assert words in named.stderr
+
+
+# -- what cannot be drawn ---------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_keys: object) -> None:
+        raise OutputError("joints.png: cannot be written: No space left on device")
+
+    monkeypatch.setattr("asrsim.cli.run._drawn", fail)
+    outcome = asrsim_command("run", tiny.scenario)
+    assert outcome.code == 1
+    assert "elbow" in outcome.out
+    assert "No space left" in outcome.err
+    document = json.loads(asrsim_command("run", tiny.scenario, "--json").out)
+    assert [run["variant"] for run in document["runs"]] == ["default"]
+    assert not document["ok"]
+    assert asrsim_command("rerun", tiny.folder / "out/step/default/log.mcap").code == 0

@@ -89,6 +89,7 @@ def _run(
         for one in scenarios:
             folder = default_folder(one) if out is None else (out / one.variant if len(scenarios) > 1 else out)
             title = f"{one.name} / {one.variant}"
+            before = len(done)
             try:
                 from asrsim.cli.progress import RunProgress
 
@@ -97,18 +98,20 @@ def _run(
                         one, folder, overwrite=overwrite, certify=certify, started=progress.start,
                         progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
                     )  # fmt: skip
-                # Written at once, so that nothing is lost if drawing fails.
-                executed = write_summary(executed)
+                # Told and written at once, so that nothing is lost if drawing fails.
+                done.append(executed)
+                done[-1] = write_summary(done[-1])
                 if plot and executed.run.status != "interrupted":
-                    executed = write_summary(_drawn(executed))
+                    done[-1] = write_summary(_drawn(done[-1]))
                 if report and executed.run.status != "interrupted":
-                    executed = write_summary(_reported(executed))
+                    done[-1] = write_summary(_reported(done[-1]))
             except AsrsimError as error:
                 # Nothing of this variant could be built or written: the others would most likely fail alike.
                 failure = (title, error)
+            if len(done) > before:
+                print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, told=told)
+            if failure is not None:
                 break
-            done.append(executed)
-            print_run(executed.summary, quiet=quiet, silent=json, verbose=verbose, told=told)
             if interruption.requested:
                 break
     if json:
