@@ -76,7 +76,7 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     if quiet:
         return
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
-    verdict = "identical, bit for bit" if repetition.identical else "different"
+    verdict = "identical, bit for bit" if repetition.identical else "different" if repetition.samples else "nothing to compare"
     say(f"{repetition.path}: {repetition.samples} samples compared{part}: {verdict}", "" if repetition.identical else "bold")
     if repetition.log is not None:
         say(f"wrote {repetition.log}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,7 +57,10 @@ def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str])
         # No dates: the same log gives the same file.
         metadata = {"png": {"Software": "asrsim"}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
         try:
-            figure.savefig(path, format=kind, metadata=metadata)
+            with warnings.catch_warnings():
+                # A joint may be called in letters that the font has not; boxes in a picture are no news for a terminal.
+                warnings.filterwarnings("ignore", message="Glyph ")
+                figure.savefig(path, format=kind, metadata=metadata)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
         paths.append(path)
