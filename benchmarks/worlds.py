@@ -37,7 +37,7 @@ def chain(folder: Path, joints: int, actuator: str = "qbmove") -> Robot:
             length=0.1 * share,
             centre=0.08 * share,
             mass=0.5 * share,
-            inertia=1e-3 * max(share, 0.3),
+            inertia=1e-3,
         )
         for i in range(joints)
     )
@@ -55,9 +55,12 @@ def scenario(
     substeps: int | None = 1,
     motor_substeps: int | None = 1,
     stiffness: float | None = None,
+    gravity: bool = True,
 ) -> Scenario:
     """All joints on a sine, nothing else but the defaults; stiffness: of SEAs' springs, N m/rad (None: qbMoves)."""
-    references: dict[str, Signal] = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=0.5)}
+    # Angles add up along a chain.
+    amplitude = 0.3 * min(1.0, 5.0 / len(robot.moving_joints))
+    references: dict[str, Signal] = {"equilibrium_position": Sinusoid(amplitude=amplitude, frequency=0.5)}
     if stiffness is None:
         references["stiffness_preset"] = Constant(value=0.2)
     return Scenario(
@@ -69,6 +72,7 @@ def scenario(
         motor_substeps=motor_substeps,
         compiled=compiled,
         references={"*": references},
+        gravity=(0.0, 0.0, -9.81 if gravity else 0.0),
         parameters={} if stiffness is None else {"*": {"spring_stiffness": stiffness}},
     )
 
