@@ -81,6 +81,8 @@ def write(rows: Mapping[str, Row], folder: Path) -> Path:
     draw(folder)
     missed = [name for name, row in rows.items() if row.median > row.goal]
     notes = "All goals are met."
+    about = machine()
+    libraries = ", ".join(f"{key} {about[key]}" for key in ("Python", "PyBullet", "NumPy", "Numba"))
     if missed:
         notes = f"Missed: {', '.join(f'`{name}`' for name in missed)}."
     if "start" in missed:
@@ -90,7 +92,7 @@ def write(rows: Mapping[str, Row], folder: Path) -> Path:
         )
     text = TEXT.format(
         table=markdown(rows),
-        machine=", ".join(f"{key} {value}" if key != "CPU" else value for key, value in machine().items()),
+        machine=f"{about['CPU']}, {about['cores']} cores, {libraries}",
         notes=notes,
         memory="\n".join(f"| {duration:g} s | {used:.0f} MB | {size:.0f} MB |" for duration, used, size in memory),
         # 60 000 rows of 5 joints with 20 quantities.
