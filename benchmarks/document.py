@@ -75,8 +75,8 @@ Left: one substep, chains of qbMoves without gravity. Right: two joints, SEAs; t
 """
 
 
-def write(rows: Mapping[str, Row], folder: Path) -> Path:
-    """Measure memory, draw the picture, and write the document; returns where it is."""
+def write(rows: Mapping[str, Row], folder: Path, load: float) -> Path:
+    """Measure memory, draw the picture, and write the document; returns where it is. load: of other programs."""
     memory = [(duration, *peak(folder, duration)) for duration in (10.0, 1000.0)]
     draw(folder)
     missed = [name for name, row in rows.items() if row.median > row.goal]
@@ -89,6 +89,11 @@ def write(rows: Mapping[str, Row], folder: Path) -> Path:
         notes += (
             " Of the start, Python, NumPy and PyBullet take 1 by definition; the command line's library (Typer, and Pydantic "
             "that its newer versions import to read a path) takes 0.8; YAML, XML and MCAP 0.2."
+        )
+    if load > 0.5:
+        notes += (
+            f" The machine was shared with other programs meanwhile (load average {load:.1f} before), which costs "
+            "`processes` most."
         )
     text = TEXT.format(
         table=markdown(rows),

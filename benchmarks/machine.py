@@ -20,6 +20,11 @@ def machine() -> dict[str, str]:
     }
 
 
+def others() -> float:
+    """How many other programs want to run, by the load of the last minute."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+
+
 def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()

@@ -101,8 +101,9 @@ def main() -> None:
     arguments = parser.parse_args()
     if not any(name.startswith(arguments.only) for name in ROWS):
         parser.error(f"no row begins with '{arguments.only}'; there are {', '.join(ROWS)}")
-    from machine import machine
+    from machine import machine, others
 
+    load = others()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if arguments.figure:
@@ -114,7 +115,7 @@ def main() -> None:
         if arguments.docs:
             from document import write
 
-            print(write(rows, folder))
+            print(write(rows, folder, load))
             return
     if arguments.json:
         values = {name: {"ratio": row.median, "goal": row.goal, "spread": row.spread} for name, row in rows.items()}
