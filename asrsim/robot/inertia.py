@@ -1,13 +1,15 @@
-"""Mass matrix of a robot at the zero pose in plain numpy, for the checks of a file before anything is built."""
+"""Mass matrix of a robot at the zero pose, for the checks of a file before anything is built; poses of links by yourdfpy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from math import cos, sin
 
 import numpy as np
+from lxml import etree
 
-from asrsim.robot.model import Joint, Link, Robot, Vector
+from asrsim.robot.model import Link, Robot, Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +50,7 @@ def zero_pose_inertia(robot: Robot) -> ZeroPoseInertia:
     moving = robot.moving_joints
     index = {joint.name: i for i, joint in enumerate(moving)}
     parents = {joint.child: joint for joint in robot.joints}
-    links = {link.name: link for link in robot.links}
-    frames: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for name in links:
-        _frame(name, parents, frames)
+    frames = link_frames(robot)
     matrix = np.zeros((len(moving), len(moving)))
     for link in robot.links:
         if not link.mass and link.inertia is None:
@@ -90,21 +89,31 @@ def rotation_matrix(rpy: Vector) -> np.ndarray:
     )
 
 
-def _frame(
-    name: str, parents: dict[str, Joint], frames: dict[str, tuple[np.ndarray, np.ndarray]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and position of a link in the root's frame; walks up without recursion, deep chains are legal."""
-    chain = []
-    while name not in frames and name in parents:
-        joint = parents[name]
-        chain.append((name, joint))
-        name = joint.parent
-    rotation, position = frames.setdefault(name, (np.eye(3), np.zeros(3)))
-    for child, joint in reversed(chain):
-        position = position + rotation @ np.array(joint.origin)
-        rotation = rotation @ rotation_matrix(joint.rpy)
-        frames[child] = (rotation, position)
-    return rotation, position
+def link_frames(robot: Robot) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Rotation (3, 3) and position (3,) m of every link in the root's frame at the zero pose."""
+    from yourdfpy import URDF
+
+    model = URDF.load(BytesIO(_skeleton(robot)), build_scene_graph=True, load_meshes=False, load_collision_meshes=False)
+    poses = {link.name: model.get_transform(link.name) for link in robot.links}
+    return {name: (pose[:3, :3], pose[:3, 3]) for name, pose in poses.items()}
+
+
+def _skeleton(robot: Robot) -> bytes:
+    """The robot's tree as URDF: links and joints at the zero pose, without what a reader of shapes might stumble over."""
+    root = etree.Element("robot", name=robot.name)
+    for link in robot.links:
+        etree.SubElement(root, "link", name=link.name)
+    for joint in robot.joints:
+        element = etree.SubElement(root, "joint", name=joint.name, type="fixed")
+        etree.SubElement(element, "parent", link=joint.parent)
+        etree.SubElement(element, "child", link=joint.child)
+        etree.SubElement(element, "origin", xyz=_numbers(joint.origin), rpy=_numbers(joint.rpy))
+    text: bytes = etree.tostring(root)
+    return text
+
+
+def _numbers(vector: Vector) -> str:
+    return " ".join(map(repr, vector))
 
 
 def _inertia(link: Link) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from asrsim.robot.findings import Findings
-from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.model import Joint, Link, Robot
 
 
@@ -53,10 +52,19 @@ def check_masses(findings: Findings, links: Sequence[Link], joints: Sequence[Joi
 
 def check_movable(findings: Findings, robot: Robot) -> None:
     """A moving joint with neither mass nor inertia behind it has no equation of motion: an error."""
-    for name, inertia in zero_pose_inertia(robot).diagonal.items():
-        joint = robot.joint(name)
-        if inertia <= 0.0:
+    children: dict[str, list[str]] = {}
+    for joint in robot.joints:
+        children.setdefault(joint.parent, []).append(joint.child)
+    bodies = {link.name: link for link in robot.links}
+    for joint in robot.moving_joints:
+        behind = [joint.child]
+        heavy = False
+        while behind and not heavy:
+            link = bodies[behind.pop()]
+            heavy = bool(link.mass) or any(link.inertia or ())
+            behind += children.get(link.name, [])
+        if not heavy:
             findings.error(
-                "nothing behind this joint has mass or inertia about its axis, so its motion is not defined",
-                code="massless-joint", line=joint.line, key=name, hint=f"Give link '{joint.child}' an <inertial>",
+                "nothing behind this joint has mass or inertia, so its motion is not defined",
+                code="massless-joint", line=joint.line, key=joint.name, hint=f"Give link '{joint.child}' an <inertial>",
             )  # fmt: skip

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
-from asrsim.samples import RunInfo
+from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import Drive, make_drives
@@ -115,6 +115,7 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
     configurations = _configurations(drives)
     masses = [engine.mass_matrix(position) for position in configurations]
+    _check_inertia(drives, masses[0])
     gravity = np.max([np.abs(engine.gravity_torques(position)) for position in configurations], axis=0)
     external = np.max(np.abs(sampled[2]), axis=0)
     stiffness = [
@@ -142,6 +143,23 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
         motor_substeps=scenario.motor_substeps,
         cap=scenario.substep_cap,
     )
+
+
+def _check_inertia(drives: Sequence[Drive], mass: Array) -> None:
+    """A joint that turns nothing (a point mass on its own axis) has no equation of motion; raises RobotError."""
+    problems = [
+        Problem(
+            message=f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
+            line=drive.joint.line,
+            key=drive.name,
+            hint=f"Give link '{drive.joint.child}' an inertia",
+            code="massless-joint",
+        )
+        for j, drive in enumerate(drives)
+        if not mass[j, j] > 0.0
+    ]
+    if problems:
+        raise RobotError(problems)
 
 
 def _configurations(drives: Sequence[Drive]) -> list[list[float]]:
