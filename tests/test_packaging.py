@@ -46,7 +46,9 @@ def test_every_requirement_has_a_lower_bound_that_the_lock_meets():
     pins = locked()
     for name, bound in declared().items():
         assert bound.startswith(">="), f"{name} has no lower bound"
-        assert number(pins[name]) >= number(bound.removeprefix(">=")), name
+        lower, _, upper = bound.removeprefix(">=").partition(",<")
+        assert number(lower) <= number(pins[name]), name
+        assert not upper or number(pins[name]) < number(upper), name
 
 
 def test_the_lock_pins_and_names_no_place():
