@@ -376,3 +376,13 @@ def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command
     assert [run["variant"] for run in document["runs"]] == ["default"]
     assert not document["ok"]
     assert asrsim_command("rerun", tiny.folder / "out/step/default/log.mcap").code == 0
+
+
+def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> None:
+    text = chain(2).replace(f'<link name="l0">{INERTIAL}</link>', '<link name="l0"/>')
+    tiny.robot.write_text(text)
+    tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\n")
+    for command in ("check", "run"):
+        outcome = asrsim_command(command, tiny.scenario)
+        assert outcome.code == 1
+        assert "'j0', 'j1'" in outcome.out + outcome.err

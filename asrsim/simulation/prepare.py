@@ -22,6 +22,8 @@ from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
 from asrsim.simulation.wrenches import wrench_hook
 
+SINGULAR = 1e-12
+"""Smallest eigenvalue of the mass matrix, its diagonal scaled to 1, that double precision can tell from none."""
 CONFIGURATIONS = 8
 """Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
 
@@ -146,7 +148,9 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
 
 
 def _check_inertia(drives: Sequence[Drive], mass: Array) -> None:
-    """A joint that turns nothing (a point mass on its own axis) has no equation of motion; raises RobotError."""
+    """A joint that turns nothing (a point mass on its own axis), or two on one axis with no mass between them, have no
+    equation of motion; raises RobotError.
+    """
     problems = [
         Problem(
             message=f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
@@ -160,6 +164,18 @@ def _check_inertia(drives: Sequence[Drive], mass: Array) -> None:
     ]
     if problems:
         raise RobotError(problems)
+    scale = 1.0 / np.sqrt(np.diag(mass))
+    values, vectors = np.linalg.eigh(mass * np.outer(scale, scale))
+    if values[0] < SINGULAR:
+        share = np.abs(vectors[:, 0])
+        names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
+        raise RobotError(
+            Problem(
+                message=f"joints {names} can move against each other without moving any mass: their motion is not defined",
+                hint="Give the links between them inertias",
+                code="massless-motion",
+            )
+        )
 
 
 def _configurations(drives: Sequence[Drive]) -> list[list[float]]:
