@@ -38,6 +38,7 @@ def parts() -> dict[str, str]:
         "actuators": actuators(),
         "steppings": steppings(),
         "truth": truth(),
+        "speed": speed(),
     }
 
 
@@ -100,6 +101,15 @@ def truth() -> str:
         missed = sum("**missed**" in line for line in checks)
         rows.append((title, str(len(checks)), str(len(checks) - missed)))
     return markdown_table(("checked against", "checks", "met"), rows)
+
+
+def speed() -> str:
+    """The table of measured ratios of performance.md, and the machine that they come from."""
+    page = (Path(__file__).parent / "performance.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `[\w]+` \| \*\*([\d.]+)\*\* \| ([\d.]+) \| (.*) \|$", page, re.MULTILINE)
+    machine = re.search(r"^Measured on: .*$", page, re.MULTILINE)
+    table = markdown_table(("ratio", "measured", "goal"), [(what, got, goal) for got, goal, what in rows])
+    return f"{table}\n\n{machine[0] if machine else ''}"
 
 
 def renewed(text: str) -> str:
