@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.engines.base import Array
 from asrsim.engines.bullet import BulletEngine
 from asrsim.robot.model import Robot
+from asrsim.samples import Array
 from asrsim.scenario.data import Vector, World
 
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
@@ -30,7 +30,7 @@ class BulletView(BulletEngine):
         )  # fmt: skip
         self._floor: float | None = world.ground_height if world.ground else None
         for item in world.objects:
-            self._p.changeVisualShape(self._objects[item.name], -1, rgbaColor=item.colour, physicsClientId=self._client)
+            self._p.changeVisualShape(self._world.objects[item.name], -1, rgbaColor=item.colour, physicsClientId=self._client)
 
     def place(self, positions: Mapping[str, float], poses: Mapping[str, Sequence[float]]) -> None:
         """Joint positions (rad, m) and poses (x y z, quaternion x y z w) of the world's objects and of a floating base."""
@@ -39,8 +39,9 @@ class BulletView(BulletEngine):
             if name in positions:
                 p.resetJointState(self._body, index, float(positions[name]), 0.0, physicsClientId=client)
         for name, pose in poses.items():
-            if name in self._objects:
-                p.resetBasePositionAndOrientation(self._objects[name], list(pose[:3]), list(pose[3:7]), physicsClientId=client)
+            if name in self._world.objects:
+                item = self._world.objects[name]
+                p.resetBasePositionAndOrientation(item, list(pose[:3]), list(pose[3:7]), physicsClientId=client)
             elif name == self.base:
                 local = p.getDynamicsInfo(self._body, -1, client)[3:5]
                 centre = p.multiplyTransforms(list(pose[:3]), list(pose[3:7]), *local)
@@ -67,7 +68,7 @@ class BulletView(BulletEngine):
                 centre, turn = p.multiplyTransforms(*frame, *local)
                 rotation = np.array(p.getMatrixFromQuaternion(turn), dtype=float).reshape(3, 3)
                 found += [np.array(centre, dtype=float) + (_CORNERS * half) @ rotation.T]
-        for body in self._objects.values():
+        for body in self._world.objects.values():
             low, high = p.getAABB(body, -1, client)
             found += [np.array(list(product(*zip(low, high, strict=True))), dtype=float)]
         if not found:

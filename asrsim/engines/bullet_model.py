@@ -1,0 +1,162 @@
+"""The model behind PyBullet's engine: kinematics and dynamics of one robot, past the traps of Bullet's own routines.
+
+Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from operator import sub
+from typing import Any
+
+import numpy as np
+
+from asrsim.samples import Array
+from asrsim.scenario.data import Vector
+
+
+class BulletModel:
+    """Mass matrix, torques, energy and poses of the robot `body`, whose moving joints Bullet numbers `indices`.
+
+    Arrays are in the order of `indices`. gravity: m/s^2, as the client has it; fixed: the base is held.
+    """
+
+    def __init__(self, p: Any, client: int, body: int, indices: Sequence[int], *, gravity: Vector, fixed: bool) -> None:
+        self._p, self._client, self._body = p, client, body
+        self._indices = list(indices)
+        self._gravity = gravity
+        self._fixed = fixed
+        # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
+        self._to_bullet = sorted(range(len(self._indices)), key=self._indices.__getitem__)
+        self._from_bullet = [self._to_bullet.index(j) for j in range(len(self._indices))]
+        self._same_order = self._to_bullet == list(range(len(self._indices)))
+        # The client by name: the fifth argument is one for flags.
+        self._inverse = partial(p.calculateInverseDynamics, body, physicsClientId=client)
+
+    def inertial_frame(self, index: int) -> tuple[Any, Array, Any]:
+        """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
+
+        With matrices: Bullet's own transforms of vectors and quaternions work in single precision.
+        """
+        p, client, body = self._p, self._client, self._body
+        dynamics = p.getDynamicsInfo(body, index, client)
+        if index == -1:
+            position, inertial = p.getBasePositionAndOrientation(body, client)
+            return position, self._matrix(inertial) @ self._matrix(dynamics[4]).T, dynamics[3]
+        state = p.getLinkState(body, index, 0, 1, client)
+        return state[0], self._matrix(state[5]), state[2]
+
+    def base_pose(self) -> tuple[float, ...]:
+        """World pose of the root link's URDF frame: x y z in m, quaternion x y z w."""
+        centre, rotation, local = self.inertial_frame(-1)
+        x, y, z, w = self._p.getDynamicsInfo(self._body, -1, self._client)[4]
+        turned = self._p.getBasePositionAndOrientation(self._body, self._client)[1]
+        return (*(centre - rotation @ np.asarray(local)).tolist(), *_product(turned, (-x, -y, -z, w)))
+
+    def _positions(self) -> list[float]:
+        return [state[0] for state in self._states()]
+
+    def _states(self) -> Sequence[Any]:
+        states: Sequence[Any] = self._p.getJointStates(self._body, self._indices, self._client)
+        return states
+
+    def _ordered(self, values: Sequence[float]) -> list[float]:
+        """`values` of the moving joints in Bullet's order."""
+        return list(values) if self._same_order else [values[j] for j in self._to_bullet]
+
+    def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
+        """(n, n) kg m^2 (kg) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
+        values = self._ordered(self._positions() if positions is None else positions)
+        matrix = np.array(self._p.calculateMassMatrix(self._body, values, physicsClientId=self._client), dtype=float)
+        n = len(self._indices)
+        if not self._fixed:
+            # The base takes part in every motion: its six rows are eliminated.
+            base, cross = matrix[:6, :6], matrix[:6, 6:]
+            matrix = matrix[6:, 6:] - cross.T @ np.linalg.solve(base, cross)
+        return matrix[-n:, -n:][np.ix_(self._from_bullet, self._from_bullet)]
+
+    def bias_difference(
+        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
+    ) -> list[float] | None:
+        """Velocity torques in N m at `velocities` less those at `others`; None for one joint or a floating base."""
+        n = len(self._indices)
+        if n < 2 or not self._fixed:
+            return None
+        zero = [0.0] * n
+        if self._same_order:
+            return list(map(sub, self._inverse(positions, velocities, zero), self._inverse(positions, others, zero)))
+        here = self._inverse(self._ordered(positions), self._ordered(velocities), zero)
+        there = self._inverse(self._ordered(positions), self._ordered(others), zero)
+        return [here[k] - there[k] for k in self._from_bullet]
+
+    def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
+        """(n,) N m that hold the robot still, on a base that is held."""
+        p, client = self._p, self._client
+        values = self._ordered(self._positions() if positions is None else positions)
+        # Bullet's routine ignores the base's orientation: gravity is turned in its place.
+        turned = self.inertial_frame(-1)[1].T @ np.array(self._gravity)
+        if self._fixed:
+            zero = [0.0] * len(values)
+        else:
+            zero = [0.0] * (len(values) + 6)
+            values = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *values]
+        p.setGravity(*turned.tolist(), physicsClientId=client)
+        try:
+            torques = np.array(p.calculateInverseDynamics(self._body, values, zero, zero, physicsClientId=client), dtype=float)
+            return torques[-len(self._indices) :][self._from_bullet]
+        finally:
+            p.setGravity(*self._gravity, physicsClientId=client)
+
+    def mechanical_energy(self) -> float:
+        """Kinetic and gravitational energy in J of the links that joints move; all that moves, on a base that is held."""
+        p, client, body = self._p, self._client, self._body
+        states = self._states()
+        velocities = np.array([state[1] for state in states])
+        energy = 0.5 * float(velocities @ self.mass_matrix([state[0] for state in states]) @ velocities)
+        for index in range(p.getNumJoints(body, client)):
+            mass = p.getDynamicsInfo(body, index, client)[0]
+            if mass:
+                position = p.getLinkState(body, index, 0, 1, client)[0]
+                energy -= mass * sum(g * x for g, x in zip(self._gravity, position, strict=True))
+        return energy
+
+    def link_point(self, index: int, point: Sequence[float], positions: Sequence[float]) -> tuple[Array, Array, Array]:
+        """Forward kinematics of a point of link `index`: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame.
+
+        Moves the robot to `positions`: for models that are not being simulated.
+        """
+        p, client, body = self._p, self._client, self._body
+        for joint, value in zip(self._indices, positions, strict=True):
+            p.resetJointState(body, joint, value, 0.0, physicsClientId=client)
+        at = np.asarray(point, dtype=float)
+        if index == -1:
+            centre, rotation, local = self.inertial_frame(index)
+            return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation, np.zeros((6, len(self._indices)))
+        state = p.getLinkState(body, index, 0, 1, client)
+        rotation = self._matrix(state[5])
+        # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
+        # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
+        turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
+        zero = [0.0] * len(self._indices)
+        linear, angular = p.calculateJacobian(
+            body, index, turned.tolist(), self._ordered(positions), zero, zero, physicsClientId=client
+        )
+        base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
+        jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
+        jacobian = jacobian[:, -len(self._indices) :][:, self._from_bullet]
+        return np.array(state[4]) + rotation @ at, rotation, jacobian
+
+    def _matrix(self, quaternion: Sequence[float]) -> Array:
+        return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
+
+
+def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
+    """Product of quaternions (x, y, z, w); Bullet's own works in single precision."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )

@@ -1,0 +1,100 @@
+"""The world around PyBullet's robot: ground and objects, their poses and the forces in their contacts.
+
+Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import SimulationError
+from asrsim.scenario.data import World, WorldObject
+
+GROUND_SIZE = 100.0
+"""m: edge of the box that is the ground; a plane's contact forces jump."""
+
+
+class BulletWorld:
+    """Ground and objects, put around the robot `body` of a physics client. fixed: the robot's base is held."""
+
+    def __init__(self, p: Any, client: int, body: int, world: World, *, fixed: bool) -> None:
+        self._p, self._client, self._body = p, client, body
+        self.objects: dict[str, int] = {}
+        """Name -> Bullet's number of the body."""
+        self._ground = self._lay_ground(world, fixed) if world.ground else None
+        for item in world.objects:
+            self.objects[item.name] = self._add_object(item)
+
+    def _lay_ground(self, world: World, fixed: bool) -> int:
+        p, client = self._p, self._client
+        half = GROUND_SIZE / 2
+        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[half, half, half], physicsClientId=client)
+        ground = int(p.createMultiBody(0, shape, basePosition=[0, 0, world.ground_height - half], physicsClientId=client))
+        p.changeDynamics(ground, -1, lateralFriction=world.ground_friction, restitution=0.0, physicsClientId=client)
+        if fixed:
+            # A base that stands on the ground must not push against it.
+            p.setCollisionFilterPair(ground, self._body, -1, -1, 0, physicsClientId=client)
+        return ground
+
+    def _add_object(self, item: WorldObject) -> int:
+        p, client = self._p, self._client
+        if item.shape == "box":
+            arguments: dict[str, Any] = {"shapeType": p.GEOM_BOX, "halfExtents": [edge / 2 for edge in item.size]}
+        elif item.shape == "sphere":
+            arguments = {"shapeType": p.GEOM_SPHERE, "radius": item.size[0]}
+        elif item.shape == "cylinder":
+            arguments = {"shapeType": p.GEOM_CYLINDER, "radius": item.size[0], "height": item.size[1]}
+        else:
+            arguments = {"shapeType": p.GEOM_MESH, "fileName": str(item.mesh), "meshScale": list(item.size or (1, 1, 1))}
+        try:
+            shape = p.createCollisionShape(**arguments, physicsClientId=client)
+        except p.error as error:
+            raise SimulationError(f"object '{item.name}': PyBullet cannot make its shape ({error})") from error
+        body = int(
+            p.createMultiBody(
+                item.mass, shape, basePosition=item.position, baseOrientation=p.getQuaternionFromEuler(item.rpy),
+                physicsClientId=client,
+            )
+        )  # fmt: skip
+        p.changeDynamics(
+            body, -1, lateralFriction=item.friction, restitution=item.restitution, linearDamping=0, angularDamping=0,
+            physicsClientId=client,
+        )  # fmt: skip
+        if item.inertia is not None:
+            p.changeDynamics(body, -1, localInertiaDiagonal=item.inertia, physicsClientId=client)
+        return body
+
+    def poses(self) -> dict[str, tuple[float, ...]]:
+        """Object -> (x, y, z, qx, qy, qz, qw), m, world frame."""
+        poses = {}
+        for name, body in self.objects.items():
+            position, orientation = self._p.getBasePositionAndOrientation(body, self._client)
+            poses[name] = (*position, *orientation)
+        return poses
+
+    def contacts(self) -> dict[str, tuple[float, float, float]]:
+        """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot."""
+        p, client = self._p, self._client
+        names = {body: name for name, body in self.objects.items()}
+        if self._ground is not None:
+            names[self._ground] = "ground"
+        forces: dict[str, tuple[float, float, float]] = {}
+        for body, name in names.items():
+            if name != "ground":
+                for other, other_name in [*names.items(), (self._body, "robot")]:
+                    if other != body:
+                        forces[f"{name}/{other_name}"] = self._force(p.getContactPoints(body, other, physicsClientId=client))
+        if self._ground is not None:
+            forces["robot/ground"] = self._force(p.getContactPoints(self._body, self._ground, physicsClientId=client))
+        return forces
+
+    @staticmethod
+    def _force(points: Any) -> tuple[float, float, float]:
+        total = np.zeros(3)
+        for point in points or ():
+            total += point[9] * np.array(point[7])
+            total += point[10] * np.array(point[11])
+            total += point[12] * np.array(point[13])
+        return float(total[0]), float(total[1]), float(total[2])
