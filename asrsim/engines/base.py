@@ -8,12 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from asrsim.registry import Registry
-
-Array = NDArray[np.float64]
+from asrsim.samples import Array
 
 
 class Engine(Protocol):

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from asrsim.engines.base import Array
 from asrsim.robot.model import Robot
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal

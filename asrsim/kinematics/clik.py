@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.kinematics.model import Array, KinematicModel, Point
+from asrsim.kinematics.model import KinematicModel, Point
 from asrsim.kinematics.rotations import between
 from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.samples import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.kinematics.model import Array, Point
+from asrsim.kinematics.model import Point
+from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from asrsim.engines.bullet import BulletEngine

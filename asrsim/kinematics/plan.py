@@ -11,9 +11,10 @@ from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
 from asrsim.kinematics.compensation import Drive, LoadError, equilibrium_for_load
-from asrsim.kinematics.model import Array, KinematicModel
+from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.samples import Array
 from asrsim.scenario.data import CartesianTask
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.kinematics.clik import NDArrayBool
-from asrsim.kinematics.model import Array, KinematicModel, Point
+from asrsim.kinematics.model import KinematicModel, Point
 from asrsim.kinematics.rotations import between
+from asrsim.samples import Array
 
 STARTS = 12
 """Starts of the search beside the given one, spread over the joints' ranges."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from asrsim.kinematics.model import Array, Point
+from asrsim.kinematics.model import Point
+from asrsim.samples import Array
 
 
 def from_rpy(rpy: Point) -> Array:

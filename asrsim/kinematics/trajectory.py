@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.model import Array
 from asrsim.kinematics.rotations import between, exponential, from_rpy
+from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
 
 

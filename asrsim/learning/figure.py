@@ -10,9 +10,9 @@ import numpy as np
 
 from asrsim.errors import OutputError
 from asrsim.learning.iterate import LearningProblem, LearningResult
-from asrsim.learning.law import Array
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
+from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

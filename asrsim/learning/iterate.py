@@ -11,9 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from asrsim.learning.law import Array, updated
+from asrsim.learning.law import updated
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.state import fingerprint, load_state, save_state
+from asrsim.samples import Array
 
 Simulate = Callable[[Array], Array]
 """Inputs (n, joints) -> link positions (n, joints), or (plants, n, joints) when several plants are tried at once."""

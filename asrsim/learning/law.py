@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.learning.settings import LearningSettings
-
-Array = NDArray[np.float64]
+from asrsim.samples import Array
 
 
 def updated(inputs: Array, error: Array, first_guess: Array, update: int, settings: LearningSettings, step: float) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.kinematics.compensation import Drive, resting_motors
-from asrsim.learning.law import Array
+from asrsim.samples import Array
 
 Complex = NDArray[np.complex128]
 NUDGE = 1e-6

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, ScenarioError
-from asrsim.learning.law import Array
 from asrsim.learning.plant import Plant
 from asrsim.learning.transfer import Draw
+from asrsim.samples import Array
 from asrsim.scenario.data import Effects, Scenario
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from asrsim.kinematics.compensation import Drive, LoadError, drive_of, equilibri
 from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.learning.folder import origin_of
 from asrsim.learning.iterate import LearningProblem, Predict
-from asrsim.learning.law import Array
 from asrsim.learning.linear import JointDynamics, choose_gains
 from asrsim.learning.prediction import postures, predictor
 from asrsim.learning.settings import LearningSettings, parse_settings, wants_model_gains
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.sampled import Sampled
 

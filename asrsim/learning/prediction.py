@@ -8,8 +8,8 @@ import numpy as np
 
 from asrsim.kinematics.compensation import Drive
 from asrsim.learning.iterate import LearningProblem, Predict
-from asrsim.learning.law import Array
 from asrsim.learning.linear import DynamicModel, JointDynamics, linearise
+from asrsim.samples import Array
 
 KNOTS = 41
 """Postures along the trajectory at which the joints are linearised; between, shares are straight lines."""

@@ -12,13 +12,13 @@ import numpy as np
 from asrsim.learning.figure import write_figure, write_transfer_figure
 from asrsim.learning.folder import INPUTS, LOG, NUMBERS, PICTURE, PLAYBACK, STATE, TRANSFER, Earlier, clear, open_folder
 from asrsim.learning.iterate import LearningResult, Trial, learn
-from asrsim.learning.law import Array
 from asrsim.learning.perturb import Workers
 from asrsim.learning.plant import Plant, Prepared, learning_model, prepare_learning
 from asrsim.learning.playback import write_playback
 from asrsim.learning.report import result_data, transfer_data, write_json
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
+from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from asrsim.log import LogWriter

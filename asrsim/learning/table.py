@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import OutputError
-from asrsim.learning.law import Array
+from asrsim.samples import Array
 
 
 def write_inputs(path: Path, time: Array, joints: Sequence[str], inputs: Array, *, comment: str = "") -> None:

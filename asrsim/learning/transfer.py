@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from asrsim.learning.law import Array
+from asrsim.samples import Array
 
 Distribution = Literal["uniform", "normal"]
 Draw = Mapping[str, float]

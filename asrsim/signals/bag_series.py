@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
-from asrsim.signals.base import Array
+from asrsim.samples import Array
 
 _STEP = re.compile(r"([A-Za-z_]\w*)(?:\[([^\]]+)\])?")
 

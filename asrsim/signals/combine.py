@@ -9,7 +9,8 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.composite import ListOf
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 from asrsim.signals.common import ANY, NOT_NEGATIVE, between, require
 from asrsim.signals.parse import SIGNAL
 

@@ -9,7 +9,7 @@ import numpy as np
 from asrsim.document.block import REQUIRED, declare
 from asrsim.document.kinds import Number
 from asrsim.errors import Problem, ScenarioError
-from asrsim.signals.base import Array
+from asrsim.samples import Array
 
 VALUE = "value"
 """Unit of what the signal drives: rad for a position, N m for a torque."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
-from asrsim.signals.base import Array
+from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from asrsim.recordings.delimited import Table

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from asrsim.document.block import declare
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 from asrsim.signals.common import POSITIVE, driven, require, since, start_time
 
 

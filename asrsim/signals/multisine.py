@@ -11,7 +11,8 @@ import numpy as np
 from asrsim.document.block import declare
 from asrsim.document.composite import Either, ListOf, is_list, is_scalar
 from asrsim.document.kinds import Choice, Integer
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 from asrsim.signals.common import ANY, POSITIVE, VALUE, driven, require, since, start_time
 
 _AMPLITUDES = Either(((is_scalar, ANY), (is_list, ListOf(of=ANY, minimum=1))))

@@ -11,8 +11,9 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.kinds import Choice, File, Optional, Text
+from asrsim.samples import Array
 from asrsim.signals.bag_series import read_bag_series
-from asrsim.signals.base import Array, Signal
+from asrsim.signals.base import Signal
 from asrsim.signals.common import ANY, driven, require
 from asrsim.signals.csv_series import read_csv_series
 from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate

@@ -10,7 +10,8 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.kinds import Integer, Optional
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 from asrsim.signals.common import POSITIVE, between, driven, require, start_time
 
 

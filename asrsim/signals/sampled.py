@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from asrsim.signals.base import Array
+from asrsim.samples import Array
 from asrsim.signals.common import between
 
 INTERPOLATIONS = ("linear", "hold")

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 from asrsim.signals.common import ANY, between, driven
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from asrsim.document.block import declare
 from asrsim.document.composite import ListOf
 from asrsim.document.kinds import Choice
-from asrsim.signals.base import Array, Signal
+from asrsim.samples import Array
+from asrsim.signals.base import Signal
 from asrsim.signals.common import ANY, require
 from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate
 

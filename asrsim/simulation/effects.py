@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from asrsim.samples import Array
 from asrsim.scenario.data import Effects
-from asrsim.signals.base import Array, Signal
+from asrsim.signals.base import Signal
 
 _BLOCK = 4096
 
