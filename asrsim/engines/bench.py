@@ -8,7 +8,7 @@ import numpy as np
 
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 
@@ -20,9 +20,9 @@ class BenchEngine:
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.joints = tuple(joint.name for joint in robot.moving_joints)
-        motion, initial = scenario.motion, scenario.initial_positions
         self._signals: list[Signal] = [
-            motion.get(name, motion.get("*", Constant(value=initial.get(name, initial.get("*", 0.0))))) for name in self.joints
+            for_joint(scenario.motion, name, Constant(value=for_joint(scenario.initial_positions, name, 0.0)))
+            for name in self.joints
         ]
         self.set_step(scenario.step)
 

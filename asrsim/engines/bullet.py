@@ -21,7 +21,7 @@ from asrsim.engines.foreign import crashes, quiet
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Vector, World
+from asrsim.scenario.data import Vector, World, for_joint
 
 NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
@@ -129,7 +129,7 @@ class BulletEngine:
         self._frictions = [joint.friction for joint in moving]
         self._set_friction(1.0)
         for joint, index in zip(moving, self._indices, strict=True):
-            position = float(initial_positions.get(joint.name, initial_positions.get("*", 0.0)))
+            position = float(for_joint(initial_positions, joint.name, 0.0))
             p.resetJointState(body, index, position, 0.0, physicsClientId=client)
 
     def _set_friction(self, fraction: float) -> None:

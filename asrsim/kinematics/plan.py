@@ -15,7 +15,7 @@ from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
 from asrsim.samples import Array
-from asrsim.scenario.data import CartesianTask
+from asrsim.scenario.data import CartesianTask, for_joint
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
@@ -227,7 +227,7 @@ def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], ti
     """(n,) second references over time."""
     if drive.joint in presets:
         return presets[drive.joint].values(time)
-    return np.full(len(time), task.preset.get(drive.joint, task.preset.get("*", drive.actuator.typical_preset)))
+    return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
 
 
 def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:

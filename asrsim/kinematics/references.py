@@ -9,6 +9,7 @@ from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.compensation import drive_of
 from asrsim.kinematics.plan import PlannedReferences, plan
+from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -27,7 +28,7 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     planned = plan_task(scenario, robot).signals()
     references = dict(scenario.references)
     for joint, signals in planned.items():
-        references[joint] = {**references.get("*", {}), **references.get(joint, {}), **signals}
+        references[joint] = {**scenario.references_of(joint), **signals}
     return replace(scenario, references=references)
 
 
@@ -41,10 +42,9 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
     presets: dict[str, Signal] = {}
     for drive in drives:
         names = MODES[drive.mode].references
-        given = {**scenario.references.get("*", {}), **scenario.references.get(drive.joint, {})}
+        given = scenario.references_of(drive.joint)
         if MODES[drive.mode].mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
-    common = scenario.initial_positions.get("*", 0.0)
-    initial = {joint.name: scenario.initial_positions.get(joint.name, common) for joint in robot.moving_joints}
+    initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
     with model_of(scenario, robot) as model:
         return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from asrsim.errors import Problem, ScenarioError
 from asrsim.learning.plant import Plant
 from asrsim.learning.transfer import Draw
 from asrsim.samples import Array
-from asrsim.scenario.data import Effects, Scenario
+from asrsim.scenario.data import Effects, Scenario, for_joint
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -162,8 +162,7 @@ def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
 
 def _delayed(scenario: Scenario, joints: Sequence[str], delay: float) -> Scenario:
     effects: dict[str, Effects] = dict(scenario.command_effects)
-    common: Mapping[str, Effects] = scenario.command_effects
     for joint in joints:
-        before = common.get(joint, common.get("*", Effects()))
+        before = for_joint(scenario.command_effects, joint, Effects())
         effects[joint] = replace(before, delay=before.delay + delay)
     return replace(scenario, command_effects=effects)

@@ -20,7 +20,7 @@ from asrsim.learning.linear import JointDynamics, choose_gains
 from asrsim.learning.prediction import postures, predictor
 from asrsim.learning.settings import LearningSettings, parse_settings, wants_model_gains
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Plant:
         for column, (joint, drive) in enumerate(zip(self.joints, self.drives, strict=True)):
             name = MODES[drive.mode].references[0]
             signal = Sampled(times=self.time, samples=np.ascontiguousarray(inputs[:, column]))
-            references[joint] = {**references.get("*", {}), **references.get(joint, {}), name: signal}
+            references[joint] = {**self.scenario.references_of(joint), name: signal}
         return replace(self.scenario, references=references, log_every=log_every)
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
@@ -198,8 +198,7 @@ def compensated_guess(plant: Plant, model: EngineModel, *, strict: bool) -> Arra
     """
     rows = np.unique(np.linspace(0, len(plant.time) - 1, GUESS_KNOTS).round().astype(int))
     index = [model.joints.index(joint) for joint in plant.joints]
-    given = plant.scenario.initial_positions
-    initial = {name: given.get(name, given.get("*", 0.0)) for name in model.joints}
+    initial = {name: for_joint(plant.scenario.initial_positions, name, 0.0) for name in model.joints}
     found = np.empty((len(rows), len(index)))
     guesses: list[float | None] = [None] * len(index)
     for row, sample in enumerate(rows):
@@ -232,5 +231,5 @@ def _preset(scenario: Scenario, joint: str, mode: int) -> float:
     names = MODES[mode].references
     if len(names) < 2:
         return 0.0
-    given = {**scenario.references.get("*", {}), **scenario.references.get(joint, {})}
+    given = scenario.references_of(joint)
     return float(given[names[1]].values(np.zeros(1))[0]) if names[1] in given else 0.0

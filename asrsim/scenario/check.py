@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -219,8 +219,3 @@ def _values(
 
 def _outside(values: Array, low: float | None, high: float | None) -> bool:
     return low is not None and high is not None and bool(values.min() < low or values.max() > high)
-
-
-def for_joint(table: Mapping[str, Any], joint: str, default: Any = None) -> Any:
-    """The entry of a joint in a per-joint table: its own, else that of `"*"`, else `default`."""
-    return table.get(joint, table.get("*", default))

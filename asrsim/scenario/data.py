@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 from asrsim.signals.base import Signal
 
 Vector = tuple[float, float, float]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +182,7 @@ class Scenario:
     """Steps between logged samples (from the log rate)."""
     seed: int = 0
     stepping: str = "leapfrog"
-    """leapfrog (second order), euler (one torque evaluation, first order), toolbox (the released code's order)."""
+    """leapfrog (second order), euler (first order), toolbox (the released code's order of a step)."""
     substeps: int | None = None
     """World steps a step; None: automatic."""
     motor_substeps: int | None = None
@@ -221,3 +222,20 @@ class Scenario:
     """This variant as plain JSON values with overrides applied: parsing it again gives this scenario."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Dotted key -> line in `path`, for messages of later checks."""
+
+    def references_of(self, joint: str) -> dict[str, Signal]:
+        """Reference by name of one joint: those given for all, and its own, which win."""
+        return {**self.references.get("*", {}), **self.references.get(joint, {})}
+
+
+@overload
+def for_joint(table: Mapping[str, T], joint: str) -> T | None: ...
+
+
+@overload
+def for_joint(table: Mapping[str, T], joint: str, default: T) -> T: ...
+
+
+def for_joint(table: Mapping[str, T], joint: str, default: T | None = None) -> T | None:
+    """The entry of a joint in a per-joint table: its own, else that of `"*"`, else `default`."""
+    return table.get(joint, table.get("*", default))

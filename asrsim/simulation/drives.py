@@ -11,7 +11,7 @@ from asrsim.actuators.motor import motor_coefficients
 from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import LinkDamping
+from asrsim.scenario.data import LinkDamping, for_joint
 from asrsim.simulation import kernels, toolbox
 from asrsim.simulation.kernels import Advance
 from asrsim.simulation.steppings import Stepping
@@ -130,8 +130,8 @@ def make_drives(
                 mode=MODES[block.mode] if block else None,
                 values=block.values() if block else {},
                 stepping=stepping,
-                initial_position=float(initial_positions.get(joint.name, initial_positions.get("*", 0.0))),
-                link_damping=link_damping.get(joint.name, link_damping.get("*")) if block else None,
+                initial_position=float(for_joint(initial_positions, joint.name, 0.0)),
+                link_damping=for_joint(link_damping, joint.name) if block else None,
                 block=block,
             )
         )

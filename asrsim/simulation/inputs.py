@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import Drive
@@ -62,8 +62,8 @@ class Inputs:
         self._maps = [(rows, references_over_arrays(actuator)) for actuator, rows in mapped.items()]
         self._signals: tuple[list[Signal], list[Signal], list[Signal]] = ([], [], [])
         for index, drive in enumerate(drives):
-            references = {**scenario.references.get("*", {}), **scenario.references.get(drive.name, {})}
-            effects = scenario.command_effects.get(drive.name, scenario.command_effects.get("*"))
+            references = scenario.references_of(drive.name)
+            effects = for_joint(scenario.command_effects, drive.name)
             names = drive.mode.references if drive.mode else ()
             for slot in (0, 1):
                 signal: Signal = REST
@@ -71,8 +71,7 @@ class Inputs:
                     signal = references.get(names[slot], self._rest(drive, slot))
                     signal = through(signal, effects, step=scenario.step, seed=(scenario.seed, index, slot))
                 self._signals[slot].append(signal)
-            external = scenario.external_torques
-            self._signals[2].append(external.get(drive.name, external.get("*", REST)))
+            self._signals[2].append(for_joint(scenario.external_torques, drive.name, REST))
 
     @staticmethod
     def _rest(drive: Drive, slot: int) -> Signal:

@@ -13,7 +13,7 @@ from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import Drive, make_drives
 from asrsim.simulation.inputs import Inputs
@@ -199,7 +199,7 @@ def _sensing(scenario: Scenario, drives: Sequence[Drive], substep: float) -> tup
     changed: list[Drive] = []
     hooks: list[Hook] = []
     for index, drive in enumerate(drives):
-        effects = scenario.sensor_effects.get(drive.name, scenario.sensor_effects.get("*"))
+        effects = for_joint(scenario.sensor_effects, drive.name)
         if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
             seen, hook = sensed(drive, effects, substep=substep, index=index, seed=scenario.seed)
             hooks.append(hook)
