@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.actuators import MODES
-from asrsim.errors import OutputError
 from asrsim.learning.plant import Plant
 from asrsim.learning.settings import LearningSettings
+from asrsim.textfile import write_text
 
 
 def playback_data(plant: Plant, settings: LearningSettings, inputs: Path, folder: Path) -> dict[str, Any]:
@@ -48,10 +48,7 @@ def write_playback(path: Path, plant: Plant, settings: LearningSettings, inputs:
 
     text = f"# Plays what `asrsim ilc` learned; the inputs are in {inputs.name}.\n"
     text += yaml.safe_dump(playback_data(plant, settings, inputs, path.parent), sort_keys=False, allow_unicode=True)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+    write_text(path, text)
 
 
 def _renamed(value: Any, files: dict[str, str]) -> Any:

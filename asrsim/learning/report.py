@@ -7,9 +7,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import OutputError
 from asrsim.learning.iterate import LearningResult, Trial
 from asrsim.learning.transfer import TransferReport
+from asrsim.textfile import write_text
 
 
 def trial_data(trial: Trial, joints: tuple[str, ...]) -> dict[str, Any]:
@@ -62,10 +62,7 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write plain data. Raises OutputError where it cannot be written."""
-    try:
-        path.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+    write_text(path, json.dumps(data, indent=2) + "\n")
 
 
 def _plain(value: float) -> float | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import OutputError
+from asrsim.textfile import write_text
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -62,7 +63,7 @@ def _cell(row: MetricRow | None) -> str:
 def write_metrics_json(path: Path, rows: Sequence[MetricRow]) -> None:
     """Writes `metrics.json`: a list of rows; undefined numbers are null. Raises OutputError."""
     data = [{**row.__dict__, "value": row.value if math.isfinite(row.value) else None} for row in rows]
-    _write(path, json.dumps({"metrics": data}, indent=2) + "\n")
+    write_text(path, json.dumps({"metrics": data}, indent=2) + "\n")
 
 
 def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:
@@ -74,12 +75,5 @@ def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:
             for row in rows:
                 value = repr(row.value) if math.isfinite(row.value) else ""
                 writer.writerow((row.source, row.joint, row.quantity, row.measure, value, row.unit))
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from asrsim.errors import OutputError
@@ -13,6 +12,7 @@ from asrsim.report.content import RunContent, film_strips, find_comparison, find
 from asrsim.report.page import build_page
 from asrsim.report.plots import DASHES, QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
+from asrsim.textfile import write_text
 
 PAGE = "report.html"
 
@@ -62,15 +62,11 @@ def write_report(
         contents, labels, data=data, strips=strips, notes=notes,
         compared=find_comparison(place if place.is_dir() else place.parent), thinned=grid.thinned,
     )  # fmt: skip
-    part = page.with_name(f".{page.name}.part")
     try:
         page.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
-        part.replace(page)
     except OSError as error:
-        with suppress(OSError):
-            part.unlink()
         raise OutputError(f"{page}: cannot be written: {error.strerror or error}") from error
+    write_text(page, text)
     return page
 
 

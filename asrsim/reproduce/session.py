@@ -124,7 +124,7 @@ def _ignore_interrupts() -> None:
 def _write(folder: Path, outcome: Outcome) -> None:
     from asrsim import __version__
     from asrsim.reproduce.page import page
-    from asrsim.runs.folder import write_text
+    from asrsim.textfile import write_text
 
     _make(folder / PICTURES)
     for figure in outcome.figures:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter, open_log
 from asrsim.robot.model import Robot
-from asrsim.runs.folder import LOG, SUMMARY, clear, open_folder, write_text
+from asrsim.runs.folder import LOG, SUMMARY, clear, open_folder
 from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.run import Run, Sink, simulate
@@ -20,6 +20,7 @@ from asrsim.summary.claims import check_claims, claim_results
 from asrsim.summary.collect import QUANTITIES
 from asrsim.summary.data import RunSummary
 from asrsim.summary.make import make_summary
+from asrsim.textfile import write_text
 
 if TYPE_CHECKING:
     from asrsim.simulation.certify import Certificate

@@ -52,18 +52,6 @@ def clear(files: tuple[Path, ...]) -> None:
             raise OutputError(f"{path}: cannot replace it: {error.strerror or error}") from error
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all. Raises OutputError."""
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise OutputError(f"{path}: cannot write: {error.strerror or error}") from error
-
-
 def _files(folder: Path) -> tuple[Path, ...]:
     """Files of an earlier run: its log, its summary, and what the summary says it wrote here."""
     found = [path for path in (folder / LOG, folder / SUMMARY) if path.is_file()]
