@@ -84,6 +84,15 @@ def test_frequency_of_a_ringing(hertz: float, damping: float) -> None:
     assert measure("frequency", TIME, q) == pytest.approx(hertz, rel=5e-4)
 
 
+def test_frequency_of_a_hardening_ringing_in_a_short_record_is_no_flank_of_the_step() -> None:
+    # Rest, a step, a ringing whose crossings are uneven: the transform falls from 0 Hz on, and its flank is no oscillation.
+    time = np.linspace(0, 4, 4001)
+    since = np.maximum(time - 0.1, 0)
+    phase = 2 * np.pi * (1.2 * since + 2 * (1 - np.exp(-2 * since)))
+    q = np.where(since > 0, 0.8 * (1 - np.exp(-3 * since) * np.cos(phase)), 0)
+    assert 1.2 < measure("frequency", time, q) < 5.2
+
+
 def test_frequency_with_noise_drift_and_two_modes() -> None:
     rng = np.random.default_rng(3)
     q = np.sin(2 * np.pi * 3.3 * TIME) + 0.3 * np.sin(2 * np.pi * 11 * TIME) + 0.1 * rng.standard_normal(len(TIME))

@@ -88,8 +88,9 @@ def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
     size = 4 * len(grid)
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)
-    # Below one period in the record the window's own lobe rules.
+    # Below one period in the record the window's own lobe rules; its flank may reach up there, but is no peak.
     allowed = bins >= max(lowest, 1.0 / (grid[-1] - grid[0]))
+    allowed[1:-1] &= (spectrum[1:-1] >= spectrum[:-2]) & (spectrum[1:-1] >= spectrum[2:])
     if not allowed.any():
         return math.nan
     coarse = float(bins[allowed][np.argmax(spectrum[allowed])])
