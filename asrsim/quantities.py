@@ -39,7 +39,7 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("friction_torque_1", "N m", r"$\tau_{f,1}$", "friction torque on motor 1"),
         Quantity("friction_torque_2", "N m", r"$\tau_{f,2}$", "friction torque on motor 2"),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
-        Quantity("spring_energy", "J", r"$E_{el}$", "energy that the springs hold (from the work done on them)"),
+        Quantity("spring_energy", "J", r"$E_{el}$", "energy that the springs hold, by their law"),
         Quantity(
             "friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"
         ),

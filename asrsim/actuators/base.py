@@ -8,7 +8,7 @@ loop with equal bits. `parameters` reaches a law as a tuple of floats, in the or
         title = "My variable-stiffness actuator"
         source = "Me et al. (2026), eq. 4"
         motors = 2
-        parameters = (Parameter(name="k", default=10.0, unit="N m/rad^3", doc="cubic stiffness"), MAX_DEFLECTION)
+        parameters = (Parameter(name="k", default=10.0, unit="N m/rad^3", doc="cubic stiffness"), max_deflection(0.5))
 
         @staticmethod
         def elastic_torques(q, theta_1, theta_2, parameters):

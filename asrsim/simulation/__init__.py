@@ -1,1 +1,1 @@
-"""From data to samples: build, steppings, the loop."""
+"""From data to samples: a scenario made ready, the steppings, the loop and its checks."""

@@ -23,8 +23,9 @@ OUTPUTS = (
     "position", "velocity", "reference_1", "reference_2", "link_torque", "elastic_torque_1", "elastic_torque_2", "stiffness",
     "motor_1_position", "motor_1_velocity", "motor_1_effort", "motor_2_position", "motor_2_velocity", "motor_2_effort",
 )  # fmt: skip
-"""Columns that a joint gets, in this order; SI. Entries that a mode does not have: NaN torques and stiffness (modes 0, 1),
-zero motors (released order), no motor 2 (NaN)."""
+"""Columns that a joint gets, in this order; SI. `motor_i_effort`, the word of the toolbox's messages, is `motor_i_torque`
+elsewhere. Without a spring (modes 0, 1) torques and stiffness are NaN and motors 0; in the released order ideal motors (modes
+2, 3) are 0 too; in the others what an actuator with one motor and no adjuster does not have is NaN."""
 
 
 @dataclass(frozen=True, kw_only=True)

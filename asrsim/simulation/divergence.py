@@ -14,6 +14,7 @@ from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.loop import COLUMNS
 from asrsim.simulation.recorder import COLUMN
+from asrsim.simulation.substeps import COARSE
 
 SHARE = 0.5
 """Energy from nowhere, as a share of all that went through, that no resolved run shows."""
@@ -46,7 +47,7 @@ def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceErr
     """The error with likely cause and cure."""
     cause = (
         f"omega h is {omega_h:.2g} for the stiffest spring: too large a step is likely. Lower the step or raise substeps"
-        if omega_h > 0.5
+        if omega_h > COARSE
         else "likely an input or gain that drives the joint away, or a contact that cannot be resolved. Look at the last "
         "samples of the log; lower gains, or the step"
     )

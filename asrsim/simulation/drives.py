@@ -1,4 +1,4 @@
-"""A joint made ready to run: its kind of step, constants for any step length, initial state. Names meet classes here."""
+"""A joint made ready to run: its kind of step, constants for any step length, initial state."""
 
 from __future__ import annotations
 

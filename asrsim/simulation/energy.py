@@ -20,7 +20,8 @@ from asrsim.simulation.groups import Group, spring_groups
 POSITION, VELOCITY, TORQUE, SPRING_1, SPRING_2, MOTOR_1, MOTOR_2 = 0, 1, 2, 3, 4, 5, 9
 """Columns of the raw record; of a motor there are position, mean velocity, torque and friction."""
 
-_MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
+MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
+"""Parameters of a motor that its balance needs."""
 
 Mean = Callable[[int], Array]
 """Means over the steps (joints, n) of a column."""
@@ -140,11 +141,7 @@ class _Springs:
         self._elastic = group.elastic
         self._efforts = efforts(group.drives)
         self._motors = [
-            tuple(
-                group.value(f"motor_{index}_{name}")
-                for name in ("inertia", "damping", "min_position", "max_position", "max_velocity")
-            )
-            for index in range(1, group.motors + 1)
+            tuple(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES) for index in range(1, group.motors + 1)
         ]
 
     def balance(self, raw: Array, mean: Mean, moved: Array, link: Array, cut: Array) -> tuple[Array, Array, Array, Array]:

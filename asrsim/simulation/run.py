@@ -21,7 +21,7 @@ from asrsim.simulation.divergence import EnergyGuard, blame, not_finite, runaway
 from asrsim.simulation.loop import Hook, Loop, NoValueError
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.recorder import Counts, Recorder
-from asrsim.simulation.substeps import Resolution
+from asrsim.simulation.substeps import COARSE, TARGET, Resolution
 from asrsim.simulation.world import WorldRecorder
 
 BLOCK = 1024
@@ -30,8 +30,6 @@ LONGEST_BLOCK = 8192
 """Blocks grow to it with the time already simulated: a divergence early in the run is found early."""
 BLOCK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
-COARSE = 0.5
-"""omega h above which a spring that got stiffer than foreseen is no longer resolved well."""
 
 
 class Sink(Protocol):
@@ -267,7 +265,7 @@ def _stiffer_than_foreseen(prepared: Prepared, recorder: Recorder) -> list[Probl
                     message=f"the spring reached {seen:.4g} N m/rad where {foreseen:.4g} were foreseen: omega h may have been "
                     f"{omega_h:.2g}, which is coarse",
                     key=drive.name,
-                    hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / 0.2)} or more.",
+                    hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / TARGET)} or more.",
                     code="spring-stiffer-than-foreseen",
                 )
             )

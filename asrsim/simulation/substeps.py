@@ -1,4 +1,4 @@
-"""How many substeps a run needs: from the mass matrix, and the largest stiffness and damping that can be reached.
+"""How many substeps a run needs: from the mass matrix, and the largest stiffness that can be reached.
 
 The coupled step is stable for omega h < 2 with omega = sqrt(lambda_max(M^-1 diag(stiffness))); the default keeps
 omega h <= 0.2, where the frequency is right to (omega h)^2 / 24 = 0.17 %.
@@ -24,6 +24,8 @@ MOTOR_TARGET = 0.3
 """The same for motor and spring at a frozen link."""
 OVERSHOOT = 2.0
 """A step load deflects an undamped spring twice as far as a slow one; the same margin is given to the references' speeds."""
+COARSE = 0.5
+"""omega h above which a spring is no longer resolved well."""
 STANDING = 1e-3
 """rad between a joint and its first reference below which the motor does not jump to it at its largest speed."""
 
