@@ -160,7 +160,7 @@ def damp(
 
     torque: the actuator's in N m, within `limit`; v: rad/s extrapolated to the whole step, `change` of it over the last
     one; damping: N m s/rad, of which `brake` is the controller's (mode 1), within the limit; response, lean: see
-    :meth:`asrsim.simulation.loop.Loop.refresh_response`.
+    :func:`asrsim.simulation.damping.mean_response`.
     """
     drag = response * damping
     mean = (v + lean * change + response * (torque - last_torque) + drag * last_mean) / (1.0 + drag)

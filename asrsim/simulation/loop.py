@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.engines.base import Engine
 from asrsim.samples import Array
+from asrsim.simulation.damping import make_damping_law, mean_response
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.inputs import Block, Piece
 from asrsim.simulation.kernels import RECORD, damp, make_substepped
@@ -26,9 +27,6 @@ CORIOLIS_EVERY = 8
 """Substeps, at most, between evaluations of the Coriolis correction; in between it is what it will be half-way there."""
 CORIOLIS_PHASE = 1.0
 """rad of the fastest oscillation, at most, between them."""
-
-COUPLED = 0.25
-"""c h / I between joints above which their damping is bounded by the row's sum."""
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
@@ -96,27 +94,9 @@ class Loop:
         self.last_mean = [0.0] * len(self.drives)
 
     def refresh_response(self) -> None:
-        """Half a kick's velocity per torque of each joint: h / 2 (M^-1)_jj, for the mean velocity that damping acts on.
-
-        Over a kick that mean is v + Dv / 2, and Dv differs from the last kick's v - u by h M^-1 times what the torques of
-        actuator and damping have changed by. Solved for the mean, damping is implicit, and midpoint for what is stiff;
-        only second-order terms depend on the response, so the diagonal, now and then, will do.
-        """
-        if not (self.stepping.staggered and any(self._dampings)):
-            return
-        inverse = np.linalg.inv(self.engine.mass_matrix())
-        damping = np.array(self._dampings)
-        root = np.sqrt(damping)
-        decay = self.substep * root[:, None] * inverse * root[None, :]
-        own = np.diagonal(decay)
-        coupled = np.sum(np.abs(decay), axis=1) - own
-        # Where damping couples joints strongly (light links on light links), the row's sum bounds it: implicit, so stable.
-        felt = np.where(coupled > COUPLED, own + coupled, own)
-        # Midpoint, but for a joint whose motion dies within a step: there the midpoint rule would ring.
-        weight = np.maximum(0.5, 1.0 - 1.0 / np.maximum(felt, 1e-12))
-        self.lean[:] = (weight - 0.5).tolist()
-        scale = np.divide(felt, own, out=np.ones_like(own), where=own > 0.0)
-        self.response[:] = (weight * self.substep * np.diagonal(inverse) * scale).tolist()
+        """Look again at how fast the links' velocities answer torques: :func:`asrsim.simulation.damping.mean_response`."""
+        if self.stepping.staggered and any(self._dampings):
+            self.response[:], self.lean[:] = mean_response(self.engine.mass_matrix(), self._dampings, self.substep)
 
     def constants(self, step: float) -> list[Any]:
         """Constants of every joint for a motor step of `step` s, kept."""
@@ -283,24 +263,3 @@ class Loop:
             damping if law is None else damping + law(joints[j][0], self.states[j], first[j], second[j])
             for j, (damping, law) in enumerate(zip(self._dampings, self._laws, strict=True))
         ]
-
-
-def make_damping_law(drive: Drive, lag: float) -> Callable[[float, Any, float, float], float] | None:
-    """Additional link damping in N m s/rad as a function of link position, motor state and references, or None (the default).
-
-    c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness
-    preset (paper section 4.2.2); the toolbox keeps it fixed. lag: s by which motors' states are behind the link's.
-    """
-    law, actuator = drive.link_damping, drive.actuator
-    if law is None or actuator is None or not (drive.mode and drive.mode.spring):
-        return None if law is None or not law.constant else lambda q, state, first, second: law.constant
-    elastic, motors = drive.elastic, drive.dynamic_motors
-
-    def damping(q: float, state: Any, first: float, second: float) -> float:
-        # Ideal motors and an adjuster stand at their references.
-        theta_1 = state[0] + lag * state[1] if motors else first
-        theta_2 = state[4] + lag * state[5] if motors > 1 else second
-        stiffness = actuator.stiffness(q, theta_1, theta_2, elastic)
-        return float(law.constant + 2.0 * law.ratio * max(law.inertia * stiffness, 0.0) ** 0.5)
-
-    return damping
