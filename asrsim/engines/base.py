@@ -63,3 +63,4 @@ class Engine(Protocol):
 
 
 ENGINES: Registry[Callable[..., Any]] = Registry("engine", entry_point_group="asrsim.engines")
+"""Functions (scenario, robot) -> (engine, warnings); robot: with the scenario's modes and parameters in it."""

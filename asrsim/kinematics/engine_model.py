@@ -58,20 +58,9 @@ class EngineModel:
 @contextmanager
 def model_of(scenario: Scenario, robot: Robot) -> Iterator[EngineModel]:
     """The model of a scenario's robot on its base under its gravity; without the world's objects, released at the end."""
-    from asrsim.engines.bullet import BulletEngine
-    from asrsim.robot import engine_urdf
+    from asrsim.engines import make_bullet
     from asrsim.scenario.data import World
 
-    alone = replace(scenario, world=World())
-    text, _ = engine_urdf(robot, visuals=False, package_paths=alone.package_paths)
-    engine = BulletEngine(
-        robot,
-        text,
-        step=alone.step,
-        gravity=alone.gravity,
-        base_position=alone.base_position,
-        base_rpy=alone.base_rpy,
-        fixed_base=alone.fixed_base,
-    )
+    engine, _ = make_bullet(replace(scenario, world=World()), robot)
     with closing(engine):
         yield EngineModel(engine, robot)

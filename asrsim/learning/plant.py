@@ -91,18 +91,13 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
 
     Raises ScenarioError where there is none, or a joint's mode takes no position.
     """
-    from asrsim.robot import load_robot
-    from asrsim.scenario import apply_to_robot, check_against_robot
+    from asrsim.scenario import apply_to_robot, checked_robot
 
     if not scenario.learning:
         raise ScenarioError(
             Problem(message="the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
         )
-    if robot is None:
-        robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
-    errors, _ = check_against_robot(scenario, robot)
-    if errors:
-        raise ScenarioError(errors)
+    robot, _ = checked_robot(scenario, robot)
     applied = apply_to_robot(scenario, robot)
     trajectory = scenario.learning["trajectory"]
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]

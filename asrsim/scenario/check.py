@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.robot import ActuatorBlock, Robot
+from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
+from asrsim.robot import ActuatorBlock, Robot, load_robot
 from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
 from asrsim.scenario.data import Scenario
@@ -19,6 +19,18 @@ from asrsim.signals.base import Signal
 
 GRID = 2000
 """Points at which a reference is looked at over the duration, besides its jumps."""
+
+
+def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
+    """The scenario's robot as its file has it, read unless given, and warnings. Raises RobotError, or ScenarioError with
+    everything of the scenario that does not fit it.
+    """
+    if robot is None:
+        robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+    errors, warnings = check_against_robot(scenario, robot)
+    if errors:
+        raise ScenarioError(errors)
+    return robot, warnings
 
 
 def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem], list[Problem]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError
+from asrsim.errors import Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario, for_joint
@@ -51,22 +51,16 @@ class Prepared:
 
 def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError."""
-    from asrsim.robot import load_robot
-    from asrsim.scenario import apply_to_robot, check_against_robot
+    from asrsim.scenario import apply_to_robot, checked_robot
 
-    if robot is None:
-        robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
-    errors, warnings = check_against_robot(scenario, robot)
-    if errors:
-        from asrsim.errors import ScenarioError
-
-        raise ScenarioError(errors)
+    robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
-    if not robot.moving_joints:
-        raise InputError(Problem(message="the robot has no moving joint", file=robot.path, code="no-joint"))
     stepping = STEPPINGS.get(scenario.stepping)
     drives = make_drives(robot, stepping, initial_positions=scenario.initial_positions, link_damping=scenario.link_damping)
-    scenario = plan_task(scenario, robot)
+    if scenario.task is not None:
+        from asrsim.kinematics import plan_references
+
+        scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
         resolution = _resolve(scenario, drives, engine)
@@ -95,20 +89,11 @@ def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
     )
 
 
-def plan_task(scenario: Scenario, robot: Robot) -> Scenario:
-    """References from the Cartesian task, if the scenario has one."""
-    if scenario.task is None:
-        return scenario
-    from asrsim.kinematics import plan_references
-
-    return plan_references(scenario, robot)
-
-
-def make_engine(scenario: Scenario, robot: Robot, *, visuals: bool = False) -> tuple[Engine, tuple[Problem, ...]]:
+def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
     """The scenario's engine, at its step."""
     from asrsim.engines import ENGINES
 
-    built: tuple[Engine, tuple[Problem, ...]] = ENGINES.get(scenario.engine)(scenario, robot, visuals=visuals)
+    built: tuple[Engine, tuple[Problem, ...]] = ENGINES.get(scenario.engine)(scenario, robot)
     return built
 
 
