@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from asrsim.cli.options import Plugins, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.actuators import Actuator
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 def actuators(
     name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False)] = None,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plugin: Plugins = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
 ) -> None:
     """List the actuators, or show one: laws, parameters with units, defaults, URDF tags and sources.
@@ -21,12 +22,10 @@ def actuators(
     Example: asrsim actuators qbmove
     """
     from asrsim.actuators import ACTUATORS
-    from asrsim.actuators.user import load_plugin_file
     from asrsim.cli.console import json_errors
 
     with json_errors(json):
-        for path in plugin or []:
-            load_plugin_file(path)
+        load_plugins(plugin)
         chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
     if json:
         import json as writer

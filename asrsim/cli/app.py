@@ -94,8 +94,10 @@ def _call() -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
+        from asrsim.cli.interrupt import INTERRUPTED
+
         sys.stderr.write("asrsim: aborted\n")
-        return 130
+        return INTERRUPTED
     except AsrsimError as error:
         if _debugging():
             raise

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.options import Plugins, load_plugins
 from asrsim.errors import OutputError, Problem, RecordingError, did_you_mean
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def bench(
     first_step: Annotated[
         float | None, typer.Option(help="Length of the first row's step in s; by default as long as the second's.")
     ] = None,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with an actuator of yours.")] = None,
+    plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
 ) -> None:
     """Play a prescribed link motion into the actuators, as on a test bench.
@@ -44,10 +45,7 @@ def bench(
 
     Example: asrsim bench arm.urdf motion.csv -o out.csv --stepping toolbox
     """
-    from asrsim.actuators.user import load_plugin_file
-
-    for file in plugin or ():
-        load_plugin_file(file)
+    load_plugins(plugin)
     rows = bench_files(robot, motion, out, stepping=stepping, first_step=first_step)
     if not quiet:
         typer.echo(f"{rows} rows -> {out}")
@@ -142,6 +140,12 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
     }
 
 
+def _column_hint(name: str, valid: list[str], actuated: list[str]) -> str:
+    if name in actuated:
+        return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
+    return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."
+
+
 def _check_header(path: Path, header: list[str], robot: Robot) -> tuple[list[str], list[Problem]]:
     """Joints of the header in the robot's order, and what is wrong with it."""
     problems = []
@@ -155,7 +159,7 @@ def _check_header(path: Path, header: list[str], robot: Robot) -> tuple[list[str
                     file=path,
                     line=1,
                     key=name,
-                    hint=did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}.",
+                    hint=_column_hint(name, valid, actuated),
                     code="unknown-column",
                 )
             )

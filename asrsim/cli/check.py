@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
+
 if TYPE_CHECKING:
     from asrsim.cli.findings import FileReport
 
@@ -20,13 +22,9 @@ def check(
         float | None, typer.Option(help="Time step in s for the checks of stability.", show_default="1e-3, or the scenario's")
     ] = None,
     actuator: Annotated[str | None, typer.Option(help="Check this actuator's laws instead of files.")] = None,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
-    argument: Annotated[
-        list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")
-    ] = None,
-    package: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=FOLDER", help="Where a ROS package is; may be repeated.")
-    ] = None,
+    plugin: Plugins = None,
+    argument: Arguments = None,
+    package: Packages = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print problems only, no tables.")] = False,
 ) -> None:
@@ -36,13 +34,11 @@ def check(
 
     Example: asrsim check --actuator my_vsa --plugin my_vsa.py
     """
-    from asrsim.actuators.user import load_plugin_file
     from asrsim.cli import findings
     from asrsim.cli.console import json_errors
 
     with json_errors(json):
-        for path in plugin or []:
-            load_plugin_file(path)
+        load_plugins(plugin)
     if step is not None and not step > 0.0:
         raise typer.BadParameter("must be larger than 0 s", param_hint="--step")
     if actuator is not None:
@@ -52,7 +48,7 @@ def check(
         if actuator is not None:
             return
         raise typer.BadParameter("name a file, or an actuator with --actuator", param_hint="FILES")
-    arguments, packages = _pairs(argument, "--arg"), {k: Path(v) for k, v in _pairs(package, "--package").items()}
+    arguments, packages = pairs(argument, "--arg"), folders(package, "--package")
     reports = []
     for path in files:
         if path.suffix.lower() in SCENARIO_SUFFIXES:
@@ -64,17 +60,6 @@ def check(
     _print(reports, json=json, quiet=quiet)
     if any(report.errors for report in reports):
         raise typer.Exit(1)
-
-
-def _pairs(texts: list[str] | None, option: str) -> dict[str, str]:
-    pairs = {}
-    for text in texts or []:
-        # `:=` is how ROS writes it.
-        name, separator, value = text.replace(":=", "=", 1).partition("=")
-        if not separator or not name:
-            raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
-        pairs[name] = value
-    return pairs
 
 
 def _check_actuator(name: str, as_json: bool) -> None:

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.options import Overrides, Plugins, load_plugins
+
 if TYPE_CHECKING:
     from asrsim.learning.iterate import Trial
     from asrsim.learning.plant import Prepared
     from asrsim.learning.session import Session
     from asrsim.learning.transfer import TransferReport
     from asrsim.scenario.data import Scenario
-
-INTERRUPTED = 130
-"""Exit code of a command that SIGINT ended, as shells have it."""
 
 
 class KeepLogs(StrEnum):
@@ -30,9 +29,7 @@ class KeepLogs(StrEnum):
 def ilc(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML) with a block `ilc`.", show_default=False)],
     variant: Annotated[str | None, typer.Option(help="Learn this variant.", show_default="the only one")] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
-    ] = None,
+    overrides: Overrides = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")
     ] = None,
@@ -45,7 +42,7 @@ def ilc(
         KeepLogs | None, typer.Option(help="Trials whose logs are kept.", show_default="the scenario's")
     ] = None,
     processes: Annotated[int, typer.Option(min=1, help="Processes for transfer and sets of plants.")] = 2,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plugin: Plugins = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what another scenario learned there too.")] = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print the outcome only.")] = False,
@@ -63,6 +60,7 @@ def ilc(
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.gain=model --transfer
     """
     from asrsim.cli.console import complain, json_errors
+    from asrsim.cli.interrupt import INTERRUPTED
 
     folder: Path | None = None
     try:
@@ -86,11 +84,7 @@ def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list
     from asrsim.errors import Problem, ScenarioError
     from asrsim.scenario import load_scenario
 
-    if plugins:
-        from asrsim.actuators.user import load_plugin_file
-
-        for plugin in plugins:
-            load_plugin_file(plugin)
+    load_plugins(plugins)
     scenarios = load_scenario(path, variant=variant, overrides=overrides)
     if len(scenarios) > 1:
         names = tuple(scenario.variant for scenario in scenarios)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
+
 if TYPE_CHECKING:
     from asrsim.runs.from_recording import Written
 
@@ -29,13 +31,9 @@ def init(
     rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
     force: Annotated[bool, typer.Option("--force", "-f", help="Replace the file if it is there.")] = False,
     schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
-    argument: Annotated[
-        list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")
-    ] = None,
-    package: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=FOLDER", help="Where a ROS package is; may be repeated.")
-    ] = None,
+    plugin: Plugins = None,
+    argument: Arguments = None,
+    package: Packages = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
 ) -> None:
     """Write a commented starter scenario for a robot, or one from a recording of it.
@@ -44,13 +42,9 @@ def init(
 
     Example: asrsim init arm.urdf --experiment lab.csv --map 'alpha=elbow.link_position [deg]' --out lab.yaml
     """
-    from asrsim.actuators.user import load_plugin_file
-    from asrsim.cli.check import _pairs
-
-    for path in plugin or []:
-        load_plugin_file(path)
-    packages = {name: Path(folder) for name, folder in _pairs(package, "--package").items()}
-    arguments = _pairs(argument, "--arg")
+    load_plugins(plugin)
+    packages = folders(package, "--package")
+    arguments = pairs(argument, "--arg")
     if experiment is not None:
         from asrsim.runs.from_recording import write_from_recording
 

@@ -9,6 +9,9 @@ from typing import Any
 
 from asrsim.cli.console import complain
 
+INTERRUPTED = 130
+"""Exit code of a command that SIGINT ended, as shells have it."""
+
 
 class Interruption:
     """While it is entered, the first SIGINT only sets `requested`; the second raises KeyboardInterrupt."""

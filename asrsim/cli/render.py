@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from asrsim.cli.options import Plugins, load_plugins
+
 SMALL = 360
 """Pixels (root of the area) of a GIF's pictures."""
 
@@ -27,7 +29,7 @@ def render(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
     ] = None,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
 ) -> None:
@@ -42,11 +44,7 @@ def render(
         from asrsim.plots.output import make_folder
         from asrsim.render import Film, write_gif, write_mp4, write_strip
 
-        if plugin:
-            from asrsim.actuators.user import load_plugin_file
-
-            for path in plugin:
-                load_plugin_file(path)
+        load_plugins(plugin)
         if size is not None and not 32 <= size <= 4000:
             raise typer.BadParameter("must be 32 to 4000 pixels", param_hint="--size")
         folder = make_folder(out or log.parent)

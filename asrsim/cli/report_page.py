@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from asrsim.cli.options import Plugins, load_plugins
+
 
 def report(
     folder: Annotated[Path, typer.Argument(help="Folder of a run, or of a scenario's variants; or a log.", show_default=False)],
@@ -14,7 +16,7 @@ def report(
         Path | None, typer.Option("--out", "-o", help="The page to write.", show_default="report.html in the folder")
     ] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Draw film strips too.")] = True,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
 ) -> None:
@@ -30,11 +32,7 @@ def report(
         from asrsim.cli.fraction import FractionProgress
         from asrsim.report import write_report
 
-        if plugin:
-            from asrsim.actuators.user import load_plugin_file
-
-            for path in plugin:
-                load_plugin_file(path)
+        load_plugins(plugin)
         with FractionProgress(show=not quiet and not json) as progress:
             page = write_report(folder, out, film=film, progress=progress.update)
     if json:

@@ -38,9 +38,9 @@ def rerun(
     Example: asrsim rerun out/scenario/soft/log.mcap
     """
     from asrsim.cli.console import json_errors, say_json
+    from asrsim.cli.interrupt import INTERRUPTED, Interruption
 
     with json_errors(json):
-        from asrsim.cli.interrupt import Interruption
         from asrsim.cli.progress import RunProgress
         from asrsim.log import open_log
         from asrsim.runs.repeat import repeat
@@ -56,7 +56,7 @@ def rerun(
     else:
         _print(repetition, quiet=quiet)
     if interruption.requested:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
     if not repetition.identical:
         raise typer.Exit(1)
 

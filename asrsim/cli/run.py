@@ -7,20 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.options import Overrides, Plugins, load_plugins
+
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import Executed
-
-INTERRUPTED = 130
-"""Exit code of a command that SIGINT ended, as shells have it."""
 
 
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
     variant: Annotated[str | None, typer.Option(help="Run this variant only.", show_default="all")] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
-    ] = None,
+    overrides: Overrides = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -30,9 +27,7 @@ def run(
             help="Folder for the results; of several variants each gets its own folder in it.",
         ),
     ] = None,
-    plugin: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="Python file with your own actuators; may be repeated.")
-    ] = None,
+    plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the runs.")] = True,
     report: Annotated[bool, typer.Option("--report", help="Also write a page for the browser.")] = False,
     certify: Annotated[
@@ -69,18 +64,14 @@ def _run(
     report: bool, certify: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
 ) -> int:  # fmt: skip
     from asrsim.cli.console import error_as_dict, say_json
-    from asrsim.cli.interrupt import Interruption
+    from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import execute, with_plugins, write_summary
     from asrsim.runs.folder import default_folder
     from asrsim.scenario import load_scenario
 
-    if plugins:
-        from asrsim.actuators.user import load_plugin_file
-
-        for plugin in plugins:
-            load_plugin_file(plugin)
+    load_plugins(plugins)
     scenarios = [with_plugins(one, plugins) for one in load_scenario(path, variant=variant, overrides=overrides)]
     done: list[Executed] = []
     told: set[str] = set()

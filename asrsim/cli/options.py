@@ -1,0 +1,47 @@
+"""Options that several commands share, and what is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Plugins = Annotated[
+    list[Path] | None,
+    typer.Option("--plugin", metavar="FILE", help="Python file with your own actuators; may be repeated."),
+]
+Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
+Packages = Annotated[
+    list[str] | None, typer.Option("--package", metavar="NAME=FOLDER", help="Where a ROS package is; may be repeated.")
+]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
+]
+
+
+def load_plugins(paths: Sequence[Path] | None) -> None:
+    """Register the actuators of users' files. Raises ActuatorError."""
+    if paths:
+        from asrsim.actuators.user import load_plugin_file
+
+        for path in paths:
+            load_plugin_file(path)
+
+
+def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
+    """NAME=VALUE texts of `option` as a table. Raises typer's BadParameter."""
+    found = {}
+    for text in texts or ():
+        # `:=` is how ROS writes it.
+        name, separator, value = text.replace(":=", "=", 1).partition("=")
+        if not separator or not name:
+            raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
+        found[name] = value
+    return found
+
+
+def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
+    """NAME=FOLDER texts of `option`, likewise."""
+    return {name: Path(folder) for name, folder in pairs(texts, option).items()}
