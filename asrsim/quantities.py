@@ -62,10 +62,11 @@ DERIVED: dict[str, Quantity] = {
 }
 """Quantities computed from a log by :mod:`asrsim.log.derived`, not stored."""
 
-_PRISMATIC = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
+PRISMATIC_UNITS = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
+"""Unit of a prismatic joint by that of a revolute one, where they differ."""
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
     """SI unit of a quantity, recorded or derived; "" where it follows from the operation mode."""
     unit = (QUANTITIES | DERIVED)[name].unit
-    return _PRISMATIC.get(unit, unit) if prismatic else unit
+    return PRISMATIC_UNITS.get(unit, unit) if prismatic else unit

@@ -15,6 +15,7 @@ from asrsim.errors import OutputError
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.start_file import SCHEMA_FILE, write_starter
+from asrsim.summary.table import joint_columns
 
 SHARED = Path(__file__).parents[2] / "shared" / "robots"
 
@@ -80,8 +81,25 @@ def test_starter_is_commented_and_names_every_joint(tmp_path):
     assert max(map(len, text.splitlines())) < 140
 
 
+def test_units_of_a_prismatic_joint_are_metres(tmp_path):
+    robot = write_robot(tmp_path, {"name": "rail", "kind": "prismatic"})
+    write_starter(robot, tmp_path / "s.yaml")
+    text = (tmp_path / "s.yaml").read_text()
+    assert re.search(r"equilibrium_position: .*to: 0.05.*# m$", text, re.M)
+    assert re.search(r"stiffness_preset: .*# m$", text, re.M)
+    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
+    assert "steady\nm" in [column.heading for column in columns]
+
+
+def test_headings_name_both_units_of_a_robot_with_both_kinds_of_joints(tmp_path):
+    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "rail", "kind": "prismatic"})
+    write_starter(robot, tmp_path / "s.yaml")
+    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
+    assert "steady\nrad or m" in [column.heading for column in columns]
+
+
 def test_what_is_commented_out_in_a_starter_is_valid_too(tmp_path):
-    robot = write_robot(tmp_path, {"name": "shoulder"})
+    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "elbow", "actuator": "sea"})
     out = tmp_path / "s.yaml"
     write_starter(robot, out)
     head, more = out.read_text().split("# More that a scenario can say:\n")

@@ -103,7 +103,10 @@ def _folder(logs: list[Path], *, alone: bool) -> Path:
     """Where the pictures go by default: beside the one log, else in a folder of their own beside all."""
     if len(logs) == 1:
         return logs[0].parent if alone else logs[0].parent / "compared"
-    return Path(os.path.commonpath([path.absolute().parent for path in logs])) / ("variants" if alone else "compared")
+    beside = Path(os.path.commonpath([path.absolute().parent for path in logs]))
+    if beside.is_relative_to(Path.cwd()) and not any(path.is_absolute() for path in logs):
+        beside = beside.relative_to(Path.cwd())
+    return beside / ("variants" if alone else "compared")
 
 
 def _mapping(texts: list[str] | None) -> tuple[str, ...] | Path | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.document.yaml_reader import plain_scalar
+from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.robot import ActuatorBlock, Joint, Robot
 
 STEP = 0.3
@@ -87,6 +88,8 @@ class Drive:
         """(reference, unit, signal as YAML) of the starter's step."""
         before, after = self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset)
         for (name, unit, low), (_, _, high) in zip(before, after, strict=True):
+            if self.joint.kind == "prismatic":
+                unit = PRISMATIC_UNITS.get(unit, unit)
             yield name, unit, number(low) if low == high else _step(low, high)
 
 
@@ -194,10 +197,11 @@ def _differs(drive: Drive, reference: str) -> bool:
 
 def _further(drives: tuple[Drive, ...]) -> Iterator[str]:
     joint = word(drives[0].joint.name) if drives else "joint"
-    parameter = ACTUATORS.get(drives[0].block.actuator).parameters[0] if drives else None
+    parameter = drives[0].actuator.parameters[0].name if drives else None
     yield "# More that a scenario can say:"
     if parameter is not None:
-        yield f'# parameters: {{"*": {{{parameter.name}: {number(parameter.default)}}}}}  # replaces the robot file\'s value'
+        value = number(drives[0].block.values()[parameter])
+        yield f"# parameters: {{{joint}: {{{parameter}: {value}}}}}  # replaces the robot file's value"
     yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # N m"
     yield '# effects: {commands: {"*": {delay: 0.005, rate: 200}}}  # s, Hz'
     yield "# expect:"

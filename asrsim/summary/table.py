@@ -20,7 +20,7 @@ class Column:
 def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
     """The table of joints; columns of limits that nobody met are left out."""
     joints = summary.joints
-    length = "m" if joints and all(joint.prismatic for joint in joints) else "rad"
+    length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
     columns = [
         Column(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
         Column(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
