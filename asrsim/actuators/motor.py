@@ -6,9 +6,6 @@ from collections.abc import Mapping
 
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 
-MOTOR_STATE = ("position", "velocity", "anchor", "integral")
-"""Names of a motor's state: rad, rad/s, rad (Dahl's w: where the bristles stick), N m (integral action)."""
-
 
 def motor_kick(
     position: float,
@@ -21,7 +18,8 @@ def motor_kick(
 ) -> tuple[float, float, float, float, float, float]:
     """Accelerate a motor over one kick at a fixed position.
 
-    position in rad, velocity in rad/s, anchor in rad, integral in N m; reference: desired position in rad (or the
+    position in rad, velocity in rad/s, anchor in rad (Dahl's w: where the bristles stick), integral (of the controller's
+    integral action) in N m; reference: desired position in rad (or the
     torque in N m, mode 4); load: torque of the spring on the motor in N m. Coefficients: :func:`motor_coefficients`.
     Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
     """

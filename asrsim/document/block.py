@@ -117,8 +117,11 @@ class Block(Kind[T], Generic[T]):
                 else:
                     arguments[key.argument] = key.default
                 continue
-            fine, arguments[key.argument] = attempt(key.kind, item, (*path, key.name), reading)
-            good = good and fine
+            found = attempt(key.kind, item, (*path, key.name), reading)
+            if found is None:
+                good = False
+            else:
+                arguments[key.argument] = found[0]
         if not good:
             raise Rejected
         if self.line_argument:

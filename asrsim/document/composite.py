@@ -32,9 +32,10 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
         if len(node.value) < self.minimum:
             raise reading.fault(node, path, f"needs at least {self.minimum} entries", code="length")
         results = [attempt(self.of, item, (*path, str(index)), reading) for index, item in enumerate(node.value)]
-        if not all(good for good, _ in results):
+        read = tuple(result[0] for result in results if result is not None)
+        if len(read) < len(results):
             raise Rejected
-        return tuple(value for _, value in results)  # type: ignore[misc]  # only good ones are left
+        return read
 
     def schema(self) -> Schema:
         schema: Schema = {"type": "array", "items": self.of.schema()}
@@ -70,9 +71,10 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
         if not self.star and "*" in results:
             raise reading.fault(node.value["*"], (*path, "*"), f"'*' cannot stand for a {self.noun} here", show=False)
-        if not all(good for good, _ in results.values()):
+        read = {name: result[0] for name, result in results.items() if result is not None}
+        if len(read) < len(results):
             raise Rejected
-        return {name: value for name, (_, value) in results.items()}  # type: ignore[misc]  # only good ones are left
+        return read
 
     def schema(self) -> Schema:
         return {"type": ["object", "null"], "additionalProperties": self.of.schema()}

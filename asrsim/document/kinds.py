@@ -256,9 +256,9 @@ class Optional(Kind[T | None], Generic[T]):
         return self.kind.merge(base, over)
 
 
-def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[bool, T | None]:
-    """Read and go on: (True, value), or (False, None) with the problem recorded."""
+def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[T] | None:
+    """Read and go on: (value,), or None with the problem recorded."""
     try:
-        return True, kind.read(node, path, reading)
+        return (kind.read(node, path, reading),)
     except Rejected:
-        return False, None
+        return None

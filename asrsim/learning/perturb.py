@@ -19,7 +19,7 @@ from asrsim.scenario.data import Effects, Scenario, for_joint
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-    from asrsim.robot.model import Robot
+    from asrsim.robot.model import Joint, Robot
 
 
 def perturbed(plant: Plant, draw: Draw) -> Plant:
@@ -47,9 +47,9 @@ def perturbed(plant: Plant, draw: Draw) -> Plant:
         elif what == "mass":
             robot = _heavier(robot, joint, 1.0 + change)
         elif what == "damping":
-            robot = _with_joint(robot, joint, damping=robot.joint(joint).damping * (1.0 + change))
+            robot = _with_joint(robot, replace(robot.joint(joint), damping=robot.joint(joint).damping * (1.0 + change)))
         elif what == "friction":
-            robot = _with_joint(robot, joint, friction=robot.joint(joint).friction * (1.0 + change))
+            robot = _with_joint(robot, replace(robot.joint(joint), friction=robot.joint(joint).friction * (1.0 + change)))
             for index in range(1, ACTUATORS.get(blocks[joint].actuator).motors + 1):
                 _scale(blocks[joint], own, f"motor_{index}_friction_torque", change)
     if problems:
@@ -74,7 +74,7 @@ class Workers:
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
@@ -126,11 +126,8 @@ def _scale(block: object, own: dict[str, float], name: str, change: float) -> Pr
     return None
 
 
-def _with_joint(robot: Robot, name: str, **changes: float) -> Robot:
-    return replace(
-        robot,
-        joints=tuple(replace(joint, **changes) if joint.name == name else joint for joint in robot.joints),  # type: ignore[arg-type]
-    )
+def _with_joint(robot: Robot, changed: Joint) -> Robot:
+    return replace(robot, joints=tuple(changed if joint.name == changed.name else joint for joint in robot.joints))
 
 
 def _heavier(robot: Robot, joint: str, factor: float) -> Robot:

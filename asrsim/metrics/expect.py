@@ -141,13 +141,14 @@ def _recording_problems(expectation: Expectation) -> list[Problem]:
     problems = []
     for key, expected in RECORDING_OPTIONS.items():
         value = expectation.options.get(key)
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        real = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        number = value if real else None
         if key == "lag":
-            good = value in ("auto", "off", "start") or number
+            good = value in ("auto", "off", "start") or number is not None
         elif key == "map":
             good = isinstance(value, str) or (isinstance(value, list | tuple) and all(isinstance(v, str) for v in value))
         else:
-            good = number and value > 0  # type: ignore[operator]
+            good = number is not None and number > 0
         if key in expectation.options and not good:
             problems.append(Problem(message=f"must be {expected}", key=f"options.{key}", value=value, code="bad-expectation"))
     return problems

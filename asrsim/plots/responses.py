@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -95,8 +96,8 @@ def responses(
         except InputError as error:
             problems += [replace(problem, key=info.name, file=path) for problem in error.problems]
             continue
-        common = {"joint": info, "label": label, "variant": variant, "unit": unit}
-        found.append(Response(**common, source=label, experiment=False, response=result, findings=result.findings))  # type: ignore[arg-type]
+        entry = partial(Response, joint=info, label=label, variant=variant, unit=unit)
+        found.append(entry(source=label, experiment=False, response=result, findings=result.findings))
         for one in experiments:
             try:
                 recorded = _recorded(one, info, time, excitation, band)
@@ -106,8 +107,7 @@ def responses(
             if recorded is not None:
                 response, findings = recorded
                 found.append(
-                    Response(
-                        **common,  # type: ignore[arg-type]
+                    entry(
                         source=one.recording.path.name,
                         experiment=True,
                         response=response,

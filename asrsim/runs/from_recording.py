@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -72,13 +73,13 @@ def write_from_recording(
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
-    said = {"mode": mode, "mapping": tuple(mapping), "rate": rate}
+    text_with = partial(recording_text, plan, names, mode=mode, mapping=tuple(mapping), rate=rate)
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
-    write_new(out, recording_text(plan, names, placeholders(plan), **said), force=force)  # type: ignore[arg-type]
+    write_new(out, text_with(placeholders(plan)), force=force)
     measured, message = _first_comparison(out, plan)
     if measured:
-        write_new(out, recording_text(plan, names, first_claims(plan, measured), **said), force=True)  # type: ignore[arg-type]
+        write_new(out, text_with(first_claims(plan, measured)), force=True)
     if schema:
         write_new(beside, schema_text(), force=True)
     files = (out, *(out.parent / name for name in extracted), *([beside] if schema else []))

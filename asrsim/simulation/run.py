@@ -163,7 +163,8 @@ def _run(
         error = _faults(prepared, raw, done)
         if error is not None:
             rows = max(round(error.time / prepared.substep) - done, 1)
-            raw, block = raw[:rows], replace(block, arrays=tuple(a[:rows] for a in block.arrays))  # type: ignore[arg-type]
+            first, second, external = block.arrays
+            raw, block = raw[:rows], replace(block, arrays=(first[:rows], second[:rows], external[:rows]))
         samples = recorder.add(block, raw)
         if samples is not None:
             samples = world.add_to(samples)

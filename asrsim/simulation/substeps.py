@@ -41,7 +41,6 @@ class Resolution:
     motor_frequency: float
     omega_h: float
     """omega times the substep, link side."""
-    stiffest_joint: str
     stiffness: tuple[float, ...]
     """Largest reachable stiffness of each joint in N m/rad."""
 
@@ -178,7 +177,6 @@ def resolve(
         frequency=frequency,
         motor_frequency=motor_frequency,
         omega_h=limit,
-        stiffest_joint=stiffest,
         stiffness=tuple(float(k) for k in stiffness),
     )
 
