@@ -3,8 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 from asrsim.errors import Problem, RobotError
+
+
+class Place(TypedDict, total=False):
+    """What a finding may say besides its message: as in :class:`asrsim.errors.Problem`."""
+
+    line: int | None
+    key: str | None
+    value: object | None
+    choices: tuple[str, ...]
+    hint: str | None
 
 
 class Findings:
@@ -15,47 +26,15 @@ class Findings:
         self.errors: list[Problem] = []
         self.warnings: list[Problem] = []
 
-    def error(
-        self,
-        message: str,
-        *,
-        code: str,
-        line: int | None = None,
-        key: str | None = None,
-        value: object | None = None,
-        choices: tuple[str, ...] = (),
-        hint: str | None = None,
-    ) -> None:
+    def error(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add an error: the file cannot be simulated."""
-        self.errors.append(self._problem(message, code, line, key, value, choices, hint))
+        self.errors.append(Problem(message=message, code=code, file=self.file, **place))
 
-    def warn(
-        self,
-        message: str,
-        *,
-        code: str,
-        line: int | None = None,
-        key: str | None = None,
-        value: object | None = None,
-        choices: tuple[str, ...] = (),
-        hint: str | None = None,
-    ) -> None:
+    def warn(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add a warning: something to know. Messages leave the name to `key`, so that equal ones can be shown as one."""
-        self.warnings.append(self._problem(message, code, line, key, value, choices, hint))
+        self.warnings.append(Problem(message=message, code=code, file=self.file, **place))
 
     def raise_errors(self) -> None:
         """Raise RobotError with all errors, if there are any."""
         if self.errors:
             raise RobotError(sorted(self.errors, key=lambda problem: problem.line or 0), warnings=self.warnings)
-
-    def _problem(
-        self,
-        message: str,
-        code: str,
-        line: int | None,
-        key: str | None,
-        value: object | None,
-        choices: tuple[str, ...],
-        hint: str | None,
-    ) -> Problem:
-        return Problem(message=message, file=self.file, line=line, key=key, value=value, choices=choices, hint=hint, code=code)
