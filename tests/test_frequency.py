@@ -136,6 +136,7 @@ def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
     found = frequency_response(TIME, rng.standard_normal(len(TIME)), rng.standard_normal(len(TIME)))
     assert np.median(found.coherence) < 0.1
     assert np.median(found.gain_low) == 0.0
+    assert "low-coherence" in [finding.code for finding in found.findings]
 
 
 def test_jittered_and_gapped_records_are_brought_to_an_even_step() -> None:

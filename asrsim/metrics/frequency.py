@@ -28,6 +28,8 @@ _FLANK = 0.2
 """Share of the input power within reach below which a frequency at the band's edge is left out."""
 _REACH = 16
 """Bins to which the local fit reaches."""
+_TRUSTED = 0.5
+"""Coherence below which a point says nothing."""
 _STILL = 1e-4
 """Share of the input's motion below which the output "does not move"."""
 
@@ -116,6 +118,12 @@ def frequency_response(
     low, high, sparse = excited_band(u, step, band)
     chosen = ("welch" if sparse else "local") if method == "auto" else method
     spectra = welch(u, y, step, low, high) if chosen == "welch" else local_rational(u, y, step, low, high)
+    coherence = float(np.median(spectra.coherence))
+    if moves and coherence < _TRUSTED:
+        findings.append(
+            Problem(message=f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
+                    "not to be believed", code="low-coherence", hint="Excite by a chirp, multisine or noise")
+        )  # fmt: skip
     return _response(spectra, chosen, (low, high), confidence, moves, findings)
 
 
@@ -186,7 +194,7 @@ def _response(
 
 def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:
     """The highest peak that is 5 % above the low end and inside the band, refined by a parabola through three points."""
-    trusted = np.where(coherence > 0.5, gain, 0.0)
+    trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
     if not 0 < i < len(f) - 1 or trusted[i] < 1.05 * _low_gain(gain):
         return None
