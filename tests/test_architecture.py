@@ -13,9 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "asrsim"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
-LINES = 300
-"""A file holds one idea; longer ones are named in LONG with what they may have at most."""
-LONG = {"reproduce/steps.py": 310}
+LINES = 290
+"""A file holds one idea."""
 HEAVY = ("matplotlib", "scipy", "numba", "yourdfpy", "pybullet", "trimesh", "rosbags", "xacro", "lxml")
 
 
@@ -136,12 +135,7 @@ atexit.register(lambda: print("heavy:", sorted(set({HEAVY!r}) & set(sys.modules)
 
 def test_files_are_short():
     lengths = {path.relative_to(PACKAGE).as_posix(): path.read_text(encoding="utf-8").count("\n") for path in SOURCES}
-    assert {name: lines for name, lines in lengths.items() if lines > LONG.get(name, LINES)} == {}
-
-
-def test_only_long_files_are_excused():
-    for name in LONG:
-        assert (PACKAGE / name).read_text(encoding="utf-8").count("\n") > LINES, f"{name} needs no excuse any more"
+    assert {name: lines for name, lines in lengths.items() if lines > LINES} == {}
 
 
 def test_everything_public_is_documented():

@@ -9,11 +9,11 @@ import numpy as np
 
 from asrsim.reproduce.claim import Claim
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.friction import with_joint_losses
-from asrsim.reproduce.law import RATIO, damping_overrides
 from asrsim.reproduce.pictures import curves, link_panel, picture
 from asrsim.reproduce.ringing import fit_ringing
-from asrsim.reproduce.statics import Rest, rest
+from asrsim.reproduce.statics import Rest
+from asrsim.reproduce.step_cases import ACTUATORS, AT, CASES, RESIDUAL, STEP, expected, label_of
+from asrsim.reproduce.step_losses import with_friction, with_growing_damping
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -21,23 +21,15 @@ if TYPE_CHECKING:
     from asrsim.api import Result
     from asrsim.reproduce.lab import Lab
 
-STEP, AT = 0.8, 0.1
-"""rad, s: the step of the reference."""
-ACTUATORS = {"sea": "SEA", "awas_ii": "AwAS-II", "bavs": "BAVS", "qbmove": "qbMove"}
-DAMPING, FRICTION = 0.065, 0.025
-"""N m s/rad, N m: the joint's losses that the paper gives from its section 4.2 on."""
 RESOLVED = 0.1
 """Omega times sample time up to which samples show an oscillation well."""
 FINE_TIME = 0.5
 """s, duration of the extra run at a fine step."""
-RESIDUAL = 1e-6
-"""rad that the last swings may still have."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
     """All eight cases, three times: as in the paper, with the friction of section 4.2, with growing damping."""
-    cases = [(name, variant) for name in ACTUATORS for variant in ("soft", "stiff")]
-    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in cases}
+    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in CASES}
     rests = {case: expected(result) for case, result in results.items()}
     claims: list[Claim] = []
     rows = []
@@ -45,7 +37,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         claims_of, row = _measure(lab, case, result, rests[case])
         claims += claims_of
         rows.append(row)
-    claims += _paper(results, rests)
+    claims += _paper(results)
     headings = (
         "",
         "rest (rad)",
@@ -67,25 +59,17 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     first = Part(
         title="Steps of four actuators",
         text="Ideal motors (mode 3), 0.2 kg at 0.04 m under gravity, a step of 0.8 rad; no joint friction, damping 0.02 N m "
-        "s/rad. "
-        "Predicted values come from the law and the robot's file by root finding, without the simulation.",
+        "s/rad. Predicted values come from the law and the robot's file by root finding, without the simulation.",
         claims=tuple(claims),
         tables=(table,),
         pictures=(shown,),
     )
-    return first, _with_friction(lab, cases), _damped(lab, results)
-
-
-def expected(result: Result) -> Rest:
-    """Where the run's joint must rest, with the motors where its run left them."""
-    series = result["joint_1"]
-    preset = float(series.reference_2[-1]) if "reference_2" in series else 0.0
-    return rest(result.run.robot, STEP, preset)
+    return first, with_friction(lab), with_growing_damping(lab, results)
 
 
 def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> tuple[list[Claim], tuple[str, ...]]:
     name, variant = case
-    label = f"{ACTUATORS[name]} {variant}"
+    label = label_of(case)
     series = result["joint_1"]
     end, step = float(series.link_position[-1]), result.run.scenario.step
     omega_h = wanted.natural * step
@@ -169,8 +153,8 @@ def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[
     ]
 
 
-def _paper(results: dict[tuple[str, str], Result], rests: dict[tuple[str, str], Rest]) -> list[Claim]:
-    """What the paper reads off its plots: soft AwAS-II and qbMove sag, the stiff ones hardly; SEA and BAVS hardly at all."""
+def _paper(results: dict[tuple[str, str], Result]) -> list[Claim]:
+    """What the paper reads off its plots: soft AwAS-II and qbMove sag, the stiff ones hardly."""
     sag = {case: STEP - float(result["joint_1"].link_position[-1]) for case, result in results.items()}
     claims = []
     for name in ("awas_ii", "qbmove"):
@@ -197,77 +181,6 @@ def _paper(results: dict[tuple[str, str], Result], rests: dict[tuple[str, str], 
             )
         )
     return claims
-
-
-def _with_friction(lab: Lab, cases: list[tuple[str, str]]) -> Part:
-    claims, rows = [], []
-    for name, variant in cases:
-        from asrsim.robot import load_robot
-
-        robot = load_robot(lab.scenario(f"step_1dof_{name}", variant).robot)
-        robot = with_joint_losses(robot, damping=DAMPING, friction=FRICTION)
-        result = lab.run(f"step_1dof_{name}", variant, robot=robot, log=False)
-        wanted = expected(result)
-        end = float(result["joint_1"].link_position[-1])
-        label = f"{ACTUATORS[name]} {variant}"
-        claims.append(
-            Claim(
-                figure=8,
-                origin="theory",
-                text=f"{label}, with friction, rests within what friction can hold",
-                quantity="rest outside of the friction band",
-                measured=wanted.outside(end),
-                comparison="<=",
-                value=RESIDUAL,
-                unit="rad",
-            )
-        )
-        band = f"{wanted.lowest - wanted.position:+.2e} … {wanted.highest - wanted.position:+.2e}"
-        rows.append((label, f"{end:.6f}", f"{end - wanted.position:+.2e}", band))
-    return Part(
-        title="With the joint friction of section 4.2",
-        text=f"The same steps with damping {DAMPING} N m s/rad and friction {FRICTION} N m, which the paper gives for its "
-        f"later "
-        "experiments: a link may stop wherever friction outweighs what spring and gravity leave over.",
-        claims=tuple(claims),
-        tables=(
-            Table(
-                caption="Rest and friction band",
-                headings=("", "rest (rad)", "rest - frictionless (rad)", "friction band (rad)"),
-                rows=tuple(rows),
-            ),
-        ),
-    )
-
-
-def _damped(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
-    claims, rows = [], []
-    for (name, variant), plain in results.items():
-        damped = lab.run(f"step_1dof_{name}", variant, overrides=damping_overrides(plain), label=f"{variant}_damped", log=False)
-        before, after = (float(np.max(run["joint_1"].link_position)) for run in (plain, damped))
-        off = float(damped["joint_1"].link_position[-1] - plain["joint_1"].link_position[-1])
-        label = f"{ACTUATORS[name]} {variant}"
-        rows.append((label, f"{before:.3f}", f"{after:.3f}", f"{off:+.1e}"))
-        claims.append(
-            Claim(
-                figure=8,
-                origin="beyond",
-                text=f"damping that grows with the stiffness leaves {label} at rest where it was",
-                quantity="rest with - rest without",
-                measured=off,
-                comparison="==",
-                value=0.0,
-                tolerance=RESIDUAL,
-                unit="rad",
-            )
-        )
-    headings = ("", "largest position (rad)", "with growing damping", "rest moves by (rad)")
-    return Part(
-        title="With link damping that grows with the stiffness",
-        text=f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness.",
-        claims=tuple(claims),
-        tables=(Table(caption="First swing", headings=headings, rows=tuple(rows)),),
-    )
 
 
 def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
@@ -298,8 +211,7 @@ FIGURES.add(
         title="Step responses of four compliant actuators",
         section="4.1",
         paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. "
-        "The model "
-        "shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
+        "The model shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
         parts=parts,
         cost=5.0,
     ),
