@@ -48,7 +48,8 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
         return
     joints = summary.certificate["joints"]
     if not quiet:
-        say("  numerical error, estimated from runs at finer steps (maximum, RMS)", "dim")
+        kinds = dict.fromkeys("m, N" if joint.prismatic else "rad, N m" for joint in summary.joints)
+        say(f"  numerical error, estimated from runs at finer steps (maximum, RMS; {' or '.join(kinds)})", "dim")
         columns = [("joint", list(joints), False)]
         for heading, key in (
             ("position\nmax", "position_max"),

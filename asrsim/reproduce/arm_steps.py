@@ -154,7 +154,7 @@ def _table(results: Mapping[str, Result]) -> Table:
         for name, result in results.items()
         for joint in JOINTS
     ]
-    headings = ("", "end (rad)", "stiffness (N m/rad)", "overshoot", "swings beyond 2 %", "settled after (s)")
+    headings = ("", "end (rad)", "stiffness (N m/rad)", "beyond 0.8 rad", "swings beyond 2 %", "within 5 % after (s)")
     return Table(caption="The steps in numbers", headings=headings, rows=tuple(rows))
 
 
