@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 import time as clock
-from types import TracebackType
-from typing import Any
 
-from asrsim.cli.console import is_terminal
+from asrsim.cli.bar import Bar
 
 PATIENCE = 0.6
 """s before the bar is shown."""
 
 
-class FractionProgress:
+class FractionProgress(Bar):
     """Used as a context; `update` is told what is being done and which fraction of it is."""
-
-    def __init__(self, *, show: bool) -> None:
-        self._show = show and is_terminal(sys.stderr)
-        self._began = clock.perf_counter()
-        self._bar: Any = None
-        self._task: Any = None
-
-    def __enter__(self) -> FractionProgress:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
 
     def update(self, what: str, fraction: float) -> None:
         """`what` is done to `fraction`, 0 to 1."""

@@ -2,40 +2,25 @@
 
 from __future__ import annotations
 
-import sys
 import time as clock
-from types import TracebackType
-from typing import Any
 
-from asrsim.cli.console import is_terminal
+from asrsim.cli.bar import Bar
 
 PATIENCE = 0.4
 """s before a bar is shown: short runs end without one, and without the import."""
 
 
-class RunProgress:
+class RunProgress(Bar):
     """Progress of one run; shows nothing where nobody watches.
 
-    Used as a context; `start` begins the clock, `update` is told the simulated time. The bar goes to stderr, so that
-    stdout stays clean.
+    Used as a context; `start` begins the clock, `update` is told the simulated time.
     """
 
     def __init__(self, title: str, duration: float, *, show: bool) -> None:
+        super().__init__(show=show)
         self._title = title
         self._duration = duration
-        self._show = show and is_terminal(sys.stderr)
-        self._began = clock.perf_counter()
-        self._bar: Any = None
-        self._task: Any = None
         self._part = ""
-
-    def __enter__(self) -> RunProgress:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
 
     def start(self, _info: object = None) -> None:
         """The run is built; its loop begins."""

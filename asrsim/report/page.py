@@ -46,7 +46,7 @@ def build_page(
         _error(runs, labels),
         _parameters(runs, labels),
         _warnings(runs, labels, notes),
-        _repeat(runs, labels),
+        _repeat(runs),
     ]
     # A script's text must not hold the end of a script.
     packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
@@ -249,7 +249,7 @@ def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence
     return section("Warnings and notes", bullets(said)) if said else ""
 
 
-def _repeat(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+def _repeat(runs: Sequence[RunContent]) -> str:
     commands = [f"asrsim rerun {shlex.quote(str(run.log))}" for run in runs]
     info = runs[0].info
     if info.scenario_path:

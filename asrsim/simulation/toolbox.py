@@ -22,9 +22,11 @@ from asrsim.simulation.kernels import Advance, advance_passive, advance_torque
 
 IDLE_MOTOR = (0.0, 0.0, 0.0, 0.0)
 
+PHANTOM_MOTOR = (0.0233, 0.2698, 6.0, -math.inf, math.inf)
+"""Inertia (kg m^2), damping (N m s/rad), torque limit (N m) and position limits (rad) of the released DCMotor."""
 PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
 PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
-"""The second motor of one-motor actuators: defaults of the released classes (N m; N m/rad; N m s/rad)."""
+"""The second motor of one-motor actuators: defaults of the released classes (N m; N m/rad, N m/(rad s), N m s/rad)."""
 
 
 def toolbox_motor(
@@ -56,14 +58,13 @@ def toolbox_motor(
 
 def motor_constants(actuator: type[Actuator], values: Mapping[str, float], index: int) -> tuple[float, ...]:
     """Inertia, damping, torque limit, position limits, friction, P, I, D of motor `index`, phantom ones included."""
+    gains = ("proportional", "integral", "derivative")
     if index <= actuator.motors:
         motor, controller = f"motor_{index}_", f"controller_{index}_"
         names = ("inertia", "damping", "max_torque", "min_position", "max_position", "friction_torque")
-        gains = ("proportional", "integral", "derivative")
         return (*(values[motor + name] for name in names), *(values[controller + name] for name in gains))
     phantom = PHANTOM_AWAS_II if actuator.adjuster else PHANTOM_SEA
-    gains = ("proportional", "integral", "derivative")
-    return (0.0233, 0.2698, 6.0, -math.inf, math.inf, phantom["friction_torque"], *(phantom[name] for name in gains))
+    return (*PHANTOM_MOTOR, phantom["friction_torque"], *(phantom[name] for name in gains))
 
 
 def toolbox_constants(actuator: type[Actuator], values: Mapping[str, float], mode: Mode, step: float) -> Any:

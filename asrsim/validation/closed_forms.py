@@ -12,7 +12,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.signals import Constant, PulseTrain, Step
 from asrsim.validation.check import Check
 from asrsim.validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies
-from asrsim.validation.models import GRAVITY, LOAD, SETTINGS, Body, chain, column, run
+from asrsim.validation.models import GRAVITY, LOAD, MOTOR_INERTIA, SETTINGS, Body, chain, column, run
 
 INERTIA = LOAD.inertia + LOAD.mass * LOAD.reach**2
 WEIGHT = LOAD.mass * GRAVITY * LOAD.reach
@@ -105,7 +105,7 @@ def two_mass_frequency() -> Iterator[Check]:
         gravity=0.0, parameters={**FREE_MOTOR, "spring_stiffness": 200.0},
         references={"motor_1_torque": PulseTrain(high=0.2, width=0.01, period=10.0)},
     )  # fmt: skip
-    omega = math.sqrt(200.0 * (1.0 / 0.0233 + 1.0 / (0.01 + 0.2 * 0.04**2)))
+    omega = math.sqrt(200.0 * (1.0 / MOTOR_INERTIA + 1.0 / (0.01 + 0.2 * 0.04**2)))
     deflection = column(result, "motor_1_position") - column(result, "link_position")
     error = abs(frequency(deflection[50:], step) / leapfrog_frequency(omega, step) - 1.0)
     yield Check(

@@ -14,7 +14,7 @@ from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.run import Run
 from asrsim.validation.check import Check
 from asrsim.validation.fitting import orders
-from asrsim.validation.models import Body, chain, column, run
+from asrsim.validation.models import FRICTION_STIFFNESS, MOTOR_INERTIA, PROPORTIONAL, Body, chain, column, run
 
 LOSSLESS = {
     "motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf, "motor_1_max_torque": 1e3,
@@ -31,14 +31,14 @@ def motors(actuator: str, values: Mapping[str, float]) -> dict[str, float]:
     return both
 
 
-def free_energy(result: Run, step: float, *, gravity: float) -> Array:
+def free_energy(result: Run, *, gravity: float) -> Array:
     """J of link, motors and springs at whole steps of a run without losses."""
     law = ACTUATORS.get(result.robot.actuators[0].actuator)
     speed = column(result, "link_velocity")
     energy = 0.5 * INERTIA * speed**2 + column(result, "spring_energy")
     energy -= BODY.mass * gravity * BODY.reach * np.cos(column(result, "link_position"))
     for i in range(1, law.motors + 1):
-        energy += 0.5 * 0.0233 * column(result, f"motor_{i}_velocity") ** 2
+        energy += 0.5 * MOTOR_INERTIA * column(result, f"motor_{i}_velocity") ** 2
     return np.asarray(energy)
 
 
@@ -58,14 +58,14 @@ def energy_and_momentum() -> Iterator[Check]:
                 references={"motor_1_torque": KICK, **({"motor_2_torque": 0.02} if actuator == "awas_ii" else {})},
             )  # fmt: skip
             after = slice(round(0.06 / step), None)
-            energy = free_energy(result, step, gravity=0.0)[after]
+            energy = free_energy(result, gravity=0.0)[after]
             drifts.append(float(np.ptp(energy) / np.mean(energy)))
         name = ACTUATORS.get(actuator).title
         yield Check(name=f"energy without losses, {name}", figure=drifts[0], bound=3e-4, source="constant; mode 4")
         yield Check(name=f"order of its error, {name}", figure=orders(drifts)[0], bound=1.9, at_least=True, source="2")
         momentum = INERTIA * column(result, "link_velocity")[after]
         for i in range(1, ACTUATORS.get(actuator).motors + 1):
-            momentum = momentum + 0.0233 * column(result, f"motor_{i}_velocity")[after]
+            momentum = momentum + MOTOR_INERTIA * column(result, f"motor_{i}_velocity")[after]
         error = float(np.max(np.abs(momentum / 0.03 - 1.0)))
         yield Check(name=f"momentum without losses, {name}", figure=error, bound=1e-12, source="torque times time of the push")
 
@@ -164,15 +164,15 @@ def energy_gain(
     stiffest = float(np.max(column(result, "stiffness")))
     fastest = stiffest / INERTIA
     for i in range(1, law.motors + 1 if mode > 3 else 0):
-        energy = energy + 0.5 * 0.0233 * column(result, f"motor_{i}_velocity") ** 2
+        energy = energy + 0.5 * MOTOR_INERTIA * column(result, f"motor_{i}_velocity") ** 2
         # Bristles and controllers are springs too.
-        energy += column(result, f"friction_torque_{i}") ** 2 / 2000.0
-        spring = stiffest + (1000.0 if friction else 0.0)
+        energy += column(result, f"friction_torque_{i}") ** 2 / (2.0 * FRICTION_STIFFNESS)
+        spring = stiffest + (FRICTION_STIFFNESS if friction else 0.0)
         if mode == 6:
             goal = law.motor_references(0.0, PRESETS[actuator])[i - 1]
-            energy += 0.5 * 125.0 * (goal - column(result, f"motor_{i}_position")) ** 2
-            spring += 125.0
-        fastest = max(fastest, stiffest / INERTIA + spring / 0.0233)
+            energy += 0.5 * PROPORTIONAL * (goal - column(result, f"motor_{i}_position")) ** 2
+            spring += PROPORTIONAL
+        fastest = max(fastest, stiffest / INERTIA + spring / MOTOR_INERTIA)
     energy = (energy - _least(result, mode))[60:]
     swing = 1.0 / (1.0 - 0.25 * fastest * result.scenario.step**2) - 1.0
     lowest = np.minimum.accumulate(energy)
@@ -203,8 +203,8 @@ def _least(result: Run, mode: int) -> float:
 
     def excess(theta: Array) -> list[float]:
         torques = law.elastic_torques(0.0, float(theta[0]), float(theta[1]), elastic)
-        return [125.0 * (goal - angle) - torque for goal, angle, torque in zip(goals, theta, torques, strict=True)]
+        return [PROPORTIONAL * (goal - angle) - torque for goal, angle, torque in zip(goals, theta, torques, strict=True)]
 
     theta = fsolve(excess, np.array(goals) * (1.0 - 1e-3), xtol=1e-13)
-    held = sum(0.5 * 125.0 * (goal - angle) ** 2 for goal, angle in zip(goals, theta, strict=True))
+    held = sum(0.5 * PROPORTIONAL * (goal - angle) ** 2 for goal, angle in zip(goals, theta, strict=True))
     return law.elastic_energy(0.0, float(theta[0]), float(theta[1]), elastic) + float(held)

@@ -15,6 +15,13 @@ from asrsim.signals.base import Signal
 from asrsim.simulation.run import Run, simulate
 
 GRAVITY = 9.81
+"""m/s^2."""
+MOTOR_INERTIA = 0.0233
+"""kg m^2, of a motor (released toolbox, code default); written down here, since checks do not ask what they check."""
+PROPORTIONAL = 125.0
+"""N m/rad, of the motors' controllers, likewise."""
+FRICTION_STIFFNESS = 1000.0
+"""N m/rad, of the Dahl friction (paper eq. 8), likewise."""
 """m/s^2, downwards in z."""
 
 
