@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.options import Plugins, load_plugins
+
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
     from asrsim.recordings import Recording
@@ -50,7 +52,7 @@ def plot(
         Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
     ] = None,
     formats: Annotated[list[str] | None, typer.Option("--format", metavar="png|pdf|svg", help="May be repeated.")] = None,
-    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with your own actuators; may be repeated.")] = None,
+    plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failed claims and problems only.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
 ) -> None:
@@ -69,11 +71,7 @@ def plot(
         from asrsim.plots.job import PlotJob
         from asrsim.plots.job import plot as draw
 
-        if plugin:
-            from asrsim.actuators.user import load_plugin_file
-
-            for path in plugin:
-                load_plugin_file(path)
+        load_plugins(plugin)
         job = PlotJob(
             logs=tuple(logs),
             folder=out or _folder(logs, alone=not experiment and not bode),
