@@ -21,7 +21,6 @@ Written by `python benchmarks/run.py --docs`; `python benchmarks/run.py` measure
 `--repeats N`). All figures are ratios of CPU times, medians of rounds in which both sides take turns in one process:
 what a microsecond is differs from machine to machine, and on a busy one from minute to minute.
 
-<!-- The README has this table too. -->
 {table}
 
 Measured on: {machine}.
@@ -108,7 +107,7 @@ def write(rows: Mapping[str, Row], folder: Path, load: float) -> Path:
 
 
 def markdown(rows: Mapping[str, Row]) -> str:
-    """The table, as the README has it."""
+    """The table, as Markdown."""
     lines = ["| | measured | goal | |", "|---|---|---|---|"]
     lines += [f"| `{name}` | **{row.median:.2f}** | {row.goal:g} | {row.what} |" for name, row in rows.items()]
     return "\n".join(lines)
