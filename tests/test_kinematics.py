@@ -10,7 +10,7 @@ import pytest
 
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
-from asrsim.kinematics import ClikSettings, Drive, PoseTrajectory, closest, follow, plan
+from asrsim.kinematics import ClikSettings, JointDrive, PoseTrajectory, closest, follow, plan
 from asrsim.kinematics.clik import bounded_step
 from asrsim.kinematics.trajectory import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
@@ -65,7 +65,7 @@ def line(*poses):
 
 
 def qbmove(joint, mode=3, **changes):
-    return Drive(joint=joint, actuator=QbMove, mode=mode, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
+    return JointDrive(joint=joint, actuator=QbMove, mode=mode, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
 
 
 def test_the_loop_tracks_the_closed_form_solution():

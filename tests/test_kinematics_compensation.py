@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from asrsim.actuators import AwasII, Bavs, QbMove, Sea
-from asrsim.kinematics import Drive, equilibrium_for_load, resting_motors
+from asrsim.kinematics import JointDrive, equilibrium_for_load, resting_motors
 from asrsim.kinematics.compensation import LoadError
 
 CASES = {
@@ -19,7 +19,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_spring_carries_exactly_the_load(name):
     actuator, spring, preset, loads = CASES[name]
-    drive = Drive(joint="j", actuator=actuator, mode=3, spring=spring)
+    drive = JointDrive(joint="j", actuator=actuator, mode=3, spring=spring)
     for load in loads:
         for position in (-0.4, 0.0, 0.8):
             equilibrium = equilibrium_for_load(drive, position, load, preset)
@@ -28,17 +28,17 @@ def test_the_spring_carries_exactly_the_load(name):
 
 
 def test_a_symmetric_spring_without_load_rests_at_the_link():
-    drive = Drive(joint="j", actuator=QbMove, mode=3, spring=(11.0, 0.02, 11.0, 0.02, 0.8))
+    drive = JointDrive(joint="j", actuator=QbMove, mode=3, spring=(11.0, 0.02, 11.0, 0.02, 0.8))
     assert equilibrium_for_load(drive, 0.3, 0.0, 0.2) == pytest.approx(0.3, abs=1e-14)
 
 
 def test_the_spring_of_a_series_elastic_actuator_gives_load_over_stiffness():
-    drive = Drive(joint="j", actuator=Sea, mode=3, spring=(200.0, 0.8))
+    drive = JointDrive(joint="j", actuator=Sea, mode=3, spring=(200.0, 0.8))
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0) == pytest.approx(0.55, abs=1e-13)
 
 
 def test_too_large_a_load_names_what_can_be_held():
-    drive = Drive(joint="elbow", actuator=Sea, mode=3, spring=(10.0, 0.8))
+    drive = JointDrive(joint="elbow", actuator=Sea, mode=3, spring=(10.0, 0.8))
     with pytest.raises(LoadError, match=r"elbow: the spring cannot hold 9 N m .* most it can hold that way is 8 N m") as error:
         equilibrium_for_load(drive, 0.0, 9.0, 0.0)
     assert error.value.largest == pytest.approx(8.0)
@@ -48,7 +48,7 @@ def test_too_large_a_load_names_what_can_be_held():
 
 
 def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
-    drive = Drive(
+    drive = JointDrive(
         joint="j", actuator=Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(0.0,), max_torque=(20.0,)
     )
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
@@ -56,7 +56,7 @@ def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
 
 def test_motors_at_rest_balance_their_springs():
     spring = (11.0, 0.02, 11.0, 0.02, 0.8)
-    drive = Drive(
+    drive = JointDrive(
         joint="j", actuator=QbMove, mode=6, spring=spring,
         proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(12.0, 12.0),
     )  # fmt: skip
@@ -70,7 +70,7 @@ def test_motors_at_rest_balance_their_springs():
 
 
 def test_an_integral_term_leaves_no_droop():
-    drive = Drive(
+    drive = JointDrive(
         joint="j", actuator=Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(1.0,), max_torque=(20.0,)
     )
     assert resting_motors(drive, 0.0, 0.4, 0.0)[0] == 0.4
@@ -78,7 +78,7 @@ def test_an_integral_term_leaves_no_droop():
 
 def test_a_motor_too_weak_for_the_pretension_is_named():
     """The paper's stiff preset 0.6 asks 7.35 N m of each motor with AlterEgo's springs."""
-    drive = Drive(
+    drive = JointDrive(
         joint="j", actuator=QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8),
         proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(6.0, 6.0),
     )  # fmt: skip

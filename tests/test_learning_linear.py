@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import QbMove, Sea
-from asrsim.kinematics import Drive
+from asrsim.kinematics import JointDrive
 from asrsim.learning import LearningProblem, LearningSettings, choose_gains, learn, linearise
 from asrsim.learning.prediction import predictor
 
@@ -31,7 +31,7 @@ class Pendulum:
 def sea(mode=3, k=2.0):
     motors = {"proportional": (125.0,), "integral": (0.0,), "derivative": (4.5,), "max_torque": (6.0,)}
     motors |= {"motor_inertia": (0.0233,), "motor_damping": (0.27,)}
-    return Drive(joint="one", actuator=Sea, mode=mode, spring=(k, 0.8), **(motors if mode == 6 else {}))
+    return JointDrive(joint="one", actuator=Sea, mode=mode, spring=(k, 0.8), **(motors if mode == 6 else {}))
 
 
 def test_response_of_a_pendulum_on_a_spring_is_the_second_order_system():
@@ -60,7 +60,7 @@ def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
 
 def test_slopes_of_two_springs_are_those_of_the_law():
     spring = (11.0, 0.02, 7.0, 0.05, 0.8)
-    drive = Drive(joint="one", actuator=QbMove, mode=3, spring=spring)
+    drive = JointDrive(joint="one", actuator=QbMove, mode=3, spring=spring)
     dynamics = linearise(Pendulum(), [drive], {"one": 0.1}, [0.3], [0.2], {})
     assert sum(dynamics.springs[0]) == pytest.approx(QbMove.stiffness(0.1, 0.5, 0.1, spring), rel=1e-8)
 
@@ -118,7 +118,7 @@ def test_the_predicted_rate_is_the_measured_one_where_the_spring_is_linear():
 
 
 def test_the_predicted_rate_is_close_for_hyperbolic_springs_too():
-    drive = Drive(joint="one", actuator=QbMove, mode=3, spring=(6.257, 0.01038, 3.9, 0.08918, 0.8))
+    drive = JointDrive(joint="one", actuator=QbMove, mode=3, spring=(6.257, 0.01038, 3.9, 0.08918, 0.8))
     problem = slow_problem()
     result = learn(
         problem,

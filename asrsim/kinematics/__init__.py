@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asrsim.kinematics.clik import ClikSettings, JointPath, follow
-from asrsim.kinematics.compensation import Drive, drive_of, equilibrium_for_load, resting_motors
+from asrsim.kinematics.compensation import JointDrive, drive_of, equilibrium_for_load, resting_motors
 from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.plan import PlannedReferences, plan
@@ -14,8 +14,8 @@ from asrsim.kinematics.trajectory import INTERPOLATIONS, PoseTrajectory
 __all__ = [
     "INTERPOLATIONS",
     "ClikSettings",
-    "Drive",
     "EngineModel",
+    "JointDrive",
     "JointPath",
     "KinematicModel",
     "PlannedReferences",

@@ -20,8 +20,8 @@ ROOT_TOLERANCE = 1e-14
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
-    """What gravity compensation must know of a joint's actuator."""
+class JointDrive:
+    """What gravity compensation and learning must know of a joint's actuator; unlike the simulation's, it steps nothing."""
 
     joint: str
     actuator: type[Actuator]
@@ -49,13 +49,13 @@ class LoadError(InputError):
         self.largest = largest
 
 
-def drive_of(block: ActuatorBlock) -> Drive:
+def drive_of(block: ActuatorBlock) -> JointDrive:
     """The drive of an actuator block, with the parameters that it resolved."""
     actuator = ACTUATORS.get(block.actuator)
     values = block.values()
     motors = range(1, actuator.motors + 1)
     mode = MODES[block.mode]
-    return Drive(
+    return JointDrive(
         joint=block.joint,
         actuator=actuator,
         mode=block.mode,
@@ -69,7 +69,7 @@ def drive_of(block: ActuatorBlock) -> Drive:
     )
 
 
-def resting_motors(drive: Drive, position: float, equilibrium: float, preset: float) -> tuple[float, float]:
+def resting_motors(drive: JointDrive, position: float, equilibrium: float, preset: float) -> tuple[float, float]:
     """Where the motors come to rest under load, rad: a controller without integral term droops by tau_el / P.
 
     position: of the link, rad. Motor friction is left out. For ideal motors these are the references themselves.
@@ -97,7 +97,7 @@ def resting_motors(drive: Drive, position: float, equilibrium: float, preset: fl
 
 
 def equilibrium_for_load(
-    drive: Drive, position: float, load: float, preset: float, *, droop: bool = False, guess: float | None = None
+    drive: JointDrive, position: float, load: float, preset: float, *, droop: bool = False, guess: float | None = None
 ) -> float:
     """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
 
@@ -146,7 +146,7 @@ def _search(
     centre: float,
     here: float,
     direction: float,
-    drive: Drive,
+    drive: JointDrive,
     position: float,
     load: float,
 ) -> float:

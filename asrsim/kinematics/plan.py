@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
-from asrsim.kinematics.compensation import Drive, LoadError, equilibrium_for_load
+from asrsim.kinematics.compensation import JointDrive, LoadError, equilibrium_for_load
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
@@ -56,7 +56,7 @@ class PlannedReferences:
 def plan(
     task: CartesianTask,
     model: KinematicModel,
-    drives: Sequence[Drive],
+    drives: Sequence[JointDrive],
     initial: Mapping[str, float],
     duration: float,
     *,
@@ -105,7 +105,7 @@ def plan(
     )
 
 
-def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[Drive]) -> NDArrayBool:
+def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[JointDrive]) -> NDArrayBool:
     """Which of the model's joints the task may move; problems with names, all at once."""
     driven = tuple(drive.joint for drive in drives)
     problems = []
@@ -199,7 +199,9 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
     return Problem(message=message, key="task.poses", code="unreachable")
 
 
-def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: Array) -> Array:
+def _compensated(
+    task: CartesianTask, model: KinematicModel, drive: JointDrive, path: JointPath, index: int, preset: Array
+) -> Array:
     equilibria = np.empty(len(path.time))
     guess: float | None = None
     for row, (time, positions) in enumerate(zip(path.time, path.positions, strict=True)):
@@ -223,14 +225,14 @@ def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path:
     return equilibria
 
 
-def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
+def _preset(task: CartesianTask, drive: JointDrive, presets: Mapping[str, Signal], time: Array) -> Array:
     """(n,) second references over time."""
     if drive.joint in presets:
         return presets[drive.joint].values(time)
     return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
 
 
-def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
+def _references(drive: JointDrive, equilibria: Array, preset: Array) -> dict[str, Array]:
     """The mode's references at the given equilibria."""
     mode = MODES[drive.mode]
     if len(mode.references) == 1:

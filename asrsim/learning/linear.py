@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.kinematics.compensation import Drive, resting_motors
+from asrsim.kinematics.compensation import JointDrive, resting_motors
 from asrsim.samples import Array
 
 Complex = NDArray[np.complex128]
@@ -53,7 +53,7 @@ class JointDynamics:
     """(n, n) N m/rad, dG/dq."""
     springs: tuple[tuple[float, ...], ...]
     """N m/rad, slope k_i of each joint's springs."""
-    drives: tuple[Drive, ...]
+    drives: tuple[JointDrive, ...]
 
     def response(self, omega: float) -> Complex:
         """(n, n) complex: link positions for equilibrium positions at `omega` rad/s; 0: at rest."""
@@ -83,7 +83,7 @@ class JointDynamics:
 
 def linearise(
     model: DynamicModel,
-    drives: Sequence[Drive],
+    drives: Sequence[JointDrive],
     positions: Mapping[str, float],
     equilibria: Sequence[float],
     presets: Sequence[float],
@@ -116,7 +116,7 @@ def linearise(
     )
 
 
-def spring_slopes(drive: Drive, position: float, equilibrium: float, preset: float) -> tuple[float, ...]:
+def spring_slopes(drive: JointDrive, position: float, equilibrium: float, preset: float) -> tuple[float, ...]:
     """d tau_i / d theta_i in N m/rad of a joint's springs, motors at rest; 0 beyond the deflection limit."""
     law, spring = drive.actuator.elastic_torques, drive.spring
     theta = resting_motors(drive, position, equilibrium, preset)
@@ -143,7 +143,7 @@ def choose_gains(dynamics: Sequence[JointDynamics], *, largest: float = 1.0) -> 
     return tuple(float(gain) for gain in np.minimum(best, largest))
 
 
-def _motor(drive: Drive, motor: int, slope: float, omega: float) -> tuple[complex, complex]:
+def _motor(drive: JointDrive, motor: int, slope: float, omega: float) -> tuple[complex, complex]:
     """How a motor follows its reference, and how it yields to the link: theta = follow r + yielding q."""
     if not drive.proportional:
         return 1.0, 0.0

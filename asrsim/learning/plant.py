@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.errors import DivergenceError, Problem, ScenarioError
-from asrsim.kinematics.compensation import Drive, LoadError, drive_of, equilibrium_for_load
+from asrsim.kinematics.compensation import JointDrive, LoadError, drive_of, equilibrium_for_load
 from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.learning.folder import origin_of
 from asrsim.learning.iterate import LearningProblem, Predict
@@ -45,7 +45,7 @@ class Plant:
     """(n,) s, the steps of the simulation."""
     reference: Array = field(repr=False)
     """(n, joints) rad."""
-    drives: tuple[Drive, ...] = field(repr=False)
+    drives: tuple[JointDrive, ...] = field(repr=False)
     presets: tuple[float, ...]
     """Second references at the start."""
     damping: Mapping[str, float] = field(repr=False)

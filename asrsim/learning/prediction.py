@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from asrsim.kinematics.compensation import Drive
+from asrsim.kinematics.compensation import JointDrive
 from asrsim.learning.iterate import LearningProblem, Predict
 from asrsim.learning.linear import DynamicModel, JointDynamics, linearise
 from asrsim.samples import Array
@@ -17,7 +17,7 @@ KNOTS = 41
 
 def postures(
     model: DynamicModel,
-    drives: Sequence[Drive],
+    drives: Sequence[JointDrive],
     presets: Sequence[float],
     damping: dict[str, float],
     inputs: Array,
@@ -36,7 +36,7 @@ def postures(
 def predictor(
     problem: LearningProblem,
     model: DynamicModel,
-    drives: Sequence[Drive],
+    drives: Sequence[JointDrive],
     presets: Sequence[float],
     damping: dict[str, float],
 ) -> Predict:
