@@ -9,7 +9,9 @@ import pytest
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
 from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot
-from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.signals import Constant
 
 
 def block(joint, actuator, mode):
@@ -160,3 +162,28 @@ def test_applying_what_does_not_fit_raises(load):
     with pytest.raises(ScenarioError) as caught:
         apply_to_robot(load("modes: {x: 1}\nparameters: {y: {z: 1}}\n"), arm())
     assert [problem.line for problem in caught.value.problems] == [3, 4]
+
+
+def test_a_joints_own_entry_goes_before_that_for_all():
+    assert for_joint({"*": 1.0, "vsa": 2.0}, "vsa") == 2.0
+    assert for_joint({"*": 1.0, "vsa": 2.0}, "sea") == 1.0
+    assert for_joint({"vsa": 2.0}, "sea") is None
+    assert for_joint({"vsa": 2.0}, "sea", 3.0) == 3.0
+
+
+def test_a_joints_own_references_go_before_those_for_all():
+    for_all, own = Constant(value=0.1), Constant(value=0.2)
+    references = {"*": {"equilibrium_position": for_all, "stiffness_preset": for_all}, "vsa": {"stiffness_preset": own}}
+    scenario = Scenario(name="s", robot=Path("arm.urdf"), references=references)
+    assert scenario.references_of("vsa") == {"equilibrium_position": for_all, "stiffness_preset": own}
+    assert scenario.references_of("sea") == references["*"]
+
+
+def test_a_checked_robot_is_the_files_and_what_does_not_fit_is_one_error():
+    robot = arm()
+    fits = Scenario(name="s", robot=robot.path, modes={"vsa": 3}, references={"vsa": {"stiffness_preset": Constant(value=0.1)}})
+    assert checked_robot(fits, robot) == (robot, check_against_robot(fits, robot)[1])
+    wrong = Scenario(name="s", robot=robot.path, initial_positions={"vsa": 2.0, "nobody": 0.0})
+    with pytest.raises(ScenarioError) as error:
+        checked_robot(wrong, robot)
+    assert {problem.code for problem in error.value.problems} == {"initial-limits", "unknown-joint"}
