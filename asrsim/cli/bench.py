@@ -33,7 +33,10 @@ def bench(
     out: Annotated[Path, typer.Option("--out", "-o", help="CSV to write.")] = Path("bench.csv"),
     stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox: the released code's order.")] = "leapfrog",
     first_step: Annotated[
-        float | None, typer.Option(help="Length of the first row's step in s; by default as long as the second's.")
+        float | None,
+        typer.Option(
+            help="Length of the first row's step in s; by default as long as the second's, in leapfrog a start from rest."
+        ),
     ] = None,
     plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,

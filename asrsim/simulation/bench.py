@@ -1,7 +1,8 @@
 """Actuators on a test bench, row by row: prescribed link motion and references in, torques and motor states out.
 
-A row is a step, at the row's time; the first row's step is as long as the second's, unless given. So a recorded
-experiment's motion can be played into the model, and the released code's outputs be reproduced to the last digits.
+A row is a step, at the row's time. In leapfrog the motors rest at the first row's time, as in a simulation; in the other
+steppings, and with a first step given, the first row is a whole step, as long as the second's. So a recorded experiment's
+motion can be played into the model, and the released code's outputs be reproduced to the last digits.
 """
 
 from __future__ import annotations
@@ -48,12 +49,16 @@ def run_bench(
 ) -> dict[str, dict[str, Array]]:
     """Outputs by joint and column of :data:`OUTPUTS`, each (n,). time: (n,) s, ascending.
 
-    first_step: length of the first row's step in s; None: as long as the second.
+    first_step: length of the first row's step in s; None: as long as the second, and in leapfrog none: the motors rest there.
     """
     steps = step_lengths(time, first_step)
+    # At the first row's time the motors rest; where velocities live at half steps, half a step brings them there.
+    resting = first_step is None and STEPPINGS.get(stepping).staggered
     initial = {name: float(motion.position[0]) for name, motion in motions.items()} if stepping != "toolbox" else {}
     drives = make_drives(robot, STEPPINGS.get(stepping), initial_positions=initial, link_damping={})
-    return {drive.name: _run_joint(drive, steps, motions[drive.name]) for drive in drives if drive.name in motions}
+    return {
+        drive.name: _run_joint(drive, steps, motions[drive.name], resting=resting) for drive in drives if drive.name in motions
+    }
 
 
 def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
@@ -79,8 +84,10 @@ def _simplest(step: float, rounding: float) -> float:
     return step
 
 
-def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str, Array]:
+def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion, *, resting: bool) -> dict[str, Array]:
     constants: dict[float, Any] = {}
+    half = drive.constants(0.5 * steps[0]) if resting else None
+    look = drive.constants(0.0) if resting else None
     state: Any = drive.initial_state
     advance = drive.advance
     rows = []
@@ -91,7 +98,11 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion) -> dict[str
             constants[step] = drive.constants(step)
         before = state
         try:
-            torque, state, record = advance(state, constants[step], q, v, goal_1, goal_2)
+            if resting and row == 0:
+                torque, _, record = advance(before, look, q, v, goal_1, goal_2)
+                _, state, _ = advance(before, half, q, v, goal_1, goal_2)
+            else:
+                torque, state, record = advance(state, constants[step], q, v, goal_1, goal_2)
         except (ZeroDivisionError, OverflowError) as error:
             raise SimulationError(
                 f"joint '{drive.name}', row {row + 1}: the law has no finite value at q = {q:g}, references {r_1:g} and {r_2:g}"
