@@ -174,16 +174,21 @@ def _verdict(problem: LearningProblem, trials: list[Trial], settings: LearningSe
         )
     run = trials[-settings.patience - 1 :]
     worst = [max(trial.largest) for trial in run]
+    joint, when = problem.joints[int(np.argmax(last.largest))], _worst_time(problem, last)
     if len(run) > settings.patience and all(later > earlier for earlier, later in pairwise(worst)):
-        joint = problem.joints[int(np.argmax(last.largest))]
         return "growing", (
             f"stopped: the largest error has grown in {settings.patience} iterations in a row, from {worst[0]:.4g} to "
-            f"{worst[-1]:.4g} rad (now in {joint}); a smaller gain, a filter with a lower cutoff or less derivative helps"
+            f"{worst[-1]:.4g} rad (now in {joint} {when}); a smaller gain, a filter with a lower cutoff or less derivative helps"
         )
     if last.number >= settings.max_iterations:
-        joint = problem.joints[int(np.argmax(last.largest))]
         return "exhausted", (
-            f"not converged after {last.number} iterations: {joint} is still {max(last.largest):.4g} rad off, tolerance "
-            f"{settings.tolerance:g} rad"
+            f"not converged after {last.number} iterations: {joint} is still {max(last.largest):.4g} rad off {when}, "
+            f"tolerance {settings.tolerance:g} rad"
         )
     return None
+
+
+def _worst_time(problem: LearningProblem, trial: Trial) -> str:
+    """When the joint with the largest error is off most; of several plants, their mean."""
+    error = np.abs(problem.reference - trial.outputs)[:, int(np.argmax(trial.largest))]
+    return f"at {int(np.argmax(error)) * problem.step:.3g} s"
