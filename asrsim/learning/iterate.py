@@ -178,7 +178,7 @@ def _verdict(problem: LearningProblem, trials: list[Trial], settings: LearningSe
     if len(run) > settings.patience and all(later > earlier for earlier, later in pairwise(worst)):
         return "growing", (
             f"stopped: the largest error has grown in {settings.patience} iterations in a row, from {worst[0]:.4g} to "
-            f"{worst[-1]:.4g} rad (now in {joint} {when}); a smaller gain, a lower cutoff of the filter or less derivative helps"
+            f"{worst[-1]:.4g} rad (now in {joint} {when}); a smaller gain, a lower cutoff or less derivative helps"
         )
     if last.number >= settings.max_iterations:
         return "exhausted", (
