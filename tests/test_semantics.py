@@ -195,3 +195,20 @@ def test_log_rate_leaves_samples_out_and_changes_none(run: Run) -> None:
 def test_a_floating_root_needs_a_mass(run: Run) -> None:
     with pytest.raises(InputError, match="root link 'base'"):
         run(passive=True, base={"fixed": False})
+
+
+def test_a_link_at_its_stop_is_counted_and_said(tmp_path):
+    (tmp_path / "arm.urdf").write_text(
+        """<robot name="arm"><link name="base"/><link name="link"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/>
+<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="joint" type="revolute"><parent link="base"/><child link="link"/><axis xyz="0 1 0"/>
+<limit lower="-0.2" upper="0.2" effort="100" velocity="100"/></joint>
+<gazebo><plugin name="p" filename="libsea_plugin.so"><joint>joint</joint><operation_mode>3</operation_mode>
+<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo></robot>"""
+    )
+    (tmp_path / "stop.yaml").write_text("robot: arm.urdf\nduration: 1\nreferences: {joint: {equilibrium_position: 0.5}}\n")
+    result = asrsim.run(tmp_path / "stop.yaml")
+    report = result.summary.joint("joint")
+    assert report.stop > 100
+    free = asrsim.run(tmp_path / "stop.yaml", overrides=["references.joint.equilibrium_position=0.1"])
+    assert free.summary.joint("joint").stop == 0

@@ -122,7 +122,7 @@ _MEASURES = (
     ("steady_state", "steady state", 1.0), ("steady_state_error", "error", 1.0), ("overshoot", "overshoot (%)", 100.0),
     ("settling", "settling (s)", 1.0), ("frequency", "frequency (Hz)", 1.0), ("peak_deflection", "peak deflection", 1.0),
 )  # fmt: skip
-_LIMITS = ("effort", "velocity", "saturation", "deflection")
+_LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
 
 
 def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
@@ -145,9 +145,9 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                 ]
             )
     heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES),
-             "effort limit", "velocity limit", "motor limit", "deflection limit"]  # fmt: skip
+             "effort limit", "velocity limit", "motor limit", "deflection limit", "joint stop"]  # fmt: skip
     if not limited:
-        heads, rows = heads[:-4], [row[:-4] for row in rows]
+        heads, rows = heads[: -len(_LIMITS)], [row[: -len(_LIMITS)] for row in rows]
     note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
     return section("Joints", table(heads, rows) + note) if rows else ""
 

@@ -123,7 +123,7 @@ def result_metadata(run: Run, error: DivergenceError | None = None, certificate:
         metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}
     counts = run.counts
     names = [joint.name for joint in run.robot.moving_joints]
-    for kind in ("effort", "velocity", "saturation", "deflection"):
+    for kind in ("effort", "velocity", "saturation", "deflection", "stop"):
         counted = {name: int(count) for name, count in zip(names, getattr(counts, kind), strict=True) if count}
         if counted:
             metadata[f"limit_{kind}"] = json.dumps(counted)

@@ -54,6 +54,8 @@ class Counts:
     """A motor at its torque limit."""
     deflection: Array
     """A spring beyond its maximum deflection."""
+    stop: Array
+    """A link at or beyond its position limit, where the engine stops it; the impact takes energy."""
     stiffest: Array
     """Largest stiffness that the spring reached, N m/rad."""
     substeps: int = 0
@@ -75,7 +77,14 @@ class Recorder:
         """Last substep that is logged."""
         self.meter = EnergyMeter(drives, substep)
         n = len(drives)
-        self.counts = Counts(np.zeros(n, int), np.zeros(n, int), np.zeros(n, int), np.zeros(n, int), np.zeros(n))
+        self.counts = Counts(
+            effort=np.zeros(n, int),
+            velocity=np.zeros(n, int),
+            saturation=np.zeros(n, int),
+            deflection=np.zeros(n, int),
+            stop=np.zeros(n, int),
+            stiffest=np.zeros(n),
+        )
         self._held: Array | None = None
         self._held_inputs: tuple[Array, ...] = ()
         self._sides: dict[int, Array] = {}
@@ -86,6 +95,8 @@ class Recorder:
         """Joints without a quantity, for every quantity that some have."""
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
         self._efforts = efforts(drives)
+        self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
+        self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
         self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
         self._damping = np.array([[drive.joint.damping] for drive in drives])
         self._brakes = np.array([[drive.link_brake] for drive in drives])
@@ -196,6 +207,8 @@ class Recorder:
         counts.substeps += torque.shape[1]
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
+        place = values["link_position"]
+        counts.stop += np.count_nonzero((place <= self._lowest) | (place >= self._highest), axis=1)
         if "stiffness" in values:
             counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
         for group, _, _ in self._groups:

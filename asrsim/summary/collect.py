@@ -14,6 +14,8 @@ from asrsim.samples import Array, JointInfo, Samples
 
 KEPT = 2_000_000
 """Samples of all joints together that are looked at; a longer run is thinned evenly, its peaks are not."""
+SHAKEN = 10.0
+"""Overshoot (a fraction of the step) above which there was no step to speak of: the joint was shaken, not moved."""
 QUANTITIES = ("link_position", "motor_1_position", "motor_2_position", "reference_1", "reference_2")
 """What the measures need of a log."""
 
@@ -56,27 +58,28 @@ def _summary(time: Array, position: Array, error: Array) -> JointSummary:
     if not np.isfinite(error).all():
         return summarise(time, {"link_position": position})
     whole = summarise(time, {"link_position": position, "position_error": error})
-    start = step_start(position + error)
+    start = step_start(position + error, float(position[0]))
     if start is None:
         return replace(whole, overshoot=math.nan, settling=math.nan)
-    if not start:
-        return whole
-    return replace(
-        whole,
-        overshoot=measure("overshoot", time[start:], position[start:]),
-        settling=measure("settling", time[start:], position[start:]),
-    )
+    if start:
+        whole = replace(
+            whole,
+            overshoot=measure("overshoot", time[start:], position[start:]),
+            settling=measure("settling", time[start:], position[start:]),
+        )
+    return whole if not whole.overshoot > SHAKEN else replace(whole, overshoot=math.nan)
 
 
-def step_start(reference: Array) -> int | None:
-    """Sample at which a reference (n,) that goes one way and then rests begins to move; 0 if it never does.
+def step_start(reference: Array, initial: float) -> int | None:
+    """Sample at which a reference (n,) that goes one way and then rests begins to move; 0 if it stands off `initial` always.
 
-    None where it goes to and fro, or still moves in the last tenth: such a motion has no overshoot and does not settle.
+    None where it goes to and fro, still moves in the last tenth, or never leaves the joint's initial position: such a motion
+    has no overshoot and does not settle.
     """
     changes = np.diff(reference)
     floor = 1e-9 * max(1.0, float(np.max(np.abs(reference))))
     moves = np.flatnonzero(np.abs(changes) > floor)
     if not len(moves):
-        return 0
+        return 0 if abs(float(reference[0]) - initial) > floor else None
     one_way = bool(np.all(changes[moves] > 0) or np.all(changes[moves] < 0))
     return int(moves[0]) + 1 if one_way and moves[-1] < 0.9 * len(changes) else None

@@ -35,6 +35,8 @@ class JointReport:
     """Substeps in which a motor was at its torque limit."""
     deflection: int
     """Substeps in which a spring was beyond its largest deflection."""
+    stop: int = 0
+    """Substeps in which the link was at its position limit; the energy that a stop takes is in no other figure."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -49,6 +51,7 @@ class JointReport:
                 "velocity": self.velocity,
                 "saturation": self.saturation,
                 "deflection": self.deflection,
+                "stop": self.stop,
             },
         }
 

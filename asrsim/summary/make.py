@@ -42,6 +42,7 @@ def make_summary(
             velocity=int(counts.velocity[index[joint.name]]),
             saturation=int(counts.saturation[index[joint.name]]),
             deflection=int(counts.deflection[index[joint.name]]),
+            stop=int(counts.stop[index[joint.name]]),
         )
         for joint, measure in zip(info.joints, measures, strict=True)
     )

@@ -35,6 +35,7 @@ def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
         ("velocity\nlimit", [joint.velocity for joint in joints]),
         ("motor\nlimit", [joint.saturation for joint in joints]),
         ("deflection\nlimit", [joint.deflection for joint in joints]),
+        ("joint\nstop", [joint.stop for joint in joints]),
     ):
         if any(counts):
             columns.append(Column(heading=heading, cells=tuple(_share(count, summary.total_substeps) for count in counts)))
@@ -56,9 +57,9 @@ def headline(summary: RunSummary) -> str:
 
 def limit_note(summary: RunSummary) -> str | None:
     """What the limits' columns mean, if there are any; or that no limit was met."""
-    if any(joint.effort or joint.velocity or joint.saturation or joint.deflection for joint in summary.joints):
+    if any(joint.effort or joint.velocity or joint.saturation or joint.deflection or joint.stop for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
-    return "no limit of effort, velocity, motor torque or deflection was met"
+    return "no limit of effort, velocity, motor torque, deflection or position was met"
 
 
 def _actuator(joint: JointReport) -> str:
