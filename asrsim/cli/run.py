@@ -31,7 +31,7 @@ def run(
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the runs.")] = True,
     report: Annotated[bool, typer.Option("--report", help="Also write a page for the browser.")] = False,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Run again with half the step and report the numerical error.")
+        bool, typer.Option("--certify", help="Run again with half and a quarter of the step and report the numerical error.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
