@@ -108,7 +108,14 @@ KEYS: tuple[Key, ...] = (
         doc="pose of the robot's root",
     ),
     Key(name="gravity", kind=POSITION, default=(0.0, 0.0, -9.81), unit="m/s^2", doc="in the world's frame"),
-    Key(name="initial", kind=MapOf(of=NUMBER), default={}, unit="rad", doc="link positions at the start; motors stand there too, so springs are undeflected and a loaded link first sags", shown="0"),
+    Key(
+        name="initial",
+        kind=MapOf(of=NUMBER),
+        default={},
+        unit="rad",
+        doc="link positions at the start; motors stand there too, so springs are undeflected and a loaded link first sags",
+        shown="0",
+    ),
     Key(name="duration", kind=POSITIVE, unit="s", doc="simulated time, a whole number of steps"),
     Key(name="step", kind=POSITIVE, default=1e-3, unit="s", doc="of the simulation"),
     Key(
