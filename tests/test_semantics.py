@@ -212,3 +212,9 @@ def test_a_link_at_its_stop_is_counted_and_said(tmp_path):
     assert report.stop > 100
     free = asrsim.run(tmp_path / "stop.yaml", overrides=["references.joint.equilibrium_position=0.1"])
     assert free.summary.joint("joint").stop == 0
+
+
+@pytest.mark.parametrize("name", ["ground", "robot"])
+def test_objects_are_not_called_as_contacts_call_others(name):
+    with pytest.raises(InputError, match="cannot be called"):
+        asrsim.make_scenario("arm.urdf", world={"objects": {name: {"shape": "sphere", "size": 0.1}}})

@@ -213,6 +213,12 @@ class Biased(Linear):
         return parameters[0] * (theta_1 - q) + 0.1, parameters[0] * (theta_2 - q)
 
 
+class WrongEnergy(Linear):
+    @staticmethod
+    def elastic_energy(q, theta_1, theta_2, parameters):
+        return parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2)
+
+
 class Deadband(Linear):
     """Legitimate: flat around zero, with corners."""
 
@@ -233,7 +239,7 @@ class Deadband(Linear):
 def test_good_laws_pass(actuator: type[Actuator]) -> None:
     report = check_actuator(actuator)
     assert [check.name for check in report.checks if not check.passed] == []
-    assert len(report.checks) == 8
+    assert len(report.checks) == 9
 
 
 @pytest.mark.parametrize(
@@ -246,6 +252,7 @@ def test_good_laws_pass(actuator: type[Actuator]) -> None:
         (Remembering, "pure"),
         (OneMotorMap, "reference map"),
         (Biased, "rest"),
+        (WrongEnergy, "energy"),
     ],
 )
 def test_each_fault_is_found_by_its_check(actuator: type[Actuator], failed: str) -> None:

@@ -271,12 +271,29 @@ def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
         yield abs(tau_1 + tau_2) / scale, f"{point}: {tau_1 + tau_2:.3g} N m on the unloaded link"
 
 
+def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+    """Slope of the declared energy in q against the torque; without one the torques are integrated, with nothing to check."""
+    if actuator.elastic_energy is Actuator.elastic_energy:
+        return
+    for point in _points(actuator, 0.95):
+        h = 1e-4 * _limit_of(actuator, point.parameters)
+        low, high = (actuator.elastic_energy(point.q + d, point.theta_1, point.theta_2, point.parameters) for d in (-h, h))
+        torque = _torque(actuator, point)
+        # The energies' own rounding, seen through the difference, is no fault of the law.
+        floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)
+        yield (
+            abs((low - high) / (2.0 * h) - torque) / floor,
+            f"{point}: slope {(low - high) / (2 * h):.6g}, torque {torque:.6g}",
+        )
+
+
 _CHECKS: tuple[tuple[str, str, float | None, _Measure], ...] = (
     ("pure", "the same input gives the same floats, in any order", None, _pure),
     ("finite", "torques and stiffness are finite over the range and beyond the limit", None, _finite),
     ("stiffness", "the stiffness is minus the torque's slope in q (relative error)", 1e-6, _stiffness_agrees),
     ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
     ("passive", "no work is made round closed loops of link and motors (share of the work moved)", 1e-4, _passive),
+    ("energy", "the energy, where declared, has minus the torque for its slope in q (relative error)", 1e-3, _energy),
     ("reference map", "equilibrium_position undoes motor_references (rad)", 1e-9, _reference_map),
     ("rest", "at the equilibrium the unloaded link feels no torque (share of the springs' torque)", 1e-9, _rest),
 )

@@ -95,9 +95,20 @@ GROUND: Block[Keys] = Block(
 )
 
 
+RESERVED = ("ground", "robot")
+"""Names that contacts have for what is no object."""
+
+
 def _world(ground: bool | dict[str, float], objects: dict[str, WorldObject]) -> World:
     from dataclasses import replace
 
+    for name in RESERVED:
+        if name in objects:
+            raise ScenarioError(
+                Problem(
+                    message=f"an object cannot be called '{name}': contacts are named so", key=f"objects.{name}", code="name"
+                )
+            )
     surface = ground if isinstance(ground, dict) else {"friction": 1.0, "height": 0.0}
     return World(
         ground=ground is not False,
