@@ -12,12 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from asrsim.actuators import Actuator
+from asrsim.actuators.sampling import Point, limit_of, link_torque, parameter_sets, sample_points
 from asrsim.actuators.user import declaration_problems
 
-FREE_RANGE = 0.5
-"""rad, deflections sampled for an actuator without a `max_deflection`."""
-SAMPLES = 200
-PARAMETER_SETS = 6
 _FAR = 4.0
 """Deflections up to this multiple of the limit must still give finite torques."""
 
@@ -50,18 +47,6 @@ class CheckReport:
     def passed(self) -> bool:
         """Whether every check passed."""
         return all(check.passed for check in self.checks)
-
-
-@dataclass(frozen=True)
-class _Point:
-    q: float
-    theta_1: float
-    theta_2: float
-    parameters: tuple[float, ...]
-
-    def __str__(self) -> str:
-        values = ", ".join(f"{value:.6g}" for value in self.parameters)
-        return f"q={self.q:.4g}, theta_1={self.theta_1:.4g}, theta_2={self.theta_2:.4g}, parameters=({values})"
 
 
 def check_actuator(actuator: type[Actuator]) -> CheckReport:
@@ -105,55 +90,8 @@ def _run(name: str, doc: str, limit: float | None, measure: _Measure, actuator: 
     return Check(name=name, passed=passed, doc=doc, figure=worst, limit=limit, detail=where if worst > 0.0 else "")
 
 
-# -- what is sampled ---------------------------------------------------------------------------------------------------
-
-
-def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
-    """The defaults, and sets with every spring parameter changed by up to 30 %, inside its bounds."""
-    source = random.Random(1)
-    sets = [tuple(float(parameter.default) for parameter in actuator.parameters)]
-    for _ in range(PARAMETER_SETS - 1 if actuator.parameters else 0):
-        values = []
-        for parameter in actuator.parameters:
-            value = parameter.default * source.uniform(0.7, 1.3)
-            values.append(parameter.default if parameter.fault(value) else value)
-        sets.append(tuple(values))
-    return sets
-
-
-def _limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
-    for parameter, value in zip(actuator.parameters, parameters, strict=True):
-        if parameter.name == "max_deflection":
-            return value
-    return FREE_RANGE
-
-
-def _points(actuator: type[Actuator], reach: float = 0.98, *, defaults: bool = False) -> Iterator[_Point]:
-    """Points with deflections up to `reach` times the limit."""
-    source = random.Random(2)
-    sets = parameter_sets(actuator)[: 1 if defaults else None]
-    for parameters in sets:
-        limit = reach * _limit_of(actuator, parameters)
-        for _ in range(SAMPLES):
-            q = source.uniform(-2.0, 2.0)
-            theta_1 = q + source.uniform(-limit, limit)
-            if actuator.adjuster:
-                theta_2 = actuator.typical_preset * source.uniform(0.5, 1.5)
-            else:
-                theta_2 = q + source.uniform(-limit, limit)
-            yield _Point(q, theta_1, theta_2, parameters)
-
-
-def _torque(actuator: type[Actuator], point: _Point, q: float | None = None) -> float:
-    tau_1, tau_2 = actuator.elastic_torques(point.q if q is None else q, point.theta_1, point.theta_2, point.parameters)
-    return tau_1 + tau_2
-
-
-# -- the checks --------------------------------------------------------------------------------------------------------
-
-
 def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    points = list(_points(actuator))
+    points = list(sample_points(actuator))
     first = []
     for point in points:
         torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
@@ -173,7 +111,7 @@ def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
 
 def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     has_limit = any(parameter.name == "max_deflection" for parameter in actuator.parameters)
-    for point in _points(actuator, _FAR if has_limit else 1.0):
+    for point in sample_points(actuator, _FAR if has_limit else 1.0):
         try:
             torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
             values = (*torques, actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters))
@@ -185,27 +123,27 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
 
 
 def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    points = list(_points(actuator, 0.95))  # off the limit, where the slope breaks
+    points = list(sample_points(actuator, 0.95))  # off the limit, where the slope breaks
     stated = [actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters) for point in points]
     # Where a law is flat its slope has no relative error: the largest stiffness sets a floor.
     floor = max(1e-4 * max(map(abs, stated)), 1e-12)
     for point, value in zip(points, stated, strict=True):
         # Smaller differences serve where the first one happens to reach over a corner of the law.
-        h = 1e-3 * _limit_of(actuator, point.parameters)
+        h = 1e-3 * limit_of(actuator, point.parameters)
         slopes = [_slope(actuator, point, part * h) for part in (1.0, 0.03, 0.001)]
         figure, slope = min((abs(value - slope) / max(abs(value), abs(slope), floor), slope) for slope in slopes)
         yield figure, f"{point}: stiffness {value:.6g}, slope {slope:.6g}"
 
 
-def _slope(actuator: type[Actuator], point: _Point, h: float) -> float:
+def _slope(actuator: type[Actuator], point: Point, h: float) -> float:
     """-d tau_q / dq by a fourth-order central difference."""
-    far = _torque(actuator, point, point.q - 2 * h) - _torque(actuator, point, point.q + 2 * h)
-    near = _torque(actuator, point, point.q - h) - _torque(actuator, point, point.q + h)
+    far = link_torque(actuator, point, point.q - 2 * h) - link_torque(actuator, point, point.q + 2 * h)
+    near = link_torque(actuator, point, point.q - h) - link_torque(actuator, point, point.q + h)
     return (8.0 * near - far) / (12.0 * h)
 
 
 def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    for point in _points(actuator):
+    for point in sample_points(actuator):
         stiffness = actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters)
         yield max(0.0, -stiffness), f"{point}: stiffness {stiffness:.6g} N m/rad"
 
@@ -214,7 +152,7 @@ def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     """Work round closed loops of link and motors, against the work that goes to and fro in them."""
     source = random.Random(3)
     for parameters in parameter_sets(actuator):
-        limit = _limit_of(actuator, parameters)
+        limit = limit_of(actuator, parameters)
         for loop in range(8):
             amplitudes = [source.uniform(0.1, 0.3) * limit for _ in range(3)]
             phases = [source.uniform(0.0, 2.0 * math.pi) for _ in range(3)]
@@ -260,11 +198,11 @@ def _reference_map(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
 def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     source = random.Random(5)
     parameters = parameter_sets(actuator)[0]
-    limit = _limit_of(actuator, parameters)
+    limit = limit_of(actuator, parameters)
     for _ in range(50):
         equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
         theta_1, theta_2 = actuator.motor_references(equilibrium, preset)
-        point = _Point(equilibrium, theta_1, theta_2, parameters)
+        point = Point(equilibrium, theta_1, theta_2, parameters)
         tau_1, tau_2 = actuator.elastic_torques(point.q, theta_1, theta_2, parameters)
         stiffness = actuator.stiffness(point.q, theta_1, theta_2, parameters)
         scale = max(abs(tau_1), abs(tau_2), abs(stiffness) * limit, 1e-12)
@@ -275,10 +213,10 @@ def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     """Slope of the declared energy in q against the torque; without one the torques are integrated, with nothing to check."""
     if actuator.elastic_energy is Actuator.elastic_energy:
         return
-    for point in _points(actuator, 0.95):
-        h = 1e-4 * _limit_of(actuator, point.parameters)
+    for point in sample_points(actuator, 0.95):
+        h = 1e-4 * limit_of(actuator, point.parameters)
         low, high = (actuator.elastic_energy(point.q + d, point.theta_1, point.theta_2, point.parameters) for d in (-h, h))
-        torque = _torque(actuator, point)
+        torque = link_torque(actuator, point)
         # The energies' own rounding, seen through the difference, is no fault of the law.
         floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)
         yield (

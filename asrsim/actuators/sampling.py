@@ -1,0 +1,71 @@
+"""Where the checker looks at a law: seeded random points, deflections inside the limit, defaults and perturbed parameters."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from asrsim.actuators import Actuator
+
+FREE_RANGE = 0.5
+"""rad, deflections sampled for an actuator without a `max_deflection`."""
+SAMPLES = 200
+PARAMETER_SETS = 6
+
+
+@dataclass(frozen=True)
+class Point:
+    """Link and motor positions in rad (an adjuster's in its own unit), and the spring's parameters."""
+
+    q: float
+    theta_1: float
+    theta_2: float
+    parameters: tuple[float, ...]
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{value:.6g}" for value in self.parameters)
+        return f"q={self.q:.4g}, theta_1={self.theta_1:.4g}, theta_2={self.theta_2:.4g}, parameters=({values})"
+
+
+def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
+    """The defaults, and sets with every spring parameter changed by up to 30 %, inside its bounds."""
+    source = random.Random(1)
+    sets = [tuple(float(parameter.default) for parameter in actuator.parameters)]
+    for _ in range(PARAMETER_SETS - 1 if actuator.parameters else 0):
+        values = []
+        for parameter in actuator.parameters:
+            value = parameter.default * source.uniform(0.7, 1.3)
+            values.append(parameter.default if parameter.fault(value) else value)
+        sets.append(tuple(values))
+    return sets
+
+
+def limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
+    """Largest deflection in rad."""
+    for parameter, value in zip(actuator.parameters, parameters, strict=True):
+        if parameter.name == "max_deflection":
+            return value
+    return FREE_RANGE
+
+
+def sample_points(actuator: type[Actuator], reach: float = 0.98, *, defaults: bool = False) -> Iterator[Point]:
+    """Points with deflections up to `reach` times the limit."""
+    source = random.Random(2)
+    sets = parameter_sets(actuator)[: 1 if defaults else None]
+    for parameters in sets:
+        limit = reach * limit_of(actuator, parameters)
+        for _ in range(SAMPLES):
+            q = source.uniform(-2.0, 2.0)
+            theta_1 = q + source.uniform(-limit, limit)
+            if actuator.adjuster:
+                theta_2 = actuator.typical_preset * source.uniform(0.5, 1.5)
+            else:
+                theta_2 = q + source.uniform(-limit, limit)
+            yield Point(q, theta_1, theta_2, parameters)
+
+
+def link_torque(actuator: type[Actuator], point: Point, q: float | None = None) -> float:
+    """Torque on the link in N m at a point, or at another link position."""
+    tau_1, tau_2 = actuator.elastic_torques(point.q if q is None else q, point.theta_1, point.theta_2, point.parameters)
+    return tau_1 + tau_2
