@@ -101,6 +101,8 @@ class Kernel:
     """look(joints, work) -> positions, velocities at the whole step, velocities of the engine."""
     hold: Any
     """hold(difference, ahead, work): sets the Coriolis correction from a difference of bias torques."""
+    owners: tuple[Any, ...] = ()
+    """Numba's own objects of these: code must not go with them while it is in use."""
 
 
 def build_kernel(
@@ -140,12 +142,12 @@ def _compile(recipe: Recipe, joints: int, path: Path | None) -> Kernel:
     names |= {name: rebind(function, lambda value: value, numba.njit) for name, function in recipe.names.items()}
     exec(compile(recipe.source, str(path or "<asrsim kernel>"), "exec"), names)
 
-    def entry(name: str) -> Any:
-        """The compiled function itself, round the dispatcher that would look at the types of every call again."""
-        function: Any = numba.njit(signatures[name], cache=path is not None)(names[name])
-        return function.overloads[function.signatures[0]].entry_point
-
-    return Kernel(**{name: entry(name) for name in signatures})
+    functions: dict[str, Any] = {
+        name: numba.njit(signature, cache=path is not None)(names[name]) for name, signature in signatures.items()
+    }
+    # The compiled functions themselves, round the dispatchers that would look at the types of every call again.
+    entries = {name: one.overloads[one.signatures[0]].entry_point for name, one in functions.items()}
+    return Kernel(**entries, owners=(*functions.values(), names))
 
 
 def _recipe(drives: Sequence[Drive], constants: Sequence[Any], motor_substeps: int, now: float, before: float) -> Recipe:
