@@ -350,3 +350,8 @@ def test_any_variant_is_merged_or_refused(tmp_path_factory, data):
     path.write_text(json.dumps({**scenario, "variants": {"x": data, "y": {"references": data}, "z": {"world": data}}}))
     with contextlib.suppress(ScenarioError):
         load_scenario(path, overrides=["references.a.b.step.at=1"])
+
+
+def test_a_robot_in_place_of_a_scenario_is_told_how_to_get_one(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="asrsim init"):
+        load_scenario(tmp_path / "arm.urdf")

@@ -29,6 +29,9 @@ def load_scenario(
     applied after the variant; `robot` replaces the file's robot. Raises ScenarioError with every problem of the file.
     """
     path = Path(path)
+    if path.suffix in (".urdf", ".xacro"):
+        cure = f"Write a scenario for it with: asrsim init {path}"
+        raise ScenarioError(Problem(message="is a robot, no scenario", file=path, hint=cure, code="robot"))
     faults: list[Problem] = []
     root, text = read_yaml(path, error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
