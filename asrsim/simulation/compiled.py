@@ -34,7 +34,7 @@ class CompiledLoop(Loop):
         work, step = self._work, self._kernel.step
         read, apply, advance_engine = self.engine.read, self.engine.apply, self.engine.advance
         every, first = self._correct_every, block.first
-        inputs = np.ascontiguousarray(np.stack(block.goals, axis=2))
+        inputs = block.stacked
         self._push()
         for k in range(start, end):
             joints = read()

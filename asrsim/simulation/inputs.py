@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -44,6 +45,11 @@ class Block:
     sides: dict[int, Array] = field(default_factory=dict)
     """Filled by the loop, by substep with an event: means over the half kicks before and after its time, (2, joints, columns
     of the raw record with the torque after its limit, and the external torque)."""
+
+    @cached_property
+    def stacked(self) -> Array:
+        """The goals as one C-contiguous array (n, joints, 3): the layout that compiled kernels take."""
+        return np.ascontiguousarray(np.stack(self.goals, axis=2))
 
     def __len__(self) -> int:
         return len(self.arrays[0])
