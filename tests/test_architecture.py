@@ -15,7 +15,7 @@ PACKAGE = ROOT / "asrsim"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 LINES = 290
 """A file holds one idea."""
-HEAVY = ("matplotlib", "scipy", "numba", "yourdfpy", "pybullet", "trimesh", "rosbags", "xacro", "lxml")
+HEAVY = ("matplotlib", "scipy", "numba", "pybullet", "trimesh", "rosbags", "xacro", "lxml")
 
 
 def module_name(path: Path) -> str:

@@ -397,7 +397,7 @@ def test_start_imports_nothing_heavy(tiny) -> None:
         "import sys; sys.argv = ['asrsim', 'run', 'step.yaml', '--no-plot', '--set', 'duration=1e-3']\n"
         "from asrsim.cli.app import main\n"
         "try: main()\nexcept SystemExit: pass\n"
-        "heavy = {'matplotlib', 'scipy', 'yourdfpy', 'numba', 'rosbags', 'xacro', 'rich', 'pandas', 'mcap_ros2'}\n"
+        "heavy = {'matplotlib', 'scipy', 'numba', 'rosbags', 'xacro', 'rich', 'pandas', 'mcap_ros2'}\n"
         "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
     )
     done = subprocess.run(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from asrsim.robot.engine_text import engine_urdf
-from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.merge import MergedRobot, Place, merge_fixed
+from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot, Shape
 from asrsim.robot.overrides import with_overrides
 from asrsim.robot.reader import load_robot
 from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
@@ -12,11 +13,15 @@ __all__ = [
     "ActuatorBlock",
     "Joint",
     "Link",
+    "MergedRobot",
     "ParameterValue",
+    "Place",
     "Robot",
+    "Shape",
     "StepFigures",
     "engine_urdf",
     "load_robot",
+    "merge_fixed",
     "step_figures",
     "step_findings",
     "with_overrides",

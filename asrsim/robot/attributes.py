@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Vector
-from asrsim.robot.xmlfile import elements
+from asrsim.robot.numbers import plain_number
+from asrsim.robot.xmlfile import BLANKS, elements
 
 LARGEST = 1e12
 """In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
 Line = Callable[[Any], int | None]
 """An element's line in the user's file, None if unknown."""
+
+
+def words(text: str) -> list[str]:
+    """The parts of an attribute, parted by XML's own blanks."""
+    return [word for word in re.split(f"[{BLANKS}]+", text) if word]
 
 
 class AttributeReader:
@@ -48,7 +55,7 @@ class AttributeReader:
         text = element.get(key)
         if text is None:
             return default
-        parts = text.split()
+        parts = words(text)
         if len(parts) != 3:
             self.findings.error(
                 f"'{key}' must be three numbers", code="not-a-number", line=self.line(element), key=place, value=text
@@ -59,7 +66,7 @@ class AttributeReader:
 
     def _float(self, text: str, shown: str, element: Any, place: str, *, finite: bool) -> float:
         try:
-            value = float(text)
+            value = plain_number(text)
         except ValueError:
             self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
             return 0.0

@@ -15,7 +15,7 @@ from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, parameter_tags, tag_parameters
-from asrsim.robot.xmlfile import elements, text_of
+from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
 _TRUE, _FALSE = ("true", "1"), ("false", "0")
@@ -28,7 +28,7 @@ def read_blocks(
     """All blocks of the toolbox's actuators and of registered ones; other plugins are left alone."""
     reader = _BlockReader({joint.name: joint for joint in joints}, findings, line)
     for gazebo in elements(root, "gazebo"):
-        reference = (gazebo.get("reference") or "").strip()
+        reference = name_of(gazebo, "reference")
         for plugin in elements(gazebo, "plugin"):
             reader.read(plugin, reference)
     return tuple(reader.blocks)
@@ -53,7 +53,7 @@ class _BlockReader:
 
     def read(self, plugin: Any, reference: str) -> None:
         """Read one `<plugin>`; foreign ones are passed by."""
-        filename = (plugin.get("filename") or "").strip()
+        filename = name_of(plugin, "filename")
         match = _FILENAME.fullmatch(filename)
         name = match.group("name") if match else ""
         tags = elements(plugin)

@@ -1,98 +1,146 @@
-"""URDF text for a physics engine: the robot's own text without simulator blocks and with meshes that exist."""
+"""URDF text for a physics engine, written from the robot's data: no engine reads a user's file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
 from asrsim.errors import Problem, RobotError
+from asrsim.robot.inertia import principal_axes
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
-from asrsim.robot.model import Robot
+from asrsim.robot.model import Joint, Link, Robot, Shape
 from asrsim.robot.packages import Packages, packages_of
-from asrsim.robot.shapes import shape_fault
-from asrsim.robot.xmlfile import elements, parse_xml
+from asrsim.robot.shapes import SIZES
 
 LONGEST_LINE = 1000
-"""Bytes."""
-STRIPPED = ("gazebo", "transmission", "sensor")
+"""Bytes: PyBullet reads a line in pieces, and a seam inside a tag breaks the document."""
+NO_LIMIT = 1e9
+"""rad, m, N m, N, rad/s, m/s: written where one of a joint's limits is missing and the format wants a number."""
 
 
 def engine_urdf(
-    robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
+    robot: Robot,
+    *,
+    visuals: bool = False,
+    package_paths: Mapping[str, Path | str] | None = None,
+    unit_inertia: bool = False,
 ) -> tuple[str, tuple[Problem, ...]]:
     """The robot as a physics engine may load it, and warnings.
 
-    Gazebo, transmission and sensor blocks are taken out, mesh names become absolute paths of existing files inside the
-    robot's folder, its package or a known package; a collision or visual whose mesh is not there is taken out (a warning
-    names the link of each collision; all visuals share one). `visuals=False` takes all visuals out. Links without
-    `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where none is given
-    (PyBullet: 1 kg). Joints lose `<dynamics>`: damping and friction are applied from the robot's data, and an engine that
-    applied the damping too would do so twice. Comments and text are left out, and each element has a line of its own.
-    Raises RobotError for an element too long for an engine.
+    Everything is written from the robot's data with all digits, so that an engine reads the very numbers that were checked:
+    links with mass, principal moments and shapes, joints with unit axes and limits. Nothing else of the file gets there:
+    damping and friction are applied from the data (an engine that applied them too would do so twice), and no file is named
+    but meshes that exist inside the robot's folder, its package or a known package; a collision or visual whose mesh is not
+    there is left out (a warning names the link of each collision; all visuals share one). `visuals=False` leaves all
+    visuals out. Links without `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where
+    none is given (PyBullet: 1 kg). A joint without limits is continuous, or a slide whose limits are crossed, which engines
+    take as none.
+
+    `unit_inertia` writes 1 kg and 1 kg m^2 for every link: for an engine (MuJoCo) that refuses massless links and inertias
+    that no body has, and whose model takes the true ones once it is built.
+
+    Each element has a line of its own. Raises RobotError for an element too long for an engine.
     """
-    root = parse_xml(robot.text.encode(), robot.path)
     packages = packages_of(robot.path, package_paths)
-    expanded = robot.path.suffix == ".xacro"
     warnings: list[Problem] = []
-    missing_visuals: list[tuple[str, str]] = []
-    for child in elements(root):
-        if child.tag in STRIPPED:
-            _remove(child)
-    for joint in elements(root, "joint"):
-        for dynamics in elements(joint, "dynamics"):
-            _remove(dynamics)
-    for link in elements(root, "link"):
-        name = link.get("name") or ""
-        for collision in elements(link, "collision"):
-            reason = _resolve(collision, packages)
-            if reason is not None:
-                line = None if expanded else collision.sourceline
+    missing: list[tuple[str, str]] = []
+    root = etree.Element("robot", name=robot.name)
+    children = {joint.child for joint in robot.joints}
+    for link in robot.links:
+        element = etree.SubElement(root, "link", name=link.name)
+        if link.mass is not None or link.inertia is not None or link.name in children:
+            _inertial(element, link, unit=unit_inertia)
+        for shape in link.collisions:
+            fault = _shape(element, "collision", shape, packages)
+            if fault is not None:
                 warnings.append(
                     Problem(
-                        message=f"collision mesh {reason[1]}; the link does not collide with it",
-                        file=robot.path,
-                        line=line,
-                        key=name,
-                        value=reason[0],
-                        code="missing-collision-mesh",
+                        message=f"collision mesh {fault}; the link does not collide with it", file=robot.path,
+                        line=shape.line, key=link.name, value=shape.mesh, code="missing-collision-mesh",
                     )
-                )
-                _remove(collision)
-        for visual in elements(link, "visual"):
-            if not visuals or shape_fault(visual) is not None:
-                _remove(visual)
-            elif (reason := _resolve(visual, packages)) is not None:
-                missing_visuals.append(reason)
-                _remove(visual)
-    _drop_other_files(root)
-    _name(root, robot)
-    _fill_inertials(root, {joint.child for joint in robot.joints})
-    if missing_visuals:
-        first_name, first_reason = missing_visuals[0]
-        warnings.append(
-            Problem(
-                message=f"{len(missing_visuals)} visual meshes are not drawn; the first {first_reason}",
-                file=robot.path,
-                value=first_name,
-                code="missing-visual-mesh",
-            )
-        )
+                )  # fmt: skip
+        for shape in link.visuals if visuals else ():
+            fault = _shape(element, "visual", shape, packages)
+            if fault is not None:
+                missing.append((shape.mesh, fault))
+    for joint in robot.joints:
+        _joint(root, joint)
+    if missing:
+        first, fault = missing[0]
+        message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
+        warnings.append(Problem(message=message, file=robot.path, value=first, code="missing-visual-mesh"))
     return _in_short_lines(root, robot), tuple(warnings)
 
 
+def _inertial(parent: Any, link: Link, *, unit: bool) -> None:
+    moments, rpy = ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)) if unit else principal_axes(link)
+    inertial = etree.SubElement(parent, "inertial")
+    _origin(inertial, link.centre_of_mass, rpy)
+    etree.SubElement(inertial, "mass", value=repr(1.0 if unit else link.mass or 0.0))
+    xx, yy, zz = map(repr, moments)
+    etree.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
+
+
+def _shape(parent: Any, tag: str, shape: Shape, packages: Packages) -> str | None:
+    """Write a collision or visual, or say why its mesh cannot be used."""
+    if shape.kind == "mesh":
+        if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:
+            return f"is none of {', '.join(MESH_FORMATS)}"
+        found = packages.resolve(shape.mesh)
+        if isinstance(found, str):
+            return found
+        if (fault := mesh_fault(found)) is not None:
+            return fault
+        attributes = {"filename": str(found), "scale": _numbers(shape.scale)}
+    elif shape.kind == "box":
+        attributes = {"size": _numbers(shape.size)}
+    else:
+        attributes = dict(zip(SIZES[shape.kind], map(repr, shape.size), strict=True))
+    element = etree.SubElement(parent, tag)
+    _origin(element, shape.origin, shape.rpy)
+    etree.SubElement(etree.SubElement(element, "geometry"), shape.kind, attributes)
+    if tag == "visual" and shape.colour is not None:
+        # A material's name is its colour: PyBullet gives all materials of one name the first one's.
+        colour = _numbers(shape.colour)
+        etree.SubElement(etree.SubElement(element, "material", name=colour), "color", rgba=colour)
+    return None
+
+
+def _joint(parent: Any, joint: Joint) -> None:
+    limited = joint.lower is not None or joint.upper is not None
+    kind = "continuous" if joint.kind == "revolute" and not limited else joint.kind
+    element = etree.SubElement(parent, "joint", name=joint.name, type=kind)
+    etree.SubElement(element, "parent", link=joint.parent)
+    etree.SubElement(element, "child", link=joint.child)
+    _origin(element, joint.origin, joint.rpy)
+    if not joint.moves:
+        return
+    etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
+    if limited:
+        lower = -NO_LIMIT if joint.lower is None else joint.lower
+        upper = NO_LIMIT if joint.upper is None else joint.upper
+    else:
+        lower, upper = 1.0, -1.0
+    values = {"lower": lower, "upper": upper, "effort": joint.effort, "velocity": joint.velocity}
+    if kind == "continuous":
+        del values["lower"], values["upper"]
+    finite = {key: repr(NO_LIMIT if value is None else min(value, NO_LIMIT)) for key, value in values.items()}
+    etree.SubElement(element, "limit", finite)
+
+
+def _origin(parent: Any, position: Sequence[float], rpy: Sequence[float]) -> None:
+    etree.SubElement(parent, "origin", xyz=_numbers(position), rpy=_numbers(rpy))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(map(repr, values))
+
+
 def _in_short_lines(root: Any, robot: Robot) -> str:
-    """The document without comments and free text, an element a line: PyBullet reads lines in pieces of 8 kB, and a seam
-    inside a tag breaks the document.
-    """
-    for element in list(root.iter()):
-        element.tail = None
-        if isinstance(element.tag, str):
-            element.text = None
-        elif element is not root:
-            element.getparent().remove(element)
+    """The document, an element a line."""
     etree.indent(root, "")
     text: str = etree.tostring(root, encoding="unicode")
     for line in text.splitlines():
@@ -100,66 +148,3 @@ def _in_short_lines(root: Any, robot: Robot) -> str:
             message = f"an element is longer than {LONGEST_LINE} bytes, which PyBullet cannot read"
             raise RobotError(Problem(message=message, file=robot.path, value=line, code="long-element"))
     return text
-
-
-def _resolve(shape: Any, packages: Packages) -> tuple[str, str] | None:
-    """Make the file names inside a collision or visual absolute; (name, reason) of the first that cannot be used."""
-    for element in shape.iter():
-        if not isinstance(element.tag, str) or element.get("filename") is None:
-            continue
-        if element.tag == "texture":
-            continue
-        filename = element.get("filename").strip()
-        if element.tag != "mesh":
-            return filename, f"is given by <{element.tag}>, which is not supported"
-        if Path(filename).suffix.lower() not in MESH_FORMATS:
-            return filename, f"is none of {', '.join(MESH_FORMATS)}"
-        found = packages.resolve(filename)
-        if isinstance(found, str):
-            return filename, found
-        if (fault := mesh_fault(found)) is not None:
-            return filename, fault
-        element.set("filename", str(found))
-    return None
-
-
-def _name(root: Any, robot: Robot) -> None:
-    """Names as the robot has them: with no blanks around them, and one for the robot."""
-    root.set("name", robot.name)
-    for element in (*elements(root, "link"), *elements(root, "joint")):
-        element.set("name", (element.get("name") or "").strip())
-        for end in (*elements(element, "parent"), *elements(element, "child")):
-            end.set("link", (end.get("link") or "").strip())
-
-
-def _fill_inertials(root: Any, children: set[str]) -> None:
-    """Give links without `<inertial>` a massless one; measured: mass matrices then are exact."""
-    for link in elements(root, "link"):
-        if (link.get("name") or "").strip() in children and not elements(link, "inertial"):
-            inertial = etree.SubElement(link, "inertial")
-            etree.SubElement(inertial, "mass", value="0")
-            etree.SubElement(inertial, "inertia", ixx="0", ixy="0", ixz="0", iyy="0", iyz="0", izz="0")
-
-
-def _drop_other_files(root: Any) -> None:
-    """Take out what else names a file (textures, engine extensions): no physics, and no reading of strangers' paths."""
-    for element in list(root.iter()):
-        if isinstance(element.tag, str) and element.tag != "mesh" and element.get("filename") is not None:
-            _remove(element)
-    for element in elements(root):
-        if element.tag not in ("link", "joint", "material"):
-            _remove(element)
-
-
-def _remove(element: Any) -> None:
-    """Take an element out of its parent, but keep the text behind it."""
-    parent = element.getparent()
-    if parent is None:
-        return
-    if element.tail:
-        before = element.getprevious()
-        if before is not None:
-            before.tail = (before.tail or "") + element.tail
-        else:
-            parent.text = (parent.text or "") + element.tail
-    parent.remove(element)

@@ -1,15 +1,13 @@
-"""Mass matrix of a robot at the zero pose, for the checks of a file before anything is built; poses of links by yourdfpy."""
+"""Inertia of links, and the mass matrix of a robot at the zero pose for the checks of a file before anything is built."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from io import BytesIO
-from math import cos, sin
 
 import numpy as np
-from lxml import etree
 
 from asrsim.robot.model import Link, Robot, Vector
+from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,74 +48,56 @@ def zero_pose_inertia(robot: Robot) -> ZeroPoseInertia:
     moving = robot.moving_joints
     index = {joint.name: i for i, joint in enumerate(moving)}
     parents = {joint.child: joint for joint in robot.joints}
-    frames = link_frames(robot)
+    poses = link_poses(robot)
     matrix = np.zeros((len(moving), len(moving)))
     for link in robot.links:
         if not link.mass and link.inertia is None:
             continue
-        rotation, position = frames[link.name]
-        centre = position + rotation @ np.array(link.centre_of_mass)
+        pose = poses[link.name]
+        centre = pose.position + pose.rotation @ link.centre_of_mass
         linear = np.zeros((3, len(moving)))
         angular = np.zeros((3, len(moving)))
         name = link.name
         while name in parents:
             joint = parents[name]
             if joint.name in index:
-                joint_rotation, joint_position = frames[name]
-                axis = joint_rotation @ np.array(joint.axis)
+                axis = poses[name].rotation @ joint.axis
                 column = index[joint.name]
                 if joint.kind == "prismatic":
                     linear[:, column] = axis
                 else:
-                    linear[:, column] = np.cross(axis, centre - joint_position)
+                    linear[:, column] = np.cross(axis, centre - poses[name].position)
                     angular[:, column] = axis
             name = joint.parent
-        tensor = rotation @ _inertia(link) @ rotation.T
+        tensor = pose.rotation @ inertia_tensor(link) @ pose.rotation.T
         matrix += (link.mass or 0.0) * linear.T @ linear + angular.T @ tensor @ angular
     return ZeroPoseInertia(names=tuple(joint.name for joint in moving), matrix=matrix)
 
 
-def rotation_matrix(rpy: Vector) -> np.ndarray:
-    """(3, 3) rotation of URDF's roll, pitch, yaw in rad (about fixed x, y, z)."""
-    r, p, y = rpy
-    return np.array(
-        (
-            (cos(y) * cos(p), cos(y) * sin(p) * sin(r) - sin(y) * cos(r), cos(y) * sin(p) * cos(r) + sin(y) * sin(r)),
-            (sin(y) * cos(p), sin(y) * sin(p) * sin(r) + cos(y) * cos(r), sin(y) * sin(p) * cos(r) - cos(y) * sin(r)),
-            (-sin(p), cos(p) * sin(r), cos(p) * cos(r)),
-        )
-    )
-
-
-def link_frames(robot: Robot) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Rotation (3, 3) and position (3,) m of every link in the root's frame at the zero pose."""
-    from yourdfpy import URDF
-
-    model = URDF.load(BytesIO(_skeleton(robot)), build_scene_graph=True, load_meshes=False, load_collision_meshes=False)
-    poses = {link.name: model.get_transform(link.name) for link in robot.links}
-    return {name: (pose[:3, :3], pose[:3, 3]) for name, pose in poses.items()}
-
-
-def _skeleton(robot: Robot) -> bytes:
-    """The robot's tree as URDF: links and joints at the zero pose, without what a reader of shapes might stumble over."""
-    root = etree.Element("robot", name=robot.name)
-    for link in robot.links:
-        etree.SubElement(root, "link", name=link.name)
-    for joint in robot.joints:
-        element = etree.SubElement(root, "joint", name=joint.name, type="fixed")
-        etree.SubElement(element, "parent", link=joint.parent)
-        etree.SubElement(element, "child", link=joint.child)
-        etree.SubElement(element, "origin", xyz=_numbers(joint.origin), rpy=_numbers(joint.rpy))
-    text: bytes = etree.tostring(root)
-    return text
-
-
-def _numbers(vector: Vector) -> str:
-    return " ".join(map(repr, vector))
-
-
-def _inertia(link: Link) -> np.ndarray:
-    xx, xy, xz, yy, yz, zz = link.inertia or (0.0,) * 6
+def inertia_tensor(link: Link) -> np.ndarray:
+    """(3, 3) kg m^2, about the centre of mass, along the axes of the link's frame."""
     turned = rotation_matrix(link.inertial_rpy)
-    tensor: np.ndarray = turned @ np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))) @ turned.T
+    tensor: np.ndarray = turned @ _own_tensor(link) @ turned.T
     return tensor
+
+
+def principal_axes(link: Link) -> tuple[Vector, Vector]:
+    """Principal moments in kg m^2, none below 0, and the roll, pitch, yaw in rad of their axes in the link's frame.
+
+    Engines diagonalise a full tensor with tolerances of their own (PyBullet: 1e-10 relative in the mass matrix of a robot of
+    50 links); diagonal ones they take as they are.
+    """
+    tensor = _own_tensor(link)
+    if not (tensor - np.diag(np.diag(tensor))).any():
+        return (float(tensor[0, 0]), float(tensor[1, 1]), float(tensor[2, 2])), link.inertial_rpy
+    moments, axes = np.linalg.eigh(tensor)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] *= -1.0
+    xx, yy, zz = (max(float(moment), 0.0) for moment in moments)
+    return (xx, yy, zz), roll_pitch_yaw(rotation_matrix(link.inertial_rpy) @ axes)
+
+
+def _own_tensor(link: Link) -> np.ndarray:
+    """(3, 3) kg m^2, along the axes of the inertial frame."""
+    xx, xy, xz, yy, yz, zz = link.inertia or (0.0,) * 6
+    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -11,6 +11,7 @@ from asrsim.errors import Problem
 
 Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
+ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,26 @@ class ActuatorBlock:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A collision or visual of a link."""
+
+    kind: ShapeKind
+    size: tuple[float, ...] = ()
+    """m. box: edges x, y, z; sphere: radius; cylinder and capsule: radius, length; mesh: none."""
+    origin: Vector = (0.0, 0.0, 0.0)
+    """m, the shape's frame in the link's frame."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """rad, the same frame's orientation."""
+    mesh: str = ""
+    """The mesh's file as the robot file names it; `Packages.resolve` finds it."""
+    scale: Vector = (1.0, 1.0, 1.0)
+    """Of a mesh, along its own axes."""
+    colour: tuple[float, float, float, float] | None = None
+    """Red, green, blue, opacity, 0 to 1; None where the file gives none."""
+    line: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Link:
     """A rigid body."""
 
@@ -65,6 +86,8 @@ class Link:
     """m, in the link's frame."""
     inertial_rpy: Vector = (0.0, 0.0, 0.0)
     """rad, turns the inertial frame against the link's frame."""
+    collisions: tuple[Shape, ...] = ()
+    visuals: tuple[Shape, ...] = ()
     line: int | None = None
 
 
@@ -106,7 +129,7 @@ class Robot:
     name: str
     path: Path
     text: str
-    """URDF text as read; for xacro, as expanded."""
+    """URDF text as read, for the log; for xacro, as expanded. Engines get the data instead."""
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
@@ -115,6 +138,12 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """The joint of that name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @property
+    def root(self) -> Link:
+        """The link that is no joint's child."""
+        children = {joint.child for joint in self.joints}
+        return next(link for link in self.links if link.name not in children)
 
     @property
     def moving_joints(self) -> tuple[Joint, ...]:

@@ -10,12 +10,16 @@ import math
 import re
 from dataclasses import dataclass
 
+from asrsim.robot.xmlfile import BLANKS
+
 MAX_LENGTH = 200
 MAX_DEPTH = 20
 
-_TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign>[-+*/(),]))")
-_LEADING = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
-_PLAIN = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf|infinity|nan)", re.IGNORECASE)
+_DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_BLANK = f"[{BLANKS}]*"
+_TOKEN = re.compile(rf"{_BLANK}(?:(?P<number>{_DIGITS})|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<sign>[-+*/(),]))")
+_LEADING = re.compile(rf"{_BLANK}([+-]?{_DIGITS})")
+_PLAIN = re.compile(rf"[+-]?(?:{_DIGITS}|inf|infinity|nan)", re.IGNORECASE | re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,17 +33,29 @@ class Number:
     """Text after a `#` behind the number, left out."""
 
 
+def plain_number(text: str) -> float:
+    """The number that `text` is, ASCII digits only, with no blanks but XML's around it. Raises ValueError if it is none.
+
+    Python's own `float` also takes underscores, other scripts' digits and their blanks, which engines read as another
+    number or cut off; so nothing of a robot file goes through it without this.
+    """
+    body = text.strip(BLANKS)
+    if not _PLAIN.fullmatch(body):
+        raise ValueError("is not a number")
+    return float(body)
+
+
 def read_number(text: str) -> Number:
     """The number that `text` stands for. Raises ValueError with the reason, a phrase to stand behind the key."""
     body, _, comment = text.partition("#")
-    body = body.strip()
+    body = body.strip(BLANKS)
     if not body:
         raise ValueError("is empty where a number is needed")
     if len(body) > MAX_LENGTH:
         raise ValueError(f"is longer than {MAX_LENGTH} characters")
     if _PLAIN.fullmatch(body):
-        return Number(value=float(body), comment=comment.strip())
-    return Number(value=_Parser(body).parse(), arithmetic=True, comment=comment.strip())
+        return Number(value=plain_number(body), comment=comment.strip(BLANKS))
+    return Number(value=_Parser(body).parse(), arithmetic=True, comment=comment.strip(BLANKS))
 
 
 def leading_number(text: str) -> float:

@@ -14,7 +14,7 @@ from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree
-from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
+from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
 MAX_JOINTS = 127
@@ -105,7 +105,7 @@ def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
 def _drop_consequences(findings: Findings, root: Any, joints: Sequence[Joint]) -> None:
     """A joint that is in the file but could not be read is told of once, not again as missing."""
     known = {joint.name for joint in joints}
-    unread = {(element.get("name") or "").strip() for element in elements(root, "joint")} - known
+    unread = {name_of(element) for element in elements(root, "joint")} - known
     findings.errors = [error for error in findings.errors if error.code != "unknown-joint" or error.value not in unread]
 
 

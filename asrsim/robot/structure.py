@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.attributes import AttributeReader
-from asrsim.robot.model import Joint, Link, Vector
-from asrsim.robot.shapes import shape_fault
-from asrsim.robot.xmlfile import elements
+from asrsim.robot.model import Joint, Link, Shape, Vector
+from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
+from asrsim.robot.xmlfile import elements, name_of
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 FREEDOMS = {
@@ -20,6 +21,8 @@ FREEDOMS = {
     "planar": "Two prismatic joints and a revolute one do the same",
 }
 """Joint types of several degrees of freedom, and a cure: PyBullet welds the first and has no dynamics of the second."""
+UNIT = 1e-6
+"""How far an axis may be from length 1 without a word: numbers of seven digits pass."""
 LONGEST_NAME = 255
 """Characters; PyBullet crashes at 1024 bytes."""
 
@@ -29,7 +32,8 @@ class StructureReader(AttributeReader):
 
     def links(self, root: Any) -> tuple[Link, ...]:
         """All links with a name, in file order; the first of two equal names."""
-        found = [self._link(element, name) for element, name in self._named(root, "link")]
+        colours = read_colours(root)
+        found = [self._link(element, name, colours) for element, name in self._named(root, "link")]
         if not elements(root, "link"):
             self.findings.error("has no link", code="no-links", key="robot")
         return tuple(found)
@@ -46,7 +50,7 @@ class StructureReader(AttributeReader):
         seen: dict[str, int | None] = {}
         found = []
         for element in elements(root, tag):
-            name = (element.get("name") or "").strip()
+            name = name_of(element)
             if not name:
                 self.findings.error(f"a {tag} has no name", code="missing-name", line=self.line(element), key=tag)
             elif len(name) > LONGEST_NAME:
@@ -64,28 +68,36 @@ class StructureReader(AttributeReader):
                 found.append((element, name))
         return found
 
-    def _link(self, element: Any, name: str) -> Link:
-        line = self.line(element)
-        self._shapes(element, name)
+    def _link(self, element: Any, name: str, colours: Mapping[str, Colour]) -> Link:
+        link = Link(
+            name=name, mass=None, inertia=None, line=self.line(element),
+            collisions=self._shapes(element, "collision", name, colours),
+            visuals=self._shapes(element, "visual", name, colours),
+        )  # fmt: skip
         inertials = elements(element, "inertial")
         if len(inertials) > 1:
             self.findings.error("has more than one <inertial>", code="duplicate-tag", line=self.line(inertials[1]), key=name)
         if not inertials:
-            return Link(name=name, mass=None, inertia=None, line=line)
+            return link
         inertial = inertials[0]
         centre, rpy = self.origin(inertial, name)
         mass = self._mass(inertial, name)
         inertia = self._inertia(inertial, name, mass)
-        return Link(name=name, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy, line=line)
+        return replace(link, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy)
 
-    def _shapes(self, element: Any, name: str) -> None:
+    def _shapes(self, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
         """A collision that cannot be made is an error, since contacts would go missing; a visual is left out."""
-        for shape in elements(element, "collision"):
-            if (fault := shape_fault(shape)) is not None:
-                self.findings.error(f"a collision {fault}", code="collision-shape", line=self.line(shape), key=name)
-        for shape in elements(element, "visual"):
-            if (fault := shape_fault(shape)) is not None:
-                self.findings.warn(f"a visual {fault}; it is not drawn", code="visual-shape", line=self.line(shape), key=name)
+        shapes = []
+        for shape in elements(element, tag):
+            line = self.line(shape)
+            try:
+                shapes.append(read_shape(shape, colours, line))
+            except ShapeError as fault:
+                if tag == "collision":
+                    self.findings.error(f"a collision {fault}", code="collision-shape", line=line, key=name)
+                else:
+                    self.findings.warn(f"a visual {fault}; it is not drawn", code="visual-shape", line=line, key=name)
+        return tuple(shapes)
 
     def _mass(self, inertial: Any, name: str) -> float:
         tags = elements(inertial, "mass")
@@ -137,7 +149,7 @@ class StructureReader(AttributeReader):
 
     def _joint(self, element: Any, name: str, links: tuple[str, ...]) -> Joint | None:
         line = self.line(element)
-        kind = (element.get("type") or "").strip()
+        kind = name_of(element, "type")
         if kind not in JOINT_KINDS:
             self.findings.error(
                 "joint type is unknown" if kind else "joint has no type",
@@ -171,7 +183,7 @@ class StructureReader(AttributeReader):
             count = "no" if not tags else "more than one"
             self.findings.error(f"joint has {count} <{tag}>", code="missing-tag", line=self.line(element), key=name)
             return None
-        link = (tags[0].get("link") or "").strip()
+        link = name_of(tags[0], "link")
         if link not in links:
             self.findings.error(
                 f"the {tag} link does not exist", code="unknown-link", line=self.line(tags[0]), key=name, value=link,
@@ -185,16 +197,17 @@ class StructureReader(AttributeReader):
         if not tags:
             return (1.0, 0.0, 0.0)
         x, y, z = self.vector(tags[0], "xyz", f"{name}.axis", default=(1.0, 0.0, 0.0))
-        length = math.sqrt(x * x + y * y + z * z)
+        length = math.hypot(x, y, z)
         if length == 0.0:
             self.findings.error("the axis of a moving joint is zero", code="zero-axis", line=self.line(tags[0]), key=name)
             return (1.0, 0.0, 0.0)
-        if abs(length - 1.0) > 1e-3:
+        if abs(length - 1.0) > UNIT:
             self.findings.warn(
                 "the axis is not of length 1; its direction is used", code="axis-length", line=self.line(tags[0]),
-                key=name, value=f"{length:.4g}",
+                key=name, value=f"{length:.9g}",
             )  # fmt: skip
-        return (x / length, y / length, z / length)
+        # A length that is 1 to rounding stays as it is, so that a written robot reads back to the bit.
+        return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
     def _limits(self, element: Any, name: str, kind: str) -> tuple[float | None, float | None, float | None, float | None]:
         tags = elements(element, "limit")

@@ -11,6 +11,8 @@ from lxml import etree
 from asrsim.errors import Problem, RobotError
 
 MAX_BYTES = 64 * 1024 * 1024
+BLANKS = " \t\r\n"
+"""What XML calls white space; any other blank (a non-breaking space) is a character like every other."""
 
 
 def read_bytes(path: Path) -> bytes:
@@ -99,7 +101,13 @@ def text_of(element: Any) -> str:
     """The element's own text without comments, stripped."""
     parts = [element.text or ""]
     parts.extend(child.tail or "" for child in element)
-    return "".join(parts).strip()
+    return "".join(parts).strip(BLANKS)
+
+
+def name_of(element: Any, key: str = "name") -> str:
+    """An attribute that names something, without the blanks around it; empty if it is absent."""
+    text: str = (element.get(key) or "").strip(BLANKS)
+    return text
 
 
 def elements(parent: Any, tag: str | None = None) -> list[Any]:

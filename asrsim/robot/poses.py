@@ -1,0 +1,74 @@
+"""Poses as URDFs write them: positions in m, and roll, pitch, yaw in rad about fixed x, y, z."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, sin
+
+import numpy as np
+
+from asrsim.robot.model import Robot, Vector
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """A frame in another: a point x of it lies at `position + rotation @ x`."""
+
+    position: Array
+    """(3,) m."""
+    rotation: Array
+    """(3, 3)."""
+
+    def then(self, position: Vector, rpy: Vector) -> Pose:
+        """A frame that stands at `position` (m) and `rpy` (rad) in this one, in the same frame as this one."""
+        return Pose(position=self.position + self.rotation @ position, rotation=self.rotation @ rotation_matrix(rpy))
+
+    @property
+    def is_identity(self) -> bool:
+        """Exactly no motion."""
+        return not self.position.any() and bool((self.rotation == np.eye(3)).all())
+
+
+HERE = Pose(position=np.zeros(3), rotation=np.eye(3))
+
+
+def rotation_matrix(rpy: Vector) -> Array:
+    """(3, 3) rotation of URDF's roll, pitch, yaw in rad (about fixed x, y, z)."""
+    r, p, y = rpy
+    return np.array(
+        (
+            (cos(y) * cos(p), cos(y) * sin(p) * sin(r) - sin(y) * cos(r), cos(y) * sin(p) * cos(r) + sin(y) * sin(r)),
+            (sin(y) * cos(p), sin(y) * sin(p) * sin(r) + cos(y) * cos(r), sin(y) * sin(p) * cos(r) - cos(y) * sin(r)),
+            (-sin(p), cos(p) * sin(r), cos(p) * cos(r)),
+        )
+    )
+
+
+def roll_pitch_yaw(rotation: Array) -> Vector:
+    """rad, the inverse of :func:`rotation_matrix`, to rounding also where the pitch is 90 degrees and yaw is anything.
+
+    Yaw comes first and the rest from the rotation with that yaw taken out, so whatever yaw is, the three belong together.
+    """
+    yaw = atan2(rotation[1, 0], rotation[0, 0])
+    c, s = cos(yaw), sin(yaw)
+    pitch = atan2(-rotation[2, 0], c * rotation[0, 0] + s * rotation[1, 0])
+    roll = atan2(s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1])
+    return roll, pitch, yaw
+
+
+def link_poses(robot: Robot) -> dict[str, Pose]:
+    """Pose of every link in the root's frame at the zero pose, parents before children."""
+    children: dict[str, list[int]] = {}
+    for index, joint in enumerate(robot.joints):
+        children.setdefault(joint.parent, []).append(index)
+    poses = {robot.root.name: HERE}
+    waiting = [robot.root.name]
+    while waiting:
+        name = waiting.pop()
+        for index in children.get(name, ()):
+            joint = robot.joints[index]
+            poses[joint.child] = poses[name].then(joint.origin, joint.rpy)
+            waiting.append(joint.child)
+    return poses

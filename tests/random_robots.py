@@ -1,0 +1,55 @@
+"""Robots by chance: trees whose links are turned, offset, massless, held by fixed joints, of every moving kind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def random_urdf(seed: int, *, moving: int = 5, fixed: int = 6, square: bool = True, massless_root: bool = False) -> str:
+    """A tree of so many joints. square: quarter turns as URDFs write them (1.5708) among the angles."""
+    source = np.random.default_rng(seed)
+    kinds = ["moving"] * moving + ["fixed"] * fixed
+    source.shuffle(kinds)
+    links, joints = [_link("l0", source, massless=massless_root)], []
+    for index, kind in enumerate(kinds, start=1):
+        parent = f"l{source.integers(max(0, index - 4), index)}"
+        # A moving joint must have mass behind it.
+        links.append(_link(f"l{index}", source, massless=kind == "fixed" and source.random() < 0.3))
+        if kind == "moving":
+            kind = str(source.choice(["revolute", "continuous", "prismatic"]))
+        limit = "" if kind == "fixed" else '<limit lower="-3" upper="3" effort="100" velocity="100"/>'
+        axis = "" if kind == "fixed" else f'<axis xyz="{_text(_unit(source))}"/>'
+        joints.append(
+            f'<joint name="j{index}" type="{kind}"><parent link="{parent}"/><child link="l{index}"/>'
+            f'<origin xyz="{_text(source.normal(size=3) * 0.2)}" rpy="{_text(_angles(source, square))}"/>{axis}{limit}</joint>'
+        )
+    return f'<robot name="r{seed}">{"".join(links)}{"".join(joints)}</robot>'
+
+
+def _link(name: str, source: np.random.Generator, *, massless: bool) -> str:
+    if massless:
+        return f'<link name="{name}"/>'
+    # The inertia of masses at points is that of a body.
+    points = source.normal(size=(6, 3)) * 0.1
+    tensor = sum((p @ p * np.eye(3) - np.outer(p, p) for p in points), np.zeros((3, 3)))
+    entries = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), tensor[np.triu_indices(3)], strict=True)
+    values = " ".join(f'{key}="{float(value)!r}"' for key, value in entries)
+    place = f'xyz="{_text(source.normal(size=3) * 0.1)}" rpy="{_text(_angles(source, True))}"'
+    mass = f'<mass value="{float(source.uniform(0.1, 3.0))!r}"/>'
+    return f'<link name="{name}"><inertial><origin {place}/>{mass}<inertia {values}/></inertial></link>'
+
+
+def _angles(source: np.random.Generator, square: bool) -> Array:
+    turned = source.choice([0.0, 1.5708, -1.5708, np.pi / 2, 3.14159], size=3)
+    return turned if square and source.random() < 0.6 else source.uniform(-np.pi, np.pi, 3)
+
+
+def _unit(source: np.random.Generator) -> Array:
+    axis = source.normal(size=3)
+    return axis / np.linalg.norm(axis)
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(value)) for value in values)
