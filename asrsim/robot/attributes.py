@@ -70,6 +70,10 @@ class AttributeReader:
         except ValueError:
             self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
             return 0.0
+        return self.bounded(value, shown, element, place, finite=finite)
+
+    def bounded(self, value: float, shown: str, element: Any, place: str, *, finite: bool) -> float:
+        """The value, or 0 and an error if it is no number, infinite where it must not be, or beyond all reason."""
         if math.isnan(value) or (finite and math.isinf(value)):
             self.findings.error("must be finite", code="not-finite", line=self.line(element), key=place, value=shown)
             return 0.0

@@ -12,6 +12,7 @@ from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
+from asrsim.robot.passive import PassiveReader
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
@@ -76,7 +77,10 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
         check_tree(findings, links, joints)
     whole = not findings.errors
     check_masses(findings, links, joints)
+    passive = PassiveReader(findings, line)
+    joints = passive.springs(root, joints)
     blocks = read_blocks(root, joints, findings, line)
+    passive.judge(joints, blocks)
     _drop_consequences(findings, root, joints)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,

@@ -86,6 +86,11 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
         parser.Parse(data, True)
     except _RootReachedError:
         return
+    except (LookupError, ValueError) as error:
+        # Python knows encodings (UTF-7, multi-byte ones) that its parser cannot use, and fails on each in a way of its own.
+        message = "the XML declaration names an encoding that cannot be read"
+        hint = "Save the file as UTF-8"
+        raise RobotError(Problem(message=message, file=path, line=1, value=str(error), hint=hint, code="encoding")) from error
     except expat.ExpatError as error:
         raise RobotError(
             Problem(
