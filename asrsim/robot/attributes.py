@@ -14,6 +14,8 @@ from asrsim.robot.xmlfile import BLANKS, elements
 
 LARGEST = 1e12
 """In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
+SMALLEST = 1e-30
+"""In SI units: masses, inertias and parameters closer to 0, and not 0, are mistakes, and their inverses would overflow."""
 Line = Callable[[Any], int | None]
 """An element's line in the user's file, None if unknown."""
 

@@ -60,9 +60,10 @@ class Packages:
         elif scheme in ("package", "model"):
             name, _, inner = rest.partition("/")
             package = self.find(name)
-            if package is None:
+            # Some files call a folder beside them a package.
+            path = self.folder / name / inner if package is None else package / inner
+            if package is None and not path.is_file():
                 return f"package '{name}' is not known"
-            path = package / inner
         else:
             return f"'{scheme}://' is not supported"
         try:

@@ -13,8 +13,10 @@ from asrsim.robot.findings import Findings
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
 from asrsim.robot.passive import PassiveReader
+from asrsim.robot.sanity import check_sanity
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree
+from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
@@ -69,6 +71,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
             )
         )
     structure = StructureReader(findings, line)
+    check_words(structure, root)
     links = structure.links(root)
     joints = structure.joints(root, links)
     _check_size(findings, joints)
@@ -89,6 +92,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     if whole:
         check_movable(findings, robot)
     findings.raise_errors()
+    check_sanity(findings, robot)
     if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn("no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name)
     return replace(robot, warnings=tuple(findings.warnings))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import did_you_mean
-from asrsim.robot.attributes import AttributeReader
+from asrsim.robot.attributes import SMALLEST, AttributeReader
 from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
@@ -110,6 +110,8 @@ class StructureReader(AttributeReader):
             self.findings.error(
                 "mass must not be negative", code="negative-mass", line=self.line(tags[0]), key=name, value=f"{mass:g}"
             )
+        elif 0.0 < mass < SMALLEST:
+            self._too_small(tags[0], f"{name}.mass", mass)
         elif mass == 0.0 and len(self.findings.errors) == before:
             self.findings.warn("mass is zero", code="massless-link", line=self.line(tags[0]), key=name)
         return mass
@@ -124,9 +126,18 @@ class StructureReader(AttributeReader):
         # Left-out products of inertia are zero in every URDF reader; left-out moments are mistakes.
         values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in keys]
         xx, xy, xz, yy, yz, zz = values
+        for moment in (xx, yy, zz):
+            if 0.0 < abs(moment) < SMALLEST:
+                self._too_small(tags[0], f"{name}.inertia", moment)
         if len(self.findings.errors) == before:
             self._check_inertia(name, mass, np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), self.line(tags[0]))
         return xx, xy, xz, yy, yz, zz
+
+    def _too_small(self, element: Any, place: str, value: float) -> None:
+        self.findings.error(
+            f"is closer to 0 than {SMALLEST:g}, which no body is", code="out-of-range", line=self.line(element), key=place,
+            value=f"{value:g}",
+        )  # fmt: skip
 
     def _check_inertia(self, name: str, mass: float, matrix: np.ndarray, line: int | None) -> None:
         moments = np.linalg.eigvalsh(matrix)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -35,6 +36,8 @@ def read_bytes(path: Path) -> bytes:
 
 def parse_xml(data: bytes, path: Path) -> Any:
     """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML."""
+    # PyBullet's own tools write a version that XML does not have.
+    data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
     _refuse_declarations(data, path)
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False, remove_pis=True
