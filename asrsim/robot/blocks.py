@@ -14,7 +14,7 @@ from asrsim.robot.advice import advise
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
-from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, parameter_tags, tag_parameters
+from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
 from asrsim.robot.values import law_fault, parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
@@ -60,6 +60,8 @@ class _BlockReader:
         tags = elements(plugin)
         given = {tag.tag for tag in tags}
         line, shown = self.line(plugin), plugin.get("name") or filename or "plugin"
+        if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
+            return  # nothing of ours, known without a search for installed actuators
         if name not in ACTUATORS:
             self._foreign(filename, name, given, line, shown)
             return

@@ -12,7 +12,7 @@ from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Joint, Link, Robot, Shape
-from asrsim.robot.packages import Packages, packages_of
+from asrsim.robot.packages import Packages, package_name, packages_of
 from asrsim.robot.shapes import SIZES
 
 LONGEST_LINE = 1000
@@ -59,7 +59,8 @@ def engine_urdf(
                 warnings.append(
                     Problem(
                         message=f"collision mesh {fault}; the link does not collide with it", file=robot.path,
-                        line=shape.line, key=link.name, value=shape.mesh, code="missing-collision-mesh",
+                        line=shape.line, key=link.name, value=shape.mesh, hint=_cure(shape.mesh, fault),
+                        code="missing-collision-mesh",
                     )
                 )  # fmt: skip
         for shape in link.visuals if visuals else ():
@@ -71,8 +72,17 @@ def engine_urdf(
     if missing:
         first, fault = missing[0]
         message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
-        warnings.append(Problem(message=message, file=robot.path, value=first, code="missing-visual-mesh"))
+        hint = _cure(first, fault)
+        warnings.append(Problem(message=message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
     return _in_short_lines(root, robot), tuple(warnings)
+
+
+def _cure(mesh: str, fault: str) -> str | None:
+    """How to name the package whose folder is not known."""
+    name = package_name(mesh)
+    if name is None or not fault.endswith("is not known"):
+        return None
+    return f"Say where it is: --package {name}=FOLDER, in a scenario robot: {{file: ..., packages: {{{name}: FOLDER}}}}"
 
 
 def _inertial(parent: Any, link: Link, *, unit: bool) -> None:

@@ -76,6 +76,12 @@ class Packages:
             return f"cannot be read: {error}"
 
 
+def package_name(filename: str) -> str | None:
+    """The package that a file name counts from, if it names one."""
+    scheme, separator, rest = filename.partition("://")
+    return (rest.partition("/")[0] or None) if separator and scheme in ("package", "model") else None
+
+
 def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = None) -> Packages:
     """The folders that the robot file at `path` may use."""
     folder = path.resolve().parent

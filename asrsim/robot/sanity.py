@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.robot.findings import Findings
-from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
+from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
 
@@ -33,7 +34,9 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
     for joint in robot.moving_joints:
         _check_limits(findings, joint)
     for block in robot.actuators:
-        _check_block(findings, block)
+        for doubt in block_doubts(block):
+            line = block.line if doubt.parameter is None else doubt.parameter.line
+            findings.warn(doubt.message, code=doubt.code, line=line, key=block.plugin_name or block.joint, value=doubt.value)
 
 
 def _size(robot: Robot, poses: Mapping[str, Pose]) -> float:
@@ -74,15 +77,23 @@ def _check_limits(findings: Findings, joint: Joint) -> None:
         )  # fmt: skip
 
 
-def _check_block(findings: Findings, block: ActuatorBlock) -> None:
-    place, mode = block.plugin_name or block.joint, MODES[block.mode]
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """What of an actuator is hardly meant."""
+
+    message: str
+    code: str
+    value: str | None = None
+    parameter: ParameterValue | None = None
+    """The parameter that is at fault, if it is one."""
+
+
+def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
+    """Negative gains, and springs that are none."""
+    mode = MODES[block.mode]
     for name, parameter in block.parameters.items():
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and parameter.value < 0.0:
-            findings.warn(
-                "a negative gain drives the motor away from its reference", code="negative-gain", line=parameter.line,
-                key=f"{place}.{parameter.tag}", value=f"{parameter.value:g}",
-            )  # fmt: skip
+            message = f"a negative gain (<{parameter.tag}>) drives away from the reference"
+            yield Doubt(message=message, code="negative-gain", value=f"{parameter.value:g}", parameter=parameter)
     if mode.spring and not has_spring(block):
-        findings.warn(
-            "the spring has no stiffness: nothing couples the motor to the link", code="no-spring", line=block.line, key=place
-        )
+        yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")

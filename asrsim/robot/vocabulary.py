@@ -79,7 +79,8 @@ def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None
 
 
 def _warn(reader: AttributeReader, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
-    close = nearest(name, known) or nearest(name.lower(), known)
+    short = [word for word in known if word.startswith(name.lower())]
+    close = nearest(name, known) or nearest(name.lower(), known) or (short[0] if len(short) == 1 else None)
     reader.findings.warn(
         f"unknown {what} {form.format(name)}; it has no effect", code=f"unknown-{what}", line=reader.line(element), key=place,
         hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,
