@@ -329,3 +329,22 @@ def test_a_package_that_is_not_known_is_told_how_to_name(tiny) -> None:
     (problem,) = engine_urdf(robot)[1]  # a folder beside the file, called a package
     assert "is empty" in problem.message
     assert math.isfinite(robot.joint("elbow").damping)
+
+
+def test_a_log_finds_the_meshes_of_a_package_that_holds_the_robot(tiny, asrsim_command) -> None:
+    """The folder of a package is where it was, also where the robot itself lies in it."""
+    (tiny.folder / "meshes").mkdir()
+    (tiny.folder / "meshes" / "a.obj").write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
+    changed(
+        tiny,
+        (
+            "</inertial>",
+            '</inertial><visual><geometry><mesh filename="package://arm/meshes/a.obj"/></geometry></visual>',
+        ),
+    )
+    robot = f"{{file: {tiny.robot}, packages: {{arm: {tiny.folder}}}}}"
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("pendulum.urdf", robot))
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 0
+    outcome = asrsim_command("render", tiny.folder / "out/step/default/log.mcap", "--frames", "2", "--size", "60")
+    assert outcome.code == 0
+    assert "rods" not in outcome.out + outcome.err

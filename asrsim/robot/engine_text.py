@@ -10,6 +10,7 @@ from lxml import etree
 
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import principal_axes
+from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Joint, Link, Robot, Shape
 from asrsim.robot.packages import Packages, package_name, packages_of
@@ -112,10 +113,12 @@ def _shape(parent: Any, tag: str, shape: Shape, packages: Packages) -> str | Non
     element = etree.SubElement(parent, tag)
     _origin(element, shape.origin, shape.rpy)
     etree.SubElement(etree.SubElement(element, "geometry"), shape.kind, attributes)
-    if tag == "visual" and shape.colour is not None:
-        # A material's name is its colour: PyBullet gives all materials of one name the first one's.
-        colour = _numbers(shape.colour)
-        etree.SubElement(etree.SubElement(element, "material", name=colour), "color", rgba=colour)
+    if tag == "visual":
+        colour = shape.colour or (mesh_colour(Path(attributes["filename"])) if shape.kind == "mesh" else None)
+        if colour is not None:
+            # A material's name is its colour: PyBullet gives all materials of one name the first one's.
+            rgba = _numbers(colour)
+            etree.SubElement(etree.SubElement(element, "material", name=rgba), "color", rgba=rgba)
     return None
 
 

@@ -58,7 +58,7 @@ class Packages:
         elif scheme == "file":
             path = Path(unquote(rest))
         elif scheme in ("package", "model"):
-            name, _, inner = rest.partition("/")
+            name, _, inner = rest.lstrip("/").partition("/")
             package = self.find(name)
             # Some files call a folder beside them a package.
             path = self.folder / name / inner if package is None else package / inner
@@ -79,7 +79,7 @@ class Packages:
 def package_name(filename: str) -> str | None:
     """The package that a file name counts from, if it names one."""
     scheme, separator, rest = filename.partition("://")
-    return (rest.partition("/")[0] or None) if separator and scheme in ("package", "model") else None
+    return (rest.lstrip("/").partition("/")[0] or None) if separator and scheme in ("package", "model") else None
 
 
 def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = None) -> Packages:

@@ -34,13 +34,16 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def parse_xml(data: bytes, path: Path) -> Any:
-    """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML."""
+def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
+    """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML.
+
+    large: texts of more than 10 MB are allowed, as meshes have them; the size of the file bounds them.
+    """
     # PyBullet's own tools write a version that XML does not have.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
     _refuse_declarations(data, path)
     parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False, remove_pis=True
+        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=large, remove_pis=True
     )
     try:
         root = etree.fromstring(data, parser)
