@@ -74,6 +74,9 @@ def main() -> None:
     # A stream that was closed (>&-) is none at all, and its number would go to the next file that is opened.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    from asrsim.cli.console import clean_streams
+
+    clean_streams()
     code = _call()
     try:
         sys.stdout.flush()

@@ -27,6 +27,7 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None
             if report.robot is not None:
                 for blocks in _alike(report.robot.actuators):
                     _print_blocks(console, blocks)
+                _print_passive(console, report.robot)
                 if report.step is not None:
                     _print_figures(console, report.figures, report.step)
         print_problems(console, report.errors, "error", "bold red")
@@ -60,6 +61,21 @@ def _print_head(console: Console, report: FileReport) -> None:
         if rigid:
             parts.append(f"not driven: {escape(', '.join(rigid[:SHOWN]))}{' ...' if len(rigid) > SHOWN else ''}")
     console.print(" · ".join(parts), soft_wrap=True)
+
+
+def _print_passive(console: Console, robot: Robot) -> None:
+    """What moves or holds joints beside actuators."""
+    springs: dict[str, list[str]] = {}
+    for joint in robot.moving_joints:
+        if joint.spring_stiffness:
+            per, at = ("N/m", "m") if joint.kind == "prismatic" else ("N m/rad", "rad")
+            key = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
+            springs.setdefault(key, []).append(joint.name)
+    for spring, names in springs.items():
+        console.print(f"[bold cyan]passive spring[/], {spring}: {escape(', '.join(names))}", soft_wrap=True)
+    followers = [f"{joint.name} = {joint.mimic}" for joint in robot.moving_joints if joint.mimic is not None]
+    if followers:
+        console.print(f"[bold cyan]mimic[/], not simulated: {escape('; '.join(followers))}", soft_wrap=True)
 
 
 def _undriven(robot: Robot) -> list[str]:

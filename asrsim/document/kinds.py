@@ -193,7 +193,7 @@ class File(Kind[Path]):
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
             raise reading.fault(node, path, f"must be the path of a {self.noun}", code="type")
-        place = reading.locate(node.value)
+        place = reading.locate(node.value, folder=self.folder)
         if not self.exists:
             return place
         try:

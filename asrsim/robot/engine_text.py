@@ -11,9 +11,10 @@ from lxml import etree
 
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import principal_axes
+from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Joint, Link, Robot, Shape
-from asrsim.robot.packages import Packages, packages_of
+from asrsim.robot.packages import Packages, package_name, packages_of
 from asrsim.robot.shapes import SIZES
 
 LONGEST_LINE = 1000
@@ -48,14 +49,15 @@ def usable_shapes(
                     warnings.append(
                         Problem(
                             message=message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
-                            code="missing-collision-mesh",
+                            hint=_cure(shape.mesh, found), code="missing-collision-mesh",
                         )
                     )  # fmt: skip
         links.append(replace(link, collisions=tuple(kept["collisions"]), visuals=tuple(kept["visuals"])))
     if missing:
         first, fault = missing[0]
         message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
-        warnings.append(Problem(message=message, file=robot.path, value=first, code="missing-visual-mesh"))
+        hint = _cure(first, fault)
+        warnings.append(Problem(message=message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
     return replace(robot, links=tuple(links)), tuple(warnings)
 
 
@@ -95,6 +97,14 @@ def engine_urdf(
     return _in_short_lines(root, robot), warnings
 
 
+def _cure(mesh: str, fault: str) -> str | None:
+    """How to name the package whose folder is not known."""
+    name = package_name(mesh)
+    if name is None or not fault.endswith("is not known"):
+        return None
+    return f"Say where it is: --package {name}=FOLDER, in a scenario robot: {{file: ..., packages: {{{name}: FOLDER}}}}"
+
+
 def _inertial(parent: Any, link: Link) -> None:
     moments, rpy = principal_axes(link)
     inertial = etree.SubElement(parent, "inertial")
@@ -115,10 +125,12 @@ def _shape(parent: Any, tag: str, shape: Shape) -> None:
     element = etree.SubElement(parent, tag)
     _origin(element, shape.origin, shape.rpy)
     etree.SubElement(etree.SubElement(element, "geometry"), shape.kind, attributes)
-    if tag == "visual" and shape.colour is not None:
-        # A material's name is its colour: PyBullet gives all materials of one name the first one's.
-        colour = _numbers(shape.colour)
-        etree.SubElement(etree.SubElement(element, "material", name=colour), "color", rgba=colour)
+    if tag == "visual":
+        colour = shape.colour or (mesh_colour(Path(attributes["filename"])) if shape.kind == "mesh" else None)
+        if colour is not None:
+            # A material's name is its colour: PyBullet gives all materials of one name the first one's.
+            rgba = _numbers(colour)
+            etree.SubElement(etree.SubElement(element, "material", name=rgba), "color", rgba=rgba)
 
 
 def _joint(parent: Any, joint: Joint) -> None:

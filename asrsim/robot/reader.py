@@ -12,8 +12,11 @@ from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
+from asrsim.robot.passive import PassiveReader
+from asrsim.robot.sanity import check_sanity
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree
+from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
@@ -68,6 +71,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
             )
         )
     structure = StructureReader(findings, line)
+    check_words(structure, root)
     links = structure.links(root)
     joints = structure.joints(root, links)
     _check_size(findings, joints)
@@ -76,7 +80,10 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
         check_tree(findings, links, joints)
     whole = not findings.errors
     check_masses(findings, links, joints)
+    passive = PassiveReader(findings, line)
+    joints = passive.springs(root, joints)
     blocks = read_blocks(root, joints, findings, line)
+    passive.judge(joints, blocks)
     _drop_consequences(findings, root, joints)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
@@ -85,6 +92,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     if whole:
         check_movable(findings, robot)
     findings.raise_errors()
+    check_sanity(findings, robot)
     if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn("no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name)
     return replace(robot, warnings=tuple(findings.warnings))

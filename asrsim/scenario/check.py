@@ -10,10 +10,11 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
-from asrsim.robot import ActuatorBlock, Robot, load_robot
+from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
 from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
 from asrsim.signals.base import Signal
 
@@ -53,6 +54,7 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
+    warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
     return errors, warnings
@@ -119,14 +121,13 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """A floating root without mass: an engine holds it still, or makes up a mass."""
-    if scenario.fixed_base or scenario.engine != "bullet":
+    """A floating body without mass: an engine holds it still, or makes up a mass. What fixed joints hold to it counts."""
+    if scenario.fixed_base or scenario.engine == "bench":
         return
-    children = {joint.child for joint in robot.joints}
-    for root in (link for link in robot.links if link.name not in children):
-        if not (root.mass and root.inertia and any(root.inertia)):
-            message = f"a floating robot needs mass and inertia in its root link '{root.name}'"
-            yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
+    body = merge_fixed(robot).robot.root
+    if not (body.mass and body.inertia and any(body.inertia)):
+        message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in what is fixed to it"
+        yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
 
 
 def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
