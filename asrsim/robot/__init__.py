@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from asrsim.robot.engine_text import engine_urdf
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.mounting import block_for, with_actuators
 from asrsim.robot.overrides import with_overrides
 from asrsim.robot.reader import load_robot
 from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
@@ -15,9 +16,11 @@ __all__ = [
     "ParameterValue",
     "Robot",
     "StepFigures",
+    "block_for",
     "engine_urdf",
     "load_robot",
     "step_figures",
     "step_findings",
+    "with_actuators",
     "with_overrides",
 ]
