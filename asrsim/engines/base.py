@@ -85,8 +85,8 @@ class Engine(Protocol):
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques (N m), one a joint. fraction: of the kick, less than 1 for the first of a staggered run."""
 
-    def prepare(self, step: float, *, staggered: bool, coherent: int) -> None:
-        """Before the first step: its length in s; staggered: see the module; coherent: steps in which velocities change little."""
+    def prepare(self, step: float, *, staggered: bool) -> None:
+        """Before the first step: its length in s; staggered: see the module."""
 
     def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Joints there, moving so; everything else as at the start."""

@@ -32,9 +32,9 @@ class BenchEngine:
             for_joint(scenario.motion, name, Constant(value=for_joint(scenario.initial_positions, name, 0.0)))
             for name in self.joints
         ]
-        self.prepare(scenario.step, staggered=True, coherent=1)
+        self.prepare(scenario.step, staggered=True)
 
-    def prepare(self, step: float, *, staggered: bool, coherent: int) -> None:
+    def prepare(self, step: float, *, staggered: bool) -> None:
         """The step in s; the motion starts over."""
         self.step = step
         self._staggered = staggered

@@ -135,7 +135,7 @@ class BulletEngine:
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, physicsClientId=client
         )
 
-    def prepare(self, step: float, *, staggered: bool, coherent: int) -> None:
+    def prepare(self, step: float, *, staggered: bool) -> None:
         """Before the first step."""
         self._step = step
         self._p.setTimeStep(step, physicsClientId=self._client)
@@ -147,7 +147,7 @@ class BulletEngine:
             if not self._scenario.fixed_base:
                 self._coriolis = FloatingBase(self._p, self._client, self._body, self._scenario, self.robot, step)
             elif len(self.joints) > 1:
-                self._coriolis = FixedBase(self.model, step, coherent)
+                self._coriolis = FixedBase(self.model)
 
     def _set_friction(self, fraction: float) -> None:
         """Velocity motors at target 0: with force 0 they free the joint, with a force they are its Coulomb friction.

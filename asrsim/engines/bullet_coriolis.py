@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import sub
 from typing import Any, Protocol
 
 import numpy as np
 
-from asrsim.engines.base import Model
+from asrsim.engines.bullet_model import BulletModel
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-
-MOST = 8
-"""Steps, at most, for which a correction is held; in between it is what it will be half-way there."""
-TURN = 0.01
-"""rad that the fastest joint turns, at most, in that time: measured on five fast joints (62 rad/s), where evaluating every
-step brings the error at 1 ms from 2.1e-2 to 6e-3 rad."""
-
 
 class Coriolis(Protocol):
     """What an engine asks for, once a step."""
@@ -25,8 +19,8 @@ class Coriolis(Protocol):
     def reset(self) -> None:
         """A new start."""
 
-    def corrected(self, positions: list[float], lagging: list[float], forces: Sequence[float]) -> list[float]:
-        """Joint torques with the correction; what acts on a free base is applied."""
+    def corrected(self, states: Sequence[Any], forces: Sequence[float]) -> list[float]:
+        """Joint torques with the correction; what acts on a free base is applied. states: positions and velocities, joint by joint."""
 
     def first(self, positions: list[float], velocities: list[float], forces: Sequence[float], fraction: float) -> list[float]:
         """The same for a first kick that is a part of one: the engine gives velocity torques their whole impulse."""
@@ -42,48 +36,30 @@ class Coriolis(Protocol):
 
 
 class FixedBase:
-    """On a base that is held: differences of Bullet's own inverse dynamics, held for as long as motion allows."""
+    """On a base that is held: differences of Bullet's own inverse dynamics.
 
-    def __init__(self, model: Model, step: float, coherent: int) -> None:
-        self._model, self._step = model, step
-        self._most = max(1, min(MOST, coherent))
+    Every step: held over some, as asrsim 0.1 did, they were 1e-4 rad off after a reference's jump, and of a lower order.
+    """
+
+    def __init__(self, model: BulletModel) -> None:
+        self._model = model
         self.reset()
 
     def reset(self) -> None:
         """A new start."""
         self._previous: list[float] | None = None
-        self._correction: list[float] = []
-        self._last: tuple[list[float], int] | None = None
-        self._left = 0
 
-    def corrected(self, positions: list[float], lagging: list[float], forces: Sequence[float]) -> list[float]:
+    def corrected(self, states: Sequence[Any], forces: Sequence[float]) -> list[float]:
         """Joint torques with the correction."""
-        previous = self._previous
-        self._previous = lagging
-        if not self._left:
-            self._evaluate(positions, lagging, lagging if previous is None else previous)
-        self._left -= 1
-        return [force - part for force, part in zip(forces, self._correction, strict=True)]
-
-    def _evaluate(self, positions: list[float], lagging: list[float], previous: list[float]) -> None:
-        fastest = max(map(abs, lagging))
-        every = self._most if fastest * self._step * self._most <= TURN else max(1, int(TURN / (fastest * self._step)))
+        lagging = [state[1] for state in states]
+        previous, self._previous = self._previous or lagging, lagging
         centred = [1.5 * v - 0.5 * u for v, u in zip(lagging, previous, strict=True)]
-        difference = self._model.bias_difference(positions, centred, lagging)  # type: ignore[attr-defined]
-        if self._last is None or every == 1:
-            self._correction = difference
-        else:
-            # Held for `every` steps: its value in the middle of that time, by the change since the last evaluation.
-            earlier, passed = self._last
-            ahead = 0.5 * (every - 1) / passed
-            self._correction = [new + ahead * (new - old) for new, old in zip(difference, earlier, strict=True)]
-        self._last = difference, every
-        self._left = every
+        return list(map(sub, forces, self._model.bias_difference([state[0] for state in states], centred, lagging)))
 
     def first(self, positions: list[float], velocities: list[float], forces: Sequence[float], fraction: float) -> list[float]:
         """A first kick that is a part of one."""
         self._start = velocities
-        whole = self._model.bias_difference(positions, velocities, [0.0] * len(velocities))  # type: ignore[attr-defined]
+        whole = self._model.bias_difference(positions, velocities, [0.0] * len(velocities))
         return [force + (1.0 - fraction) * part for force, part in zip(forces, whole, strict=True)]
 
     def after_first(self, velocities: list[float]) -> None:
@@ -92,11 +68,11 @@ class FixedBase:
 
     def snapshot(self) -> Any:
         """State."""
-        return self._previous, self._correction, self._last, self._left
+        return self._previous
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
-        self._previous, self._correction, self._last, self._left = state
+        self._previous = state
 
 
 class FloatingBase:
@@ -168,9 +144,9 @@ class FloatingBase:
         p.applyExternalTorque(self._body, -1, (-change[3:6]).tolist(), p.WORLD_FRAME, physicsClientId=client)
         return [force - part for force, part in zip(forces, change[self._model.at_v].tolist(), strict=True)]
 
-    def corrected(self, positions: list[float], lagging: list[float], forces: Sequence[float]) -> list[float]:
+    def corrected(self, states: Sequence[Any], forces: Sequence[float]) -> list[float]:
         """Joint torques with the correction; the base's is applied."""
-        velocity = self._state(positions, lagging)
+        velocity = self._state([state[0] for state in states], [state[1] for state in states])
         previous = velocity if self._previous is None else self._previous
         self._previous = velocity
         return self._push(self._bias(1.5 * velocity - 0.5 * previous) - self._bias(velocity), forces)

@@ -36,7 +36,7 @@ class ExactFriction:
 
     def prepare(self, step: float, *, staggered: bool) -> None:
         """The step in s."""
-        self._engine.prepare(step, staggered=staggered, coherent=1)
+        self._engine.prepare(step, staggered=staggered)
 
     def reset(self) -> None:
         """A new start."""

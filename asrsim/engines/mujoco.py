@@ -74,7 +74,7 @@ class MujocoEngine:
         self._world = self.state = self._make_world(robot)
         self._look, self._move = plain_stage(stages.look), plain_stage(stages.move)
         positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
-        self.prepare(scenario.step, staggered=True, coherent=1)
+        self.prepare(scenario.step, staggered=True)
         self.set_state(positions, [0.0] * len(positions))
 
     # -- setting up -------------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ class MujocoEngine:
             at_qpos=d.qpos.ctypes.data, at_qvel=d.qvel.ctypes.data, **arrays, **addresses,
         )  # fmt: skip
 
-    def prepare(self, step: float, *, staggered: bool, coherent: int) -> None:
+    def prepare(self, step: float, *, staggered: bool) -> None:
         """Before the first step."""
         self._world.scheme[:] = (step, 1.5, -0.5, 1.0) if staggered else (step, 1.0, 0.0, 1.0)
         self._weights = tuple(self._world.scheme[1:3].tolist())

@@ -19,9 +19,13 @@ def steppings() -> tuple[str, ...]:
 
 def default_engine() -> str:
     """The engine of a scenario that names none."""
-    return "bullet"
+    from asrsim import engines
+
+    return engines.default_engine()
 
 
 def prescribes_motion(engine: str) -> bool:
     """Whether the engine moves the links as told, and asks for `motion`."""
-    return engine == "bench"
+    from asrsim.engines import ENGINES
+
+    return ENGINES.get(engine).prescribed

@@ -18,7 +18,6 @@ def describe(
 ) -> RunInfo:
     """The run's description, for its log; engine: its library and version."""
     from asrsim import __version__
-    from asrsim.engines import default_engine
     from asrsim.versions import version
 
     joints = tuple(
@@ -52,7 +51,7 @@ def describe(
         metadata={
             "asrsim": __version__,
             "numpy": version("numpy"),
-            "engine": scenario.engine or default_engine(),
+            "engine": scenario.engine,
             "engine_version": engine,
             "stepping": stepping.name,
             "order": str(stepping.order),

@@ -28,8 +28,10 @@ class Drive:
     """Parameter values by name."""
     stepping: Stepping
     initial_position: float
-    initial_motors: tuple[float, ...] | None = None
-    """Positions and velocities of the motors at the start, in turns (rad, rad/s); None: at rest where the unloaded link is."""
+    motor_positions: tuple[float, ...] | None = None
+    """rad at the start; None: where the unloaded link rests, so that a run does not begin with a jerk."""
+    motor_velocities: tuple[float, ...] | None = None
+    """rad/s at the start; None: at rest."""
     link_damping: LinkDamping | None = None
     block: ActuatorBlock | None = None
     advance: Advance = field(init=False)
@@ -65,6 +67,11 @@ class Drive:
         return self.joint.damping + (self.link_damping.constant if self.link_damping else 0.0)
 
     @property
+    def passive_stiffness(self) -> float:
+        """N m/rad of the joint's own spring; Gazebo's, of URDF files."""
+        return self.joint.spring_stiffness
+
+    @property
     def elastic_of(self) -> Callable[[Any], Any]:
         """Constants of `advance` -> parameters of the spring."""
         if self.stepping.released:
@@ -95,10 +102,11 @@ class Drive:
             return kernels.advance_link_controller, (0.0,)
         if not self.mode.motor:
             return kernels.make_advance_ideal(self.actuator.elastic_torques), ()
-        # Motors start where the unloaded link rests, so that a run does not begin with a jerk.
-        given = self.initial_motors or (self.initial_position, 0.0) * self.actuator.motors
-        # Dahl's bristles are unloaded, the integral is 0.
-        state = tuple(x for i in range(self.actuator.motors) for x in (given[2 * i], given[2 * i + 1], given[2 * i], 0.0))
+        motors = range(self.actuator.motors)
+        positions = self.motor_positions or (self.initial_position,) * len(motors)
+        velocities = self.motor_velocities or (0.0,) * len(motors)
+        # Position, velocity, where Dahl's bristles stick, the controller's integral.
+        state = tuple(x for i in motors for x in (positions[i], velocities[i], positions[i], 0.0))
         if self.actuator.motors == 1:
             return kernels.make_advance_one_motor(self.actuator.elastic_torques), state
         return kernels.make_advance_two_motors(self.actuator.elastic_torques), state
@@ -153,7 +161,8 @@ def make_drives(
     *,
     initial_positions: Mapping[str, float],
     link_damping: Mapping[str, LinkDamping],
-    initial_motors: Mapping[str, tuple[float, ...]] | None = None,
+    motor_positions: Mapping[str, tuple[float, ...]] | None = None,
+    motor_velocities: Mapping[str, tuple[float, ...]] | None = None,
 ) -> tuple[Drive, ...]:
     """A drive for each moving joint of `robot`, in its order."""
     blocks = {block.joint: block for block in robot.actuators}
@@ -168,7 +177,8 @@ def make_drives(
                 values=block.values() if block else {},
                 stepping=stepping,
                 initial_position=float(for_joint(initial_positions, joint.name, 0.0)),
-                initial_motors=for_joint(initial_motors or {}, joint.name),
+                motor_positions=for_joint(motor_positions or {}, joint.name),
+                motor_velocities=for_joint(motor_velocities or {}, joint.name),
                 link_damping=for_joint(link_damping, joint.name) if block else None,
                 block=block,
             )

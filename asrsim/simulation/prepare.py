@@ -109,7 +109,8 @@ def prepare(
         robot,
         stepping,
         initial_positions=scenario.initial_positions,
-        initial_motors=scenario.initial_motors,
+        motor_positions=scenario.initial_motor_positions,
+        motor_velocities=scenario.initial_motor_velocities,
         link_damping=scenario.link_damping,
     )
     if scenario.task is not None:
@@ -148,9 +149,9 @@ def prepare(
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
     """The scenario's engine, at its step."""
-    from asrsim.engines import ENGINES, default_engine
+    from asrsim.engines import ENGINES
 
-    return ENGINES.get(scenario.engine or default_engine()).make(scenario, robot)
+    return ENGINES.get(scenario.engine).make(scenario, robot)
 
 
 def _resolve(

@@ -106,7 +106,7 @@ class Simulation:
     def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: int | None) -> None:
         prepared, scenario, engine = self.prepared, self.scenario, self._engine
         stepping, substep = prepared.stepping, prepared.substep
-        engine.prepare(substep, staggered=stepping.staggered, coherent=int(1.0 / max(prepared.resolution.omega_h, 1e-9)))
+        engine.prepare(substep, staggered=stepping.staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
         every = self.substeps * scenario.log_every
