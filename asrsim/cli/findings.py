@@ -100,9 +100,16 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
             continue
         wrong, notes = check_against_robot(scenario, robot)
         errors.extend(wrong)
+<<<<<<< HEAD
         warnings.extend((*robot.warnings, *notes))
+=======
+        known = robot.warnings
+>>>>>>> hour
         if not wrong:
             robots.append(apply_to_robot(scenario, robot))
+            known = robots[-1].warnings
+        warnings.extend((*known, *engine_urdf(robot, package_paths=scenario.package_paths)[1], *notes))
+        if not wrong:
             warnings.extend(step_findings(robots[-1], step=step or scenario.step))
             if step is not None:
                 scenario = replace(scenario, step=step, duration=step * max(1, round(scenario.duration / step)))

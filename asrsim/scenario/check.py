@@ -13,6 +13,7 @@ from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
 from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
+from asrsim.scenario.choices import prescribes_motion
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
@@ -57,6 +58,10 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
+    if not errors:
+        from asrsim.kinematics.sizing import holding_findings
+
+        warnings.extend(holding_findings(scenario, changed))
     return errors, warnings
 
 
@@ -122,7 +127,7 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """A floating body without mass: an engine holds it still, or makes up a mass. What fixed joints hold to it counts."""
-    if scenario.fixed_base or scenario.engine == "bench":
+    if scenario.fixed_base or prescribes_motion(scenario.engine):
         return
     body = merge_fixed(robot).robot.root
     if not (body.mass and body.inertia and any(body.inertia)):
@@ -173,7 +178,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             signal = own.get(name, common.get(name))
             if signal is not None:
                 yield from _values(scenario, robot, block, slot, key, signal)
-            elif not _made_elsewhere(scenario, block.joint):
+            elif not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
                 yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
 
@@ -185,8 +190,8 @@ def _names(block: ActuatorBlock) -> tuple[str, ...]:
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]
 
 
-def _made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """A Cartesian task, or learning, makes the reference."""
+def made_elsewhere(scenario: Scenario, joint: str) -> bool:
+    """Whether a Cartesian task, or learning, makes the joint's reference."""
     if joint in scenario.learning.get("trajectory", {}) or "*" in scenario.learning.get("trajectory", {}):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)

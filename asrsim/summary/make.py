@@ -7,13 +7,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from asrsim.samples import Samples
+import numpy as np
+
+from asrsim.errors import Problem
+from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 from asrsim.summary.collect import joint_measures
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
     from asrsim.simulation.run import Run
+
+NEAR = 1e-2
+"""rad or m within which a joint rests on a stop, or at its reference."""
 
 
 def make_summary(
@@ -68,21 +74,48 @@ def make_summary(
         seed=scenario.seed,
         joints=joints,
         claims=claims,
-        warnings=run.warnings,
+        tip=counter.tip,
+        warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
         versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
     )
 
 
+def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
+    """Joints that end on a stop to which no reference sends them."""
+    for joint in joints:
+        limits = run.robot.joint(joint.name)
+        rest, error = joint.measures.steady_state, joint.measures.steady_state_error
+        stops = [stop for stop in (limits.lower, limits.upper) if stop is not None and abs(rest - stop) < NEAR]
+        if joint.stop and stops and limits.kind != "continuous" and not abs(error) < NEAR:
+            unit = "m" if joint.prismatic else "rad"
+            message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
+            message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
+            hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
+            yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")
+
+
 class _Counter:
-    """Counts samples as they pass."""
+    """Counts samples as they pass, and how far the tip of a Cartesian task is from its path."""
 
     def __init__(self, chunks: Iterable[Samples]) -> None:
         self._chunks = chunks
         self.samples = 0
+        self._errors: list[Array] = []
 
     def __iter__(self) -> Iterator[Samples]:
         for chunk in self._chunks:
             self.samples += len(chunk.time)
+            if TIP in chunk.bodies:
+                self._errors.append(np.linalg.norm(chunk.bodies[TIP][:, :3] - chunk.bodies[TIP_GOAL][:, :3], axis=1))
             yield chunk
+
+    @property
+    def tip(self) -> dict[str, float]:
+        """m: `largest`, `rms`, and `last`, the mean over the last tenth; nothing without a tip."""
+        if not self._errors:
+            return {}
+        errors = np.concatenate(self._errors)
+        tail = errors[-max(len(errors) // 10, 1) :]
+        return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
