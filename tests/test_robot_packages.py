@@ -1,4 +1,4 @@
-"""Robots as their packages ship them, with actuators added: driven and drawn; and the same bodies in MuJoCo."""
+"""Robots as their packages ship them, with actuators added: driven and drawn; and their bodies in every engine."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import pytest
 from random_robots import random_urdf
 from test_robot_engine_text import ALTEREGO, dynamics, farthest
 
-from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed
-from asrsim.robot.inertia import principal_axes
+from asrsim.engines import ENGINES
+from asrsim.robot import Robot, engine_urdf, load_robot
 from asrsim.robot.mesh_colours import mesh_colour
-from asrsim.robot.poses import rotation_matrix
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
 
@@ -72,38 +71,27 @@ def test_a_mesh_has_the_colour_of_most_of_its_triangles(text: str, colour: tuple
     assert mesh_colour(tmp_path / "m.dae") == colour
 
 
-# -- MuJoCo ------------------------------------------------------------------------------------------------------------
-
-COMPILER = '<mujoco><compiler fusestatic="true" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
+# -- engines -----------------------------------------------------------------------------------------------------------
 
 
-def in_mujoco(robot: Robot, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
-    """Mass matrix and bias of a robot that MuJoCo builds of unit bodies, and is then given the true ones."""
-    mujoco = pytest.importorskip("mujoco")
-    text, _ = engine_urdf(robot, unit_inertia=True)
-    model = mujoco.MjModel.from_xml_string(text.replace("\n", "\n" + COMPILER, 1))
-    for link in robot.links:
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, link.name)
-        if index > 0:
-            moments, axes = principal_axes(link)
-            model.body_mass[index], model.body_inertia[index] = link.mass or 0.0, moments
-            model.body_ipos[index] = link.centre_of_mass
-            mujoco.mju_mat2Quat(model.body_iquat[index], rotation_matrix(axes).ravel())
-    data = mujoco.MjData(model)
-    mujoco.mj_setConst(model, data)
-    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
-    data.qpos[:], data.qvel[:] = [positions[name] for name in names], [velocities[name] for name in names]
-    mujoco.mj_forward(model, data)
-    matrix = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, matrix)
+def in_engine(engine: str, robot: Robot, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
+    """Mass matrix and bias (Coriolis, gravity) as an engine's model has them."""
+    names = [joint.name for joint in robot.moving_joints]
+    built, _ = ENGINES.get(engine).make(make_scenario(robot.path, duration=0.01, engine=engine), robot)
+    try:
+        matrix = built.model.mass_matrix([positions[name] for name in names])
+        bias = built.model.bias([positions[name] for name in names], [velocities[name] for name in names])
+    finally:
+        built.close()
     return (
         {(a, b): matrix[i, j] for i, a in enumerate(names) for j, b in enumerate(names)},
-        {name: data.qfrc_bias[i] for i, name in enumerate(names)},
+        dict(zip(names, bias, strict=True)),
     )
 
 
-@pytest.mark.parametrize("path", [*range(4), *ALTEREGO], ids=str)
-def test_mujoco_has_the_same_bodies(path: int | Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("path", [*range(4), *ALTEREGO], ids=lambda path: getattr(path, "stem", str(path))[:11])
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_engines_have_the_bodies_of_the_file(engine: str, path: int | Path, tmp_path: Path) -> None:
     if isinstance(path, int):
         (tmp_path / "r.urdf").write_text(random_urdf(path))
         path = tmp_path / "r.urdf"
@@ -111,18 +99,19 @@ def test_mujoco_has_the_same_bodies(path: int | Path, tmp_path: Path) -> None:
     source, names = np.random.default_rng(0), [joint.name for joint in robot.moving_joints]
     positions, velocities = (dict(zip(names, source.uniform(-2, 2, len(names)), strict=True)) for _ in range(2))
     truth = dynamics(robot.text, positions, velocities)
-    found = in_mujoco(merge_fixed(robot).robot, positions, velocities)
-    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-13
+    found = in_engine(engine, robot, positions, velocities)
+    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-12
 
 
 @pytest.mark.parametrize("inertia", [(0.0, 0, 0, 1e-2, 0, 1e-2), (1e-3, 0, 0, 1e-3, 0, 1.0), (0.0, 0, 0, 0.0, 0, 0.0)])
-def test_mujoco_takes_bodies_that_it_refuses_to_build(inertia: tuple, tmp_path: Path) -> None:
-    """A rod, a body against the triangle inequality, a point: warnings to us, and so they are simulated."""
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_bodies_that_are_none_are_simulated_as_they_are(engine: str, inertia: tuple, tmp_path: Path) -> None:
+    """A rod, a body against the triangle inequality, a point: warnings to us, which some engines refuse to build."""
     (tmp_path / "r.urdf").write_text(random_urdf(1, moving=2, fixed=0))
     robot = load_robot(tmp_path / "r.urdf")
     robot = replace(robot, links=(robot.links[0], replace(robot.links[1], inertia=inertia), *robot.links[2:]))
     names = [joint.name for joint in robot.moving_joints]
     positions, velocities = dict.fromkeys(names, 0.3), dict.fromkeys(names, -1.0)
     truth = dynamics(engine_urdf(robot)[0], positions, velocities)
-    found = in_mujoco(robot, positions, velocities)
-    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-13
+    found = in_engine(engine, robot, positions, velocities)
+    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-12

@@ -21,8 +21,8 @@ from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
 MAX_MOVING = 121
-"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities. Links that fixed
-joints hold together are one body to it."""
+"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities. Links that
+fixed joints hold together are one body to it."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -101,8 +101,8 @@ def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
     moving = sum(joint.moves for joint in joints)
     if moving > MAX_MOVING:
         findings.error(
-            f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}", code="too-many-joints", key="robot",
-            hint="Take out what does not matter to the motion",
+            f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}",
+            code="too-many-joints", key="robot", hint="Take out what does not matter to the motion",
         )  # fmt: skip
 
 
