@@ -100,15 +100,11 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
             continue
         wrong, notes = check_against_robot(scenario, robot)
         errors.extend(wrong)
-<<<<<<< HEAD
-        warnings.extend((*robot.warnings, *notes))
-=======
         known = robot.warnings
->>>>>>> hour
         if not wrong:
             robots.append(apply_to_robot(scenario, robot))
             known = robots[-1].warnings
-        warnings.extend((*known, *engine_urdf(robot, package_paths=scenario.package_paths)[1], *notes))
+        warnings.extend((*known, *notes))
         if not wrong:
             warnings.extend(step_findings(robots[-1], step=step or scenario.step))
             if step is not None:
@@ -131,7 +127,7 @@ def _unbuildable(scenario: Scenario, robot: Robot, path: Path) -> tuple[Problem,
     from asrsim.simulation.prepare import prepare
 
     try:
-        prepare(scenario, robot).engine.close()
+        prepare(scenario, robot).make_engine().close()
     except AsrsimError as error:
         return problems_of(error, path)
     return ()

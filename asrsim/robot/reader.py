@@ -20,10 +20,9 @@ from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
-MAX_JOINTS = 127
-"""PyBullet's largest body, fixed joints included; it fails beyond."""
 MAX_MOVING = 121
-"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities."""
+"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities. Links that
+fixed joints hold together are one body to it."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -99,15 +98,12 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
 
 
 def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
-    moving = [joint for joint in joints if joint.kind != "fixed"]
-    for what, found, most in (("moving joints", moving, MAX_MOVING), ("joints, fixed ones included", joints, MAX_JOINTS)):
-        if len(found) > most:
-            findings.error(
-                f"the robot has {len(found)} {what}; PyBullet simulates at most {most}", code="too-many-joints", key="robot",
-                hint="Take out what does not matter to the motion" if found is joints else None,
-            )  # fmt: skip
-    if len(joints) > MAX_JOINTS:
-        findings.raise_errors()  # what comes next takes long for a huge robot
+    moving = sum(joint.moves for joint in joints)
+    if moving > MAX_MOVING:
+        findings.error(
+            f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}",
+            code="too-many-joints", key="robot", hint="Take out what does not matter to the motion",
+        )  # fmt: skip
 
 
 def _drop_consequences(findings: Findings, root: Any, joints: Sequence[Joint]) -> None:

@@ -26,7 +26,9 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
         if owner not in joints and owner not in links:
             known = (*joints, *links)
             hint = did_you_mean(owner, known)
-            problems.append(Problem(message="no joint or link has this name", key=owner, hint=hint, choices=known, code="unknown-joint"))
+            problems.append(
+                Problem(message="no joint or link has this name", key=owner, hint=hint, choices=known, code="unknown-joint")
+            )
         for name, value in values.items():
             key = f"{owner}.{name}"
             if owner in joints and name in JOINT_NAMES:
@@ -39,7 +41,9 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             elif owner in joints or owner in links:
                 known = names_of(owner, blocks, joints, links)
                 hint = did_you_mean(name, known)
-                problems.append(Problem(message="no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter"))
+                problems.append(
+                    Problem(message="no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
+                )
     if problems:
         raise RobotError(problems)
     return replace(
