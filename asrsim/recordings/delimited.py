@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem
-from asrsim.recordings.sniff import COMMENTS, MISSING, Layout, number, sniff, split, stamp_ns
+from asrsim.recordings.cells import COMMENTS, MISSING, number, split, stamp_ns
+from asrsim.recordings.sniff import Layout, sniff
 from asrsim.recordings.timebase import lines_text
 from asrsim.samples import Array
 

@@ -1,0 +1,90 @@
+"""One line and one cell of a delimited text file: split, numbers, dates, and what counts as missing."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+COMMENTS = ("#", "%", "//")
+MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "#n/a", "-", "--"}
+"""Cells that mean "no value"."""
+_FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
+_STAMP = re.compile(r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d:\d\d)(?=[T :]|$)")
+
+
+def split(line: str, separator: str | None, *, quoted: bool) -> list[str]:
+    """Cells of a line, stripped of spaces and quotes."""
+    if quoted and '"' in line:
+        if separator is None:
+            return [cell.strip('"') for cell in line.split()]
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def glue(text: str, separator: str | None) -> str:
+    """`t [ms]  q1 [deg]`: a unit in brackets belongs to the word before it where spaces separate."""
+    return text if separator is not None else re.sub(r"\s+(?=[\[(][^\])]*[\])])", "", text)
+
+
+def number(cell: str, decimal: str) -> float | None:
+    """The cell's number, NaN where it is missing, None where it is text."""
+    text = cell.replace(",", ".") if decimal == "," else cell
+    try:
+        return float(text) if "_" not in text else None
+    except ValueError:
+        if _FORTRAN.fullmatch(text):
+            return float(text.replace("D", "E").replace("d", "e"))
+        return float("nan") if cell.lower() in MISSING else None
+
+
+def stamp_ns(cell: str) -> int | None:
+    """Nanoseconds since 1970 (UTC where no zone is given; since midnight for a time of day), or None."""
+    if not _STAMP.match(cell):
+        return None
+    text = cell.replace(",", ".")
+    half = re.search(r"\s*([AP])\.?M\.?$", text, re.IGNORECASE)
+    if half:
+        text = text[: half.start()]
+    fraction = re.search(r"(:\d\d)\.(\d+)", text)
+    digits = fraction[2] if fraction else ""
+    whole = text if fraction is None else text[: fraction.start(2) - 1] + text[fraction.end(2) :]
+    try:
+        moment = _moment(whole)
+        if half:
+            moment = moment.replace(hour=moment.hour % 12 + (12 if half[1].upper() == "P" else 0))
+    except ValueError:
+        return None
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    epoch = datetime(1970, 1, 1, tzinfo=UTC)
+    delta = moment - epoch
+    return (delta.days * 86400 + delta.seconds) * 1_000_000_000 + int(digits.ljust(9, "0")[:9] or "0")
+
+
+def _moment(text: str) -> datetime:
+    if re.match(r"^\d\d:\d\d", text):
+        return datetime.fromisoformat(f"1970-01-01T{text}")
+    if "/" in text or re.match(r"^\d\d?\.", text):
+        date, _, clock = text.partition("T" if "T" in text else " ")
+        parts = [int(part) for part in re.split(r"[./]", date)]
+        # 2024/5/6 is year first; 6.5.2024 day first; 5/6/2024 month first.
+        year, month, day = parts if parts[0] > 31 else (parts[2], parts[1], parts[0]) if "." in date else (parts[2], *parts[:2])
+        return datetime.fromisoformat(f"{year:04d}-{month:02d}-{day:02d}T{clock or '00:00:00'}")
+    return datetime.fromisoformat(text)
+
+
+def share_of_numbers(cells: Sequence[str], decimal: str) -> float:
+    """Share of cells that are numbers or stamps; 0 for a row of missing ones."""
+    kinds = [number(cell, decimal) is not None or stamp_ns(cell) is not None for cell in cells]
+    filled = any(kind and cell.lower() not in MISSING for kind, cell in zip(kinds, cells, strict=True))
+    return sum(kinds) / len(cells) if filled else 0.0
+
+
+def kind_of(cells: Sequence[str], decimal: str) -> str:
+    filled = [cell for cell in cells if cell.lower() not in MISSING]
+    if not filled:
+        return "number"
+    numbers = sum(number(cell, decimal) is not None for cell in filled)
+    stamps = sum(stamp_ns(cell) is not None for cell in filled)
+    return "number" if 2 * numbers >= len(filled) else "stamp" if 2 * stamps >= len(filled) else "text"
