@@ -11,7 +11,10 @@ COMMENTS = ("#", "%", "//")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
 _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
-_STAMP = re.compile(r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d:\d\d)(?=[T :]|$)")
+_STAMP = re.compile(
+    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=T)|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.]|$)"
+)
+_MONTHS = {name: i for i, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split(), start=1)}
 
 
 def split(line: str, separator: str | None, *, quoted: bool) -> list[str]:
@@ -43,34 +46,42 @@ def stamp_ns(cell: str) -> int | None:
     """Nanoseconds since 1970 (UTC where no zone is given; since midnight for a time of day), or None."""
     if not _STAMP.match(cell):
         return None
-    text = cell.replace(",", ".")
+    text = cell.replace(",", ".").replace("_", " ")
     half = re.search(r"\s*([AP])\.?M\.?$", text, re.IGNORECASE)
     if half:
         text = text[: half.start()]
-    fraction = re.search(r"(:\d\d)\.(\d+)", text)
+    days = re.match(r"^(-?\d+) days? ?", text)
+    if days:  # pandas' time since the start
+        text = text[days.end() :]
+    elif re.fullmatch(r"\d\d?:\d\d\.\d+", text):  # Excel shows minutes and seconds
+        text = f"00:{text}"
+    fraction = re.search(r"(:\d\d|T\d{6})\.(\d+)", text)
     digits = fraction[2] if fraction else ""
     whole = text if fraction is None else text[: fraction.start(2) - 1] + text[fraction.end(2) :]
     try:
         moment = _moment(whole)
         if half:
             moment = moment.replace(hour=moment.hour % 12 + (12 if half[1].upper() == "P" else 0))
-    except ValueError:
+    except (ValueError, KeyError):
         return None
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     epoch = datetime(1970, 1, 1, tzinfo=UTC)
     delta = moment - epoch
-    return (delta.days * 86400 + delta.seconds) * 1_000_000_000 + int(digits.ljust(9, "0")[:9] or "0")
+    whole_days = delta.days + (int(days[1]) if days else 0)
+    return (whole_days * 86400 + delta.seconds) * 1_000_000_000 + int(digits.ljust(9, "0")[:9] or "0")
 
 
 def _moment(text: str) -> datetime:
-    if re.match(r"^\d\d:\d\d", text):
-        return datetime.fromisoformat(f"1970-01-01T{text}")
-    if "/" in text or re.match(r"^\d\d?\.", text):
+    if re.match(r"^\d\d?:\d\d", text):
+        return datetime.fromisoformat(f"1970-01-01T{text.zfill(len(text) + (text[1] == ':'))}")
+    if "/" in text or re.match(r"^\d\d?[.-]", text):
         date, _, clock = text.partition("T" if "T" in text else " ")
-        parts = [int(part) for part in re.split(r"[./]", date)]
-        # 2024/5/6 is year first; 6.5.2024 day first; 5/6/2024 month first.
-        year, month, day = parts if parts[0] > 31 else (parts[2], parts[1], parts[0]) if "." in date else (parts[2], *parts[:2])
-        return datetime.fromisoformat(f"{year:04d}-{month:02d}-{day:02d}T{clock or '00:00:00'}")
+        parts = [_MONTHS[part.lower()] if part.isalpha() else int(part) for part in re.split(r"[./-]", date)]
+        # 2024/5/6 is year first; 6.5.2024 and 6-May-2024 day first; 5/6/2024 month first.
+        swapped = "/" not in date
+        year, month, day = parts if parts[0] > 31 else (parts[2], parts[1], parts[0]) if swapped else (parts[2], *parts[:2])
+        clock = clock.strip() or "00:00:00"
+        return datetime.fromisoformat(f"{year:04d}-{month:02d}-{day:02d}T{clock.zfill(len(clock) + (clock[1:2] == ':'))}")
     return datetime.fromisoformat(text)
 
 

@@ -41,10 +41,10 @@ _PLAIN = {
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
     "current", "voltage", "volt", "pwm", "temp", "temperature", "raw", "counts", "status", "index", "acc", "acceleration",
-    "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
+    "count", "ticks", "tick", "pulses", "increments", "adc", "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
     "covariance", "id", "seq", "flag", "strain", "gauge",
 }  # fmt: skip
-_VOCABULARY = {
+VOCABULARY = {
     *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
     "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
     "field", "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis",
@@ -130,7 +130,7 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     number = numbers[0] if len(numbers) == 1 and joint is None else None
     if len(numbers) > 1:
         return Guess(quantity=None, reason="more than one number in its name")
-    spare = tuple(word for word in plain if word not in _VOCABULARY)
+    spare = tuple(word for word in plain if word not in VOCABULARY)
     return Guess(quantity=quantity, number=number, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}")
 
 
@@ -182,7 +182,7 @@ def _quantity(
         own = None if "hub" in found else _after(words, {"motor", "mot", "rotor", "theta", "m"})
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
     # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
-    only = bool(plain) and found <= _VOCABULARY and si in ("rad", "m")
+    only = bool(plain) and found <= VOCABULARY and si in ("rad", "m")
     if velocity or torque or found & _POSITION or only or (named and (not plain or si in ("rad", "m"))):
         return f"link_{kind}", None
     return None, None

@@ -12,9 +12,9 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import tokens_of
+from asrsim.recordings.names import VOCABULARY, tokens_of
 from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
-from asrsim.recordings.timebase import clean_time, scale_time
+from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import Unit, find_unit, split_header
 from asrsim.samples import Array
 
@@ -34,17 +34,33 @@ _TIME_WORDS = {
     "datetime",
     "date",
     "millis",
+    "seconds",
+    "epoch",
+    "unix",
+    "utc",
 }
 _COUNTERS = {"sample", "samples", "index", "idx", "n", "no", "nr", "count", "counter", "frame", "row", "seq", "cycle"}
 """Names of columns that count rows: they rise evenly and are no time."""
 _MARKS = (-999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -1e9, 1e9)
 """Numbers that some recorders write where they have none."""
+_ONE_DAY = 86_400.0
+"""s: stamps of two clocks that are nearer than this count from one zero."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 
 
 def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     """The series of a text file on clean times. Raises RecordingError with what was found and expected."""
     table = read_table(path)
+    if table.layout.misfit and not any(one.column.lstrip("#").isdigit() for one in maps):
+        raise RecordingError(
+            Problem(message=table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
+                    hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position")
+        )  # fmt: skip
+    return series_of(table, path, maps, rate)
+
+
+def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float | None, *, form: str = "csv") -> Raw:
+    """The series of a table on clean times; raises as :func:`read_csv`."""
     findings = list(table.findings)
     table, epoch = one_zero(table)
     for merge in (merge_seconds, merge_date):
@@ -85,7 +101,7 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
                     file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
         )  # fmt: skip
-    return Raw(format="csv", series=tuple(series), findings=tuple(findings), epoch=epoch)
+    return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch)
 
 
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
@@ -106,6 +122,9 @@ def _unmarked(values: Array) -> tuple[Array, str | None]:
 
 def _name_and_unit(table: Table, column: int) -> tuple[str, Unit | None]:
     name, unit = split_header(table.layout.names[column])
+    # A column that is called by its unit only: `ms`, `nsec`.
+    if unit is None and len(name) > 1 and (only := find_unit(name)) is not None and only.si == "s":
+        unit = only
     own = table.layout.units[column]
     return name, find_unit(own) if own else unit
 
@@ -120,6 +139,7 @@ def _bases(
 ) -> tuple[list[tuple[int, Array, NDArray[np.bool_]]], float | None]:
     """Every time column: its index, its time in s and the rows to keep; and the Unix time of the first one's zero."""
     columns, factors = _time_columns(path, table, names, stated, maps, findings)
+    said = any(one.role == "time" and one.unit is not None for one in maps)
     bases: list[tuple[int, Array, NDArray[np.bool_]]] = []
     epoch: float | None = None
     for column in columns:
@@ -130,6 +150,10 @@ def _bases(
         else:
             time, start, found = scale_time(values, factors.get(column), path=path, name=label)
             findings += found
+            if stated[column] is not None and not said:
+                findings += suspect_time(values, factors[column], path=path, name=label)
+            if bases and start is not None and epoch is not None and abs(start - epoch) < _ONE_DAY:
+                time = time + (start - epoch)
         lines = table.lines
         if bases:
             # A further time column may simply be shorter than the table.
@@ -191,10 +215,22 @@ def _time_columns(
     mapped = {find_column(one.column, labels) for one in maps}
     free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
     named = [i for i in free if _is_time(names[i], stated[i])]
+    blank = [i for i in named if i not in table.layout.stamps and np.isfinite(table.values[:, i]).sum() < 2]
+    if blank and (len(blank) < len(named) or table.layout.stamps):
+        findings += [
+            Problem(message="is named as a time but has no numbers; not used", file=path, key=labels[i], code="empty-time")
+            for i in blank
+        ]
+        named = [i for i in named if i not in blank]
     if named or table.layout.stamps:
         return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
-    rising = [i for i in free if _rises(table.values[:, i])]
-    counters = [i for i in rising if set(tokens_of(names[i])) & _COUNTERS and _steps_by_one(table.values[:, i])]
+    # What is named as a signal is no time, however evenly it rises.
+    rising = [i for i in free if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)]
+    # A column without a name that counts 0, 1, 2 is an index: pandas writes one, and it is no time in ms.
+    counters = [
+        i for i in rising
+        if _steps_by_one(table.values[:, i]) and (_nameless(table, i) or set(tokens_of(names[i])) & _COUNTERS)
+    ]
     rising = [i for i in rising if i not in counters]
     if counters and not rising:
         raise RecordingError(
@@ -234,6 +270,10 @@ def _is_time(name: str, unit: Unit | None) -> bool:
     if words & _MEASURED and not words & {"stamp", "timestamp"}:
         return False
     return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+
+
+def _nameless(table: Table, column: int) -> bool:
+    return column in table.layout.unnamed or table.layout.header_line is None
 
 
 def _steps_by_one(values: Array) -> bool:

@@ -48,14 +48,36 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
             unit = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[factor]
             findings.append(
                 Problem(
-                    message=f"time states no unit; read as {unit}, since its samples are {step:g} apart",
+                    message=f"time states no unit; read as {unit}, since its samples are {step:g} apart"
+                    + (" (or does it count the rows? Then give --rate)" if step == 1.0 and abs(finite[0]) <= 1.0 else ""),
                     file=path, key=name, hint=f"Say otherwise with --map '{name}=time [s]'", code="time-unit-assumed",
                 )
             )  # fmt: skip
     if size * factor > EPOCH:
         zero = float(finite[0])
-        return (values - zero) * factor, zero * factor, findings
+        # A float of 1.7e9 s resolves 2.4e-7 s: rounded to what was written, a sample at 0.2 s is at 0.2 s again.
+        digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
+        return np.round((values - zero) * factor, digits), zero * factor, findings
     return values * factor, None, findings
+
+
+def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list[Problem]:
+    """A suspicion about a unit that the file states: samples more than half a second or less than 10 us apart."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    steps = steps[steps > 0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if not step or 1e-5 <= step * factor <= 0.5:
+        return []
+    units = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+    others = [unit for other, unit in units.items() if other != factor and 2e-5 <= step * other <= 0.2]
+    if not others:
+        return []
+    return [
+        Problem(
+            message=f"its samples are {step * factor:g} s apart by the unit that it states: is it in {others[0]}?", file=path,
+            key=name, hint=f"If so: --map '{name}=time [{others[0]}]'", code="suspected-time",
+        )
+    ]  # fmt: skip
 
 
 def clean_time(
