@@ -222,7 +222,7 @@ def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
 
 
 def test_two_time_columns_keep_their_own_samples(tmp_path: Path) -> None:
-    lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{i},{0.013 * i:.3f},{-i}" for i in range(30)]]
+    lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{0.1 * i},{0.013 * i:.3f},{-0.1 * i}" for i in range(30)]]
     recording = read_recording(write(tmp_path / "lab.csv", lines))
     assert "second-time-base" in codes(recording.findings)
     np.testing.assert_allclose(recording.column("joint_1", "link_position").time, 0.01 * np.arange(30))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,8 @@ from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown
 from asrsim.samples import Array
 
 _KNOWN = {**QUANTITIES, **DERIVED}
+_TURNS = 20.0
+"""Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 
 
 def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
@@ -28,6 +31,7 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     columns = _without_repeats(path, columns, findings)
     base = max(columns, key=lambda column: len(column.time)).time
     findings += _oddities(path, columns)
+    # Only what was mapped by hand gets so far.
     findings += [
         Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
                 hint=f"State it: --map '{column.source}={column.joint}.{column.quantity} [unit]'", code="unknown-unit")
@@ -103,12 +107,14 @@ def _columns(
         if index not in explicit and series.quantity is None
     }  # fmt: skip
     # A 0 anywhere says that this file counts from 0.
+    counted |= {int(m[1]) for series in raw.series if series.quantity and (m := re.search(r"(\d+)\]?$", series.name))}
     counted = counted | {meaning.number for meaning in meanings.values() if meaning.quantity and meaning.number is not None}
     # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
     words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
     named_by_words = len(words) > 1 or (bool(words) and bool(known))
     columns: list[Column] = []
     homeless: list[str] = []
+    doubts: dict[str, list[str]] = {}
     for index, series in enumerate(raw.series):
         unit = find_unit(series.unit) or split_header(series.name)[1]
         one = explicit.get(index)
@@ -129,6 +135,10 @@ def _columns(
             )
             continue
         meaning = meanings[index]
+        if meaning.quantity is not None and (doubt := _doubt(series, unit, meaning.quantity)):
+            doubts.setdefault(doubt, []).append(series.name)
+            columns.append(_column(series, unit, None, None, f"not used: looks like {meaning.quantity}, but {doubt}"))
+            continue
         if meaning.quantity is None:
             columns.append(_column(series, unit, series.joint, None, f"not used: {meaning.reason}"))
             continue
@@ -138,12 +148,30 @@ def _columns(
             columns.append(_column(series, unit, None, None, "not used: which joint it is of is unclear"))
         else:
             columns.append(_column(series, unit, joint, meaning.quantity, f"guessed: {meaning.reason}"))
+    findings += [
+        Problem(message=f"not used, since {doubt}", file=path, key=", ".join(names[:6]), code="unclear-unit",
+                hint=f"State the unit: --map '{names[0]}=JOINT.QUANTITY [unit]'")
+        for doubt, names in doubts.items()
+    ]  # fmt: skip
     if homeless:
         findings.append(
             Problem(message=f"which joint these columns are of is unclear: {', '.join(homeless)}", file=path, choices=known,
                     hint="Say it with --map COLUMN=JOINT.QUANTITY", code="unclear-joint")
         )  # fmt: skip
     return columns
+
+
+def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:
+    """Why the numbers under a guessed name are hardly in SI; "" without doubt."""
+    if unit is not None:
+        return ""
+    if (stated := unknown_unit(series.name)) is not None:
+        return f"its unit [{stated}] is not known"
+    values = series.values[np.isfinite(series.values)]
+    angle = _KNOWN[quantity].unit == "rad" or quantity == "reference_1"
+    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
+        return f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
+    return ""
 
 
 def _plain_name(name: str) -> str:
@@ -233,10 +261,10 @@ def _oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
     found: list[Problem] = []
     for column in columns:
         missing = np.isnan(column.values)
+        if column.quantity is None:
+            continue
         if missing.all():
             found.append(Problem(message="has no number at all", file=path, key=column.source, code="empty-column"))
-            continue
-        if column.quantity is None:
             continue
         if missing.any():
             found.append(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
 COMMENTS = ("#", "%", "//")
@@ -26,9 +26,32 @@ def split(line: str, separator: str | None, *, quoted: bool) -> list[str]:
     return [cell.strip() for cell in line.split(separator)]
 
 
+_LIST = re.compile(r"[\[(]\s*(.*?)\s*[\])]")
+
+
+def entries(cell: str) -> list[str] | None:
+    """Entries of a list in one cell, `[0.1, 0.2]`, `(0.1 0.2)` or `['hip', 'knee']`; None for any other cell."""
+    match = _LIST.fullmatch(cell)
+    return None if match is None else [part.strip("\"' ") for part in re.split(r"\s*[,;]\s*|\s+", match[1]) if part]
+
+
+def spread(cells: Sequence[str], widths: Mapping[int, int]) -> list[str]:
+    """Cells with the lists among them in their entries; blank ones where a list has another length than its column's."""
+    result: list[str] = []
+    for i, cell in enumerate(cells):
+        if i not in widths:
+            result.append(cell)
+            continue
+        found = entries(cell) or []
+        result += found if len(found) == widths[i] else [""] * widths[i]
+    return result
+
+
 def glue(text: str, separator: str | None) -> str:
     """`t [ms]  q1 [deg]`: a unit in brackets belongs to the word before it where spaces separate."""
-    return text if separator is not None else re.sub(r"\s+(?=[\[(][^\])]*[\])])", "", text)
+    if separator is not None:
+        return text
+    return re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], text)
 
 
 def number(cell: str, decimal: str) -> float | None:
@@ -86,10 +109,15 @@ def _moment(text: str) -> datetime:
 
 
 def share_of_numbers(cells: Sequence[str], decimal: str) -> float:
-    """Share of cells that are numbers or stamps; 0 for a row of missing ones."""
-    kinds = [number(cell, decimal) is not None or stamp_ns(cell) is not None for cell in cells]
+    """Share of cells that are numbers, stamps or lists of numbers; 0 for a row of missing ones."""
+    kinds = [number(cell, decimal) is not None or stamp_ns(cell) is not None or _is_list(cell, decimal) for cell in cells]
     filled = any(kind and cell.lower() not in MISSING for kind, cell in zip(kinds, cells, strict=True))
     return sum(kinds) / len(cells) if filled else 0.0
+
+
+def _is_list(cell: str, decimal: str) -> bool:
+    found = entries(cell)
+    return bool(found) and all(number(entry, decimal) is not None for entry in found or ())
 
 
 def kind_of(cells: Sequence[str], decimal: str) -> str:

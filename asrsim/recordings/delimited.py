@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem
-from asrsim.recordings.cells import COMMENTS, MISSING, number, split, stamp_ns
+from asrsim.recordings.cells import COMMENTS, MISSING, number, split, spread, stamp_ns
 from asrsim.recordings.sniff import Layout, sniff
 from asrsim.recordings.timebase import lines_text
 from asrsim.samples import Array
@@ -32,6 +32,8 @@ class Table:
     zeros: Mapping[int, int]
     """Column of stamps -> Unix time in ns of its first one (of a time of day: since midnight)."""
     findings: tuple[Problem, ...]
+    words: Mapping[int, str] = field(default_factory=dict)
+    """Column of text -> its one word, where it is the same in all rows."""
 
 
 @dataclass
@@ -45,6 +47,8 @@ class _Faults:
     missing: dict[int, int] = field(default_factory=dict)
     comments: list[int] = field(default_factory=list)
     headers: list[int] = field(default_factory=list)
+    words: dict[int, set[str]] = field(default_factory=dict)
+    """Column of text -> its words, at most two."""
 
 
 def read_table(path: Path) -> Table:
@@ -70,6 +74,7 @@ def read_table(path: Path) -> Table:
     return Table(
         layout=layout, values=values, lines=np.concatenate(lines), zeros=zero,
         findings=tuple(_report(path, layout, faults, len(values))),
+        words={column: next(iter(found)) for column, found in faults.words.items() if len(found) == 1},
     )  # fmt: skip
 
 
@@ -82,7 +87,7 @@ def _blocks(stream: Iterator[str], first: int) -> Iterator[tuple[int, list[str]]
 
 def _fast(block: list[str], layout: Layout) -> Array | None:
     """All lines at once by numpy's C reader; None if any line needs a closer look."""
-    if layout.stamps or layout.text or layout.quoted:
+    if layout.stamps or layout.text or layout.quoted or layout.widths:
         return None
     columns = len(layout.names)
     if layout.decimal == ",":
@@ -100,12 +105,14 @@ def _slow(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Line by line: rows of the wrong length are left out, cells that are no numbers become NaN; both are noted."""
     columns, decimal, separator = len(layout.names), layout.decimal, layout.separator
-    plain = not (layout.stamps or layout.text or layout.quoted)
+    plain = not (layout.stamps or layout.text or layout.quoted or layout.widths)
     stamps, text = set(layout.stamps), set(layout.text)
     rows: list[list[float]] = []
     kept: list[int] = []
     for count, line in enumerate(block, start=start):
         cells = split(line.strip("\r\n"), separator, quoted=layout.quoted)
+        if layout.widths:
+            cells = spread(cells, layout.widths)
         if plain and len(cells) == columns:
             try:
                 rows.append([float(cell.replace(",", ".") if decimal == "," else cell) for cell in cells])
@@ -138,6 +145,9 @@ def _cell(
 ) -> float:
     """One cell's number; NaN, and a note of it, where it has none."""
     if column in text:
+        words = faults.words.setdefault(column, set())
+        if cell and len(words) < 2:
+            words.add(cell)
         return float("nan")
     if column in stamps:
         moment = stamp_ns(cell)
@@ -178,8 +188,9 @@ def _report(path: Path, layout: Layout, faults: _Faults, rows: int) -> list[Prob
     for column, count in sorted(faults.missing.items()):
         if count < rows:
             add(f"{count} of {rows} cells are empty", (), "missing-cells", layout.names[column])
-    for column in layout.text:
-        add("holds text and is not read", (), "text-column", layout.names[column])
+    if layout.text:
+        add("hold text and are not read" if len(layout.text) > 1 else "holds text and is not read", (), "text-column",
+            ", ".join(layout.names[column] for column in layout.text[:6]))  # fmt: skip
     if faults.headers:
         add(f"the header is repeated: {lines_text(faults.headers)}", faults.headers, "repeated-header",
             hint="Two recordings in one file?")  # fmt: skip

@@ -15,6 +15,8 @@ ALIASES: dict[str, str] = {
     "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
     "reference": "reference_1", "stiffness_preset": "reference_2", "motor_position": "motor_1_position",
     "motor_velocity": "motor_1_velocity", "motor_torque": "motor_1_torque", "elastic_torque": "elastic_torque_1",
+    "tau": "link_torque", "tau_ext": "external_torque", "preset": "reference_2", "motor_1": "motor_1_position",
+    "motor_2": "motor_2_position",
 }  # fmt: skip
 """Short names that a mapping may use besides the quantities' own."""
 IGNORE = ("ignore", "none", "-")

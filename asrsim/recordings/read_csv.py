@@ -12,8 +12,9 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.messages import named_joints
 from asrsim.recordings.names import VOCABULARY, tokens_of
-from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
+from asrsim.recordings.stamps import MERGED, merge_date, merge_seconds, one_zero
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import Unit, find_unit, split_header
 from asrsim.samples import Array
@@ -45,6 +46,8 @@ _MARKS = (-999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -1e9, 1e9)
 """Numbers that some recorders write where they have none."""
 _ONE_DAY = 86_400.0
 """s: stamps of two clocks that are nearer than this count from one zero."""
+_WHOLE = 0.9
+"""Share of rows that must have a stamp for all rows to be of one kind of message."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 
 
@@ -76,6 +79,7 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
     else:
         bases, start = _bases(path, table, names, stated, maps, findings)
         epoch = epoch if start is None else start
+    joints = named_joints(table.layout.names, table.words, path.stem)
     series: list[RawSeries] = []
     owner: int | None = None
     times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
@@ -95,7 +99,9 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         kept, marked = _unmarked(_kept(values, keep))
         if marked is not None:
             findings.append(Problem(message=marked, file=path, key=label, code="missing-mark"))
-        series.append(RawSeries(name=label, time=time, values=kept, unit=unit.symbol if unit else ""))
+        joint, quantity = joints.get(column, (None, None))
+        symbol = unit.symbol if unit else ""
+        series.append(RawSeries(name=label, time=time, values=kept, unit=symbol, joint=joint, quantity=quantity))
     if not series:
         raise RecordingError(
             Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
@@ -222,6 +228,15 @@ def _time_columns(
             for i in blank
         ]
         named = [i for i in named if i not in blank]
+    # Messages know when they were sent, which is when they were measured; a recorder knows when it got them.
+    sent = [i for i in named if _is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
+    got = [i for i in named if set(tokens_of(labels[i])) & {"rosbag", "rosbagtimestamp"} or labels[i].lower() in ("time", "__time")]
+    if sent and got and len(named) == len({*sent, *got}):
+        findings.append(
+            Problem(message=f"is when messages were sent, and is used; '{labels[got[0]]}' is when they were recorded", file=path,
+                    key=labels[sent[0]], code="second-time", hint=f"Use that with --map '{labels[got[0]]}=time'")
+        )  # fmt: skip
+        return sent[:1], factors
     if named or table.layout.stamps:
         return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
     # What is named as a signal is no time, however evenly it rises.
@@ -270,6 +285,11 @@ def _is_time(name: str, unit: Unit | None) -> bool:
     if words & _MEASURED and not words & {"stamp", "timestamp"}:
         return False
     return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+
+
+def _is_stamp(label: str) -> bool:
+    """Whether a column is the stamp in the header of messages."""
+    return label == MERGED or {"header", "stamp"} <= set(tokens_of(label))
 
 
 def _nameless(table: Table, column: int) -> bool:

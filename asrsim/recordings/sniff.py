@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.recordings.cells import COMMENTS, glue, kind_of, share_of_numbers, split
+from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
 from asrsim.recordings.header import comment_header, find_header, unique, unnamed
 
 _SAMPLE = 200
@@ -48,6 +48,8 @@ class Layout:
     """Columns that hold other text."""
     unnamed: tuple[int, ...] = ()
     """Columns under a blank in the header; an index is written so."""
+    widths: Mapping[int, int] = field(default_factory=dict)
+    """Column of the file whose cells are lists -> their length; `names` has one for each entry."""
     misfit: str = ""
     """Why a line that looks like a header is not used."""
     misfit_line: int | None = None
@@ -123,16 +125,38 @@ def sniff(path: Path) -> Layout:
         names = comment_header(before[-1][1], separator, columns, decimal) if before else None
         header_at = before[-1][0] if names else None
     used = {header_at} | ({rows[first - 1][0]} if header.units else set())
+    widths = _widths(data)
+    if widths:
+        data = [spread(cells, widths) for cells in data]
+        plain = names or [f"column_{i + 1}" for i in range(columns)]
+        names = [label for i, name in enumerate(plain) for label in _labels(name, widths.get(i))]
+        columns = len(names)
+    stated = header.units if header.units and not widths else [""] * columns
     kinds = [kind_of([cells[i] for cells in data], decimal) for i in range(columns)]
     return Layout(
         encoding=encoding, separator=separator, decimal=decimal, quoted=quoted,
         names=unique(names or [f"column_{i + 1}" for i in range(columns)]), unnamed=unnamed(names),
-        units=tuple(header.units or [""] * columns), header_line=header_at, first_line=rows[first][0],
+        widths=widths, units=tuple(stated), header_line=header_at, first_line=rows[first][0],
         skipped=tuple(n for n, _ in rows[:first] if n not in used),
         misfit=header.misfit, misfit_line=header.line if header.misfit else None,
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip
+
+
+def _widths(data: Sequence[Sequence[str]]) -> dict[int, int]:
+    """Columns of lists, with the length that most have."""
+    found: dict[int, int] = {}
+    for i in range(len(data[0])):
+        lists = [entries(cells[i]) for cells in data if cells[i]]
+        lengths = Counter(len(one) for one in lists if one is not None)
+        if lists and 2 * sum(lengths.values()) > len(lists):
+            found[i] = lengths.most_common(1)[0][0]
+    return found
+
+
+def _labels(name: str, width: int | None) -> list[str]:
+    return [name] if width is None else [f"{name}[{i}]" for i in range(width)]
 
 
 def _separator(lines: Sequence[tuple[int, str]], *, quoted: bool, declared: str | None) -> tuple[str | None, str, int]:

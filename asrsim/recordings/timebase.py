@@ -13,6 +13,7 @@ from asrsim.samples import Array
 EPOCH = 1e8
 """Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
 _LISTED = 8
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def lines_text(lines: NDArray[np.int64] | list[int]) -> str:
@@ -45,7 +46,7 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
         else:
             factor = next(f for f, top in ((1.0, 0.2), (1e-3, 200.0), (1e-6, 2e5), (1e-9, np.inf)) if step <= top)
         if factor != 1.0:
-            unit = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[factor]
+            unit = next(unit for unit, seconds in _SECONDS.items() if seconds == factor)
             findings.append(
                 Problem(
                     message=f"time states no unit; read as {unit}, since its samples are {step:g} apart"
@@ -68,13 +69,12 @@ def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list
     step = float(np.median(steps)) if len(steps) else 0.0
     if not step or 1e-5 <= step * factor <= 0.5:
         return []
-    units = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
-    others = [unit for other, unit in units.items() if other != factor and 2e-5 <= step * other <= 0.2]
+    others = [unit for unit, other in _SECONDS.items() if other != factor and 2e-5 <= step * other <= 0.2]
     if not others:
         return []
     return [
         Problem(
-            message=f"its samples are {step * factor:g} s apart by the unit that it states: is it in {others[0]}?", file=path,
+            message=f"its samples are {step * factor:g} s apart by the unit that it states; in {others[0]} they would be {step * _SECONDS[others[0]]:g} s", file=path,
             key=name, hint=f"If so: --map '{name}=time [{others[0]}]'", code="suspected-time",
         )
     ]  # fmt: skip

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.quantities import PRISMATIC_UNITS
 
 
 @dataclass(frozen=True)
@@ -150,15 +151,21 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 
 
 def unknown_unit(header: str) -> str | None:
-    """What a header states in brackets behind a name, if it looks like a unit and none of that spelling is known."""
+    """What a header states in brackets behind a name, if it looks like a unit and none of that spelling is known.
+
+    In round brackets it may be a remark, `q1 (left)`: only what is short or has a slash is taken for a unit there.
+    """
     text = header.strip().strip("\"'").strip()
     match = _BRACKETS.match(text)
     if match is None or not match["name"] or not match["unit"].strip() or find_unit(match["unit"]) is not None:
+        return None
+    if text.endswith(")") and len(match["unit"]) > 3 and "/" not in match["unit"]:
         return None
     return match["unit"] if re.fullmatch(r"[^\d\s]{1,8}([/ *][^\d\s]{1,4}(\^?-?\d)?)?", match["unit"].strip()) else None
 
 
 def fits(unit: str, quantity_unit: str) -> bool:
     """Whether a column's SI unit can be a quantity's: equal, or its counterpart of a prismatic joint."""
-    prismatic = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
-    return unit in ("", quantity_unit) or quantity_unit == "" or prismatic.get(quantity_unit) == unit
+    if quantity_unit == "":
+        return unit in ("", "1", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())
+    return unit in ("", quantity_unit) or PRISMATIC_UNITS.get(quantity_unit) == unit
