@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import guess, has_positions, joint_numbers, tokens_of
@@ -51,6 +52,8 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
                     code="nothing-mapped", hint="Say what a column is with --map COLUMN=JOINT.QUANTITY, or in a file beside it "
                     f"({path.name}.yaml)")
         )  # fmt: skip
+    used = {column.source for column in columns if column.quantity}
+    findings = condense(set_aside(findings, used, {column.source for column in columns} - used))
     return Recording(
         path=path, format=raw.format, time=base, channels={column.source: column for column in columns},
         findings=tuple(findings), epoch=raw.epoch,

@@ -57,7 +57,13 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             even = np.arange(length) / float(rate or 1.0)
             bases[""] = (even, np.ones(length, dtype=bool), even)
         for name in clocks:
-            time, keep, start = _clock(table[name], prefix + name, maps, path, findings)
+            try:
+                time, keep, start = _clock(table[name], prefix + name, maps, path, findings)
+            except RecordingError as error:
+                if not prefix and len(clocks) == 1:
+                    raise
+                findings += error.problems
+                continue
             epoch = epoch if epoch is not None else start
             bases[name] = (time, keep, time[keep])
         others: dict[int, list[str]] = {}
@@ -103,7 +109,7 @@ def _tables(
             for i, item in enumerate(np.asarray(value, dtype=object).ravel() if isinstance(value, np.ndarray) else value):
                 if isinstance(item, Mapping):
                     # Simulink: signals(i).values belongs to the time one level up.
-                    label = _label(item) or f"{name}[{i}]"
+                    label = _label(item) or f"{name}_{i + 1}"
                     nested = item.get("values", item.get("data", item.get("Data")))
                     if nested is not None and not _label_of_time(item):
                         _add(table, label, nested)
@@ -118,7 +124,7 @@ def _tables(
         return
     nested = content.get("signals")
     if isinstance(nested, Mapping) and "values" in nested:
-        _add(table, _label(nested) or "signals", nested["values"])
+        _add(table, _label(nested) or _label(content) or "signals", nested["values"])
     columns = {name: values for name, values in table.items() if len(values) > 1}
     if columns:
         yield prefix, columns

@@ -95,7 +95,7 @@ def clean_time(
     if not valid.all():
         bad = where[~valid]
         findings.append(
-            Problem(message=f"{len(bad)} rows without a valid time are dropped: {lines_text(bad)}", file=path,
+            Problem(message=f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}", file=path,
                     line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
         )  # fmt: skip
     t, w = time[valid], where[valid]
@@ -125,7 +125,7 @@ def clean_time(
     ):
         if mask.any():
             bad = w[mask]
-            place = lines_text(bad) if lines is not None else lines_text(bad).replace("line", "sample")
+            place = lines_text(bad).replace("line", noun)
             hint = None
             if mask is duplicate and mask.sum() > 0.2 * len(t):
                 hint = "Time is written with too few digits; give the sampling rate with --rate to keep all samples"
