@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.messages import Skip, flatten, stamp_of, understand
 from asrsim.recordings.timebase import EPOCH, clean_time
 from asrsim.samples import Array
 
-_FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "Diagnostic")
+_FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage", "Diagnostic")
 _NO_TIME = 2**63
 """ns beyond which a stamp is damage, not a time."""
+_DAYS = 10 * 86_400_000_000_000
+"""ns that a stamp may be away from the others of its topic."""
 _SAME_CLOCK = 1.0
 """s by which a header's stamp may differ from the time of recording and still be of the same clock."""
 
@@ -46,13 +50,16 @@ class _Group:
     rows: list[list[float]] = field(default_factory=list)
 
 
-def read_bag(path: Path) -> Raw:
-    """All numeric series of a bag. Raises RecordingError where nothing in it can be read, saying what it holds."""
+def read_bag(path: Path, ignored: Collection[str] = ()) -> Raw:
+    """All numeric series of a bag, but of the topics that are ignored.
+
+    Raises RecordingError where nothing in it can be read, saying what it holds.
+    """
     findings: list[Problem] = []
     with ExitStack() as stack:
         form, topics, messages = _open(path, stack, findings)
-        groups = _collect(topics, messages, path, findings)
-    unknown = [topic for topic in topics.values() if topic.decode is None]
+        groups = _collect(topics, messages, path, findings, ignored)
+    unknown = [topic for topic in topics.values() if topic.decode is None and topic.name not in ignored]
     findings += [
         Problem(message=f"topic is not read: {t.reason}", file=path, key=t.name, value=t.kind, code="unknown-message-type")
         for t in unknown
@@ -69,7 +76,8 @@ def read_bag(path: Path) -> Raw:
             )
         )  # fmt: skip
     series, epoch = _series(groups, path, findings)
-    return Raw(format=form, series=series, findings=tuple(findings), epoch=epoch)
+    names = tuple(topic.name for topic in topics.values())
+    return Raw(format=form, series=series, findings=tuple(findings), epoch=epoch, names=names)
 
 
 def _open(
@@ -190,13 +198,14 @@ class _Types:
 
 
 def _collect(
-    topics: dict[int, _Topic], messages: Iterator[tuple[int, int, bytes]], path: Path, findings: list[Problem]
-) -> list[_Group]:
+    topics: dict[int, _Topic], messages: Iterator[tuple[int, int, bytes]], path: Path, findings: list[Problem],
+    ignored: Collection[str],
+) -> list[_Group]:  # fmt: skip
     groups: dict[tuple[int, tuple[tuple[str, str | None], ...]], _Group] = {}
     broken: dict[int, int] = {}
     for topic_id, logged, data in messages:
         topic = topics[topic_id]
-        if topic.decode is None:
+        if topic.decode is None or topic.name in ignored:
             continue
         try:
             message = topic.decode(data)
@@ -235,7 +244,7 @@ def _series(groups: list[_Group], path: Path, findings: list[Problem]) -> tuple[
     known = [offset for offset in clocks if offset is not None]
     # All topics stamped by one other clock (simulated time, the robot's uptime) is one base as well.
     one_other = len(known) == len(clocks) and np.ptp(known) < _SAME_CLOCK
-    nanoseconds: list[np.ndarray[Any, np.dtype[np.int64]]] = []
+    nanoseconds: list[NDArray[np.int64]] = []
     for group, offset in zip(groups, clocks, strict=True):
         stamps = offset is not None and (abs(offset) < _SAME_CLOCK or one_other)
         if offset is not None and not stamps:
@@ -244,19 +253,41 @@ def _series(groups: list[_Group], path: Path, findings: list[Problem]) -> tuple[
                         "topics have them; the time of recording is used", file=path, key=group.topic, code="two-time-bases")
             )  # fmt: skip
         nanoseconds.append(np.array(group.stamped if stamps else group.logged, dtype=np.int64))
-    first = min(int(ns.min()) for ns in nanoseconds)
+    sound = [_sound(ns, group, path, findings) for ns, group in zip(nanoseconds, groups, strict=True)]
+    first = min(int(ns[keep].min()) for ns, keep in zip(nanoseconds, sound, strict=True))
     zero = first if first * 1e-9 > EPOCH else 0
     series: list[RawSeries] = []
-    for group, ns in zip(groups, nanoseconds, strict=True):
-        seconds: Array = np.asarray((ns - zero) * 1e-9, dtype=np.float64)
-        keep, found = clean_time(seconds, None, path=path, name=group.topic)
+    broken: list[Problem] = []
+    for group, ns, good in zip(groups, nanoseconds, sound, strict=True):
+        seconds: Array = np.asarray((ns[good] - zero) * 1e-9, dtype=np.float64)
+        try:
+            keep, found = clean_time(seconds, None, path=path, name=group.topic)
+        except RecordingError as error:
+            # One topic whose time is broken does not take the others with it.
+            broken += error.problems
+            continue
         findings += found
-        time, rows = seconds[keep], np.array(group.rows)[keep]
+        time, rows = seconds[keep], np.array(group.rows)[good][keep]
         for i, (label, named) in enumerate(group.labels):
             joint, quantity, unit = understand(group.topic, group.kind, label, named)
             name = group.topic if label == "data" else f"{group.topic}/{label}"
             series.append(RawSeries(name=name, time=time, values=rows[:, i], unit=unit, joint=joint, quantity=quantity))
+    if not series:
+        raise RecordingError(condense(broken))
+    findings += [replace(problem, message=f"topic is not read: {problem.message}", code="unread-topic") for problem in broken]
     return tuple(series), (zero * 1e-9 if zero else None)
+
+
+def _sound(ns: NDArray[np.int64], group: _Group, path: Path, findings: list[Problem]) -> NDArray[np.bool_]:
+    """Messages whose stamp is no nonsense: days away from the others."""
+    keep = np.asarray(np.abs(ns - np.int64(np.median(ns))) < _DAYS, dtype=bool)
+    bad = int(np.sum(~keep))
+    if bad:
+        findings.append(
+            Problem(message=f"{bad} messages are left out, whose stamps are days away from the others'", file=path,
+                    key=group.topic, code="bad-time")
+        )  # fmt: skip
+    return keep
 
 
 def _offset(group: _Group) -> float | None:

@@ -69,6 +69,11 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
     for one in maps:
         if one.role == "time":
             continue
+        if one.role == "ignore":
+            parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
+            if parts or (one.column in raw.names and one.column not in names):
+                found |= dict.fromkeys(parts, one)
+                continue
         index = find_column(one.column, names)
         if index is None or (one.column.lstrip("#").isdigit() and raw.format == "csv"):
             # Numbers count the file's columns, of which the time is one; headerless names carry that number.

@@ -37,6 +37,8 @@ class Raw:
     findings: tuple[Problem, ...] = ()
     epoch: float | None = None
     """Unix time in s of time 0, where the file had absolute stamps."""
+    names: tuple[str, ...] = ()
+    """Columns and topics that the file has, those without numbers too."""
 
 
 @dataclass(frozen=True, kw_only=True)

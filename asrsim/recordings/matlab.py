@@ -87,7 +87,7 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             or Problem(message="holds no series of numbers", file=path, code="no-numbers",
                        hint="Expected vectors with a time beside them, a struct with both, or a matrix with time in column 1")
         )  # fmt: skip
-    return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch)
+    return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch, names=tuple(plain))
 
 
 def _tables(

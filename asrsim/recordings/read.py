@@ -59,17 +59,18 @@ def read_recording(
         )
     maps = resolve_mapping(mapping, path)
     suffix = path.suffix.lower()
+    ignored = {one.column for one in maps if one.role == "ignore"}
     try:
         if path.is_dir():
             if not (path / "metadata.yaml").is_file():
                 raise RecordingError(
                     Problem(message="is a folder without a metadata.yaml, so no ROS 2 bag", file=path, code="no-bag")
                 )
-            raw = read_bag(path)
+            raw = read_bag(path, ignored)
         elif suffix == ".mcap":
-            raw = _own_log(path) if _is_own_log(path) else read_bag(path)
+            raw = _own_log(path) if _is_own_log(path) else read_bag(path, ignored)
         elif suffix in (".bag", ".db3"):
-            raw = read_bag(path)
+            raw = read_bag(path, ignored)
         elif suffix == ".mat":
             raw = read_mat(path, maps, rate)
         else:
