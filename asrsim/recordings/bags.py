@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.cells import printable
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.messages import Skip, flatten, stamp_of, understand
@@ -270,7 +271,8 @@ def _series(groups: list[_Group], path: Path, findings: list[Problem]) -> tuple[
         time, rows = seconds[keep], np.array(group.rows)[good][keep]
         for i, (label, named) in enumerate(group.labels):
             joint, quantity, unit = understand(group.topic, group.kind, label, named)
-            name = group.topic if label == "data" else f"{group.topic}/{label}"
+            joint = None if joint is None else printable(joint)
+            name = printable(group.topic if label == "data" else f"{group.topic}/{label}")
             series.append(RawSeries(name=name, time=time, values=rows[:, i], unit=unit, joint=joint, quantity=quantity))
     if not series:
         raise RecordingError(condense(broken))

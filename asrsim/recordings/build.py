@@ -20,6 +20,7 @@ from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown
 from asrsim.samples import Array
 
 _KNOWN = {**QUANTITIES, **DERIVED}
+_NAMED = 12
 _TURNS = 20.0
 """Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 
@@ -39,8 +40,9 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
         for column in columns
         if column.quantity and column.conversion.endswith("assumed") and (unit := unknown_unit(column.source))
     ]  # fmt: skip
-    if len({id(series.time) for series in raw.series}) > 1:
-        sizes = sorted({len(series.time) for series in raw.series}, reverse=True)
+    mapped = [column for column in columns if column.quantity]
+    if len({id(column.time) for column in mapped}) > 1:
+        sizes = sorted({len(column.time) for column in mapped}, reverse=True)
         findings.append(
             Problem(message=f"its columns have times of their own, with {', '.join(map(str, sizes[:6]))} samples; each is kept",
                     file=path, code="several-times")
@@ -81,7 +83,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
             index = names.index(label) if label in names else index
         if index is None:
             problems.append(
-                Problem(message="there is no such column", file=path, key=one.column, choices=tuple(names[:40]),
+                Problem(message="there is no such column", file=path, key=one.column, choices=_shown(names),
                         hint=did_you_mean(one.column, names), code="no-such-column")
             )  # fmt: skip
             continue
@@ -180,6 +182,11 @@ def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:
     if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
         return f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
     return ""
+
+
+def _shown(names: Sequence[str]) -> tuple[str, ...]:
+    """Names for a message: of very many the first."""
+    return (*names[:_NAMED], f"and {len(names) - _NAMED} more") if len(names) > _NAMED + 1 else tuple(names)
 
 
 def _plain_name(name: str) -> str:

@@ -17,6 +17,11 @@ _STAMP = re.compile(
 _MONTHS = {name: i for i, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split(), start=1)}
 
 
+def printable(text: str) -> str:
+    """The text without control characters and halves of characters, which would reach a terminal or fail there."""
+    return text if text.isprintable() else "".join(sign if sign.isprintable() else "?" for sign in text)
+
+
 def split(line: str, separator: str | None, *, quoted: bool) -> list[str]:
     """Cells of a line, stripped of spaces and quotes."""
     if quoted and '"' in line:

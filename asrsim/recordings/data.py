@@ -68,7 +68,7 @@ class Recording:
 
     path: Path
     format: str
-    """csv, mcap, rosbag1, rosbag2, mat, asrsim."""
+    """csv, json, mcap, rosbag1, rosbag2, mat, asrsim."""
     time: Array
     """(n,) s, strictly increasing; its start as in the file (absolute stamps: from the first, see `epoch`)."""
     channels: Mapping[str, Column]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem
-from asrsim.recordings.cells import COMMENTS, MISSING, number, split, spread, stamp_ns
+from asrsim.recordings.cells import COMMENTS, MISSING, number, printable, split, spread, stamp_ns
 from asrsim.recordings.sniff import Layout, sniff
 from asrsim.recordings.timebase import lines_text
 from asrsim.samples import Array
@@ -37,7 +37,7 @@ class Table:
 
 
 @dataclass
-class _Faults:
+class Faults:
     """Lines that were not plain numbers, by what was wrong with them."""
 
     ragged: list[int] = field(default_factory=list)
@@ -54,7 +54,7 @@ class _Faults:
 def read_table(path: Path) -> Table:
     """The numbers of a delimited text file. Raises RecordingError if there are none."""
     layout = sniff(path)
-    faults = _Faults()
+    faults = Faults()
     blocks: list[Array] = []
     lines: list[NDArray[np.int64]] = []
     zero: dict[int, int] = {}
@@ -73,7 +73,7 @@ def read_table(path: Path) -> Table:
     values = np.concatenate(blocks) if len(blocks) > 1 else blocks[0]
     return Table(
         layout=layout, values=values, lines=np.concatenate(lines), zeros=zero,
-        findings=tuple(_report(path, layout, faults, len(values))),
+        findings=tuple(report(path, layout, faults, len(values))),
         words={column: next(iter(found)) for column, found in faults.words.items() if len(found) == 1},
     )  # fmt: skip
 
@@ -101,7 +101,7 @@ def _fast(block: list[str], layout: Layout) -> Array | None:
 
 
 def _slow(
-    start: int, block: Sequence[str], layout: Layout, faults: _Faults, zero: dict[int, int]
+    start: int, block: Sequence[str], layout: Layout, faults: Faults, zero: dict[int, int]
 ) -> tuple[Array, NDArray[np.int64]]:
     """Line by line: rows of the wrong length are left out, cells that are no numbers become NaN; both are noted."""
     columns, decimal, separator = len(layout.names), layout.decimal, layout.separator
@@ -135,19 +135,19 @@ def _slow(
         if tuple(cells) == layout.names:
             faults.headers.append(count)
             continue
-        rows.append([_cell(cell, i, count, decimal, stamps, text, faults, zero) for i, cell in enumerate(cells)])
+        rows.append([value_of(cell, i, count, decimal, stamps, text, faults, zero) for i, cell in enumerate(cells)])
         kept.append(count)
     return np.array(rows, dtype=float).reshape(len(rows), columns), np.array(kept, dtype=np.int64)
 
 
-def _cell(
-    cell: str, column: int, line: int, decimal: str, stamps: set[int], text: set[int], faults: _Faults, zero: dict[int, int]
+def value_of(
+    cell: str, column: int, line: int, decimal: str, stamps: set[int], text: set[int], faults: Faults, zero: dict[int, int]
 ) -> float:
     """One cell's number; NaN, and a note of it, where it has none."""
     if column in text:
         words = faults.words.setdefault(column, set())
         if cell and len(words) < 2:
-            words.add(cell)
+            words.add(printable(cell))
         return float("nan")
     if column in stamps:
         moment = stamp_ns(cell)
@@ -164,7 +164,7 @@ def _cell(
     return value
 
 
-def _report(path: Path, layout: Layout, faults: _Faults, rows: int) -> list[Problem]:
+def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Problem]:
     """The notes as findings, one a kind."""
     found: list[Problem] = []
 
@@ -183,7 +183,7 @@ def _report(path: Path, layout: Layout, faults: _Faults, rows: int) -> list[Prob
             f"{lines_text(faults.ragged)}", faults.ragged, "ragged-row")  # fmt: skip
     for column in sorted({column for _, column, _ in faults.cells}):
         bad = [(line, cell) for line, at, cell in faults.cells if at == column]
-        add(f"{len(bad)} cells are no numbers and count as missing, such as '{bad[0][1][:30]}': "
+        add(f"{len(bad)} cells are no numbers and count as missing, such as '{printable(bad[0][1][:30])}': "
             f"{lines_text([line for line, _ in bad])}", [bad[0][0]], "not-a-number", layout.names[column])  # fmt: skip
     for column, count in sorted(faults.missing.items()):
         if count < rows:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from asrsim.recordings.cells import glue, share_of_numbers, split
+from asrsim.recordings.cells import glue, printable, share_of_numbers, split
 from asrsim.recordings.units import find_unit
 
 
@@ -106,7 +106,7 @@ def unique(names: Sequence[str]) -> tuple[str, ...]:
     seen: Counter[str] = Counter()
     result = []
     for i, name in enumerate(names):
-        name = name.strip() or f"column_{i + 1}"
+        name = printable(name.strip()) or f"column_{i + 1}"
         seen[name] += 1
         result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return tuple(result)

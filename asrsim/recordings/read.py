@@ -15,12 +15,13 @@ from asrsim.recordings.build import build
 from asrsim.recordings.data import Raw, RawSeries, Recording
 from asrsim.recordings.mapping import resolve_mapping
 from asrsim.recordings.matlab import read_mat
-from asrsim.recordings.read_csv import read_csv
+from asrsim.recordings.read_csv import read_csv, series_of
+from asrsim.recordings.read_json import is_json, read_json
 
 FORMATS = {
     ".csv": "delimited text", ".txt": "delimited text", ".tsv": "delimited text", ".dat": "delimited text",
     ".log": "delimited text", ".asc": "delimited text", ".mcap": "MCAP", ".bag": "ROS 1 bag", ".db3": "ROS 2 bag",
-    ".mat": "MATLAB (to version 7)",
+    ".mat": "MATLAB (to version 7)", ".json": "JSON", ".jsonl": "JSON", ".ndjson": "JSON",
 }  # fmt: skip
 """File endings that are read; a folder with a metadata.yaml is a ROS 2 bag, any other ending is tried as text."""
 
@@ -73,6 +74,8 @@ def read_recording(
             raw = read_bag(path, ignored)
         elif suffix == ".mat":
             raw = read_mat(path, maps, rate)
+        elif is_json(path):
+            raw = series_of(read_json(path), path, maps, rate, form="json")
         else:
             raw = read_csv(path, maps, rate)
     except OSError as error:

@@ -16,7 +16,7 @@ _SAMPLE = 200
 _FOREIGN = (
     (b"PK\x03\x04", "a zip archive (an Excel workbook, numpy's npz, or compressed)"), (b"\x1f\x8b", "compressed by gzip"),
     (b"\x93NUMPY", "a numpy array"), (b"\x89HDF", "an HDF5 file"), (b"PAR1", "a Parquet file"), (b"%PDF", "a PDF document"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"), (b"{", "JSON"), (b"[{", "JSON"), (b"<", "HTML or XML"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"), (b"<", "HTML or XML"),
     (b"\x89PNG", "a picture"), (b"\xff\xd8\xff", "a picture"), (b"SQLite format 3", "a database; ROS 2 bags end in .db3"),
 )  # fmt: skip
 """First bytes of files that laboratories have, and that are no tables of text."""
