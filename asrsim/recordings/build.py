@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.checks import lone
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
@@ -28,6 +29,7 @@ _TURNS = 20.0
 def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
     """The recording; raises RecordingError with all problems of the mapping."""
     findings = list(raw.findings)
+    raw = _windowed(path, raw, maps)
     by_index = _explicit(path, raw, maps)
     columns = _columns(path, raw, by_index, joints, findings)
     columns = _without_repeats(path, columns, findings)
@@ -69,7 +71,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
     for one in maps:
-        if one.role == "time":
+        if one.role in ("time", "window"):
             continue
         if one.role == "ignore":
             parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
@@ -226,16 +228,46 @@ def _column(series: RawSeries, unit: Unit | None, joint: str | None, quantity: s
     said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
     si = "" if unit.si == "1" else unit.si
     return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, origin=origin)  # fmt: skip
+                  conversion=said, stated=True, origin=origin)  # fmt: skip
 
 
 def _scaled(column: Column, one: ColumnMap) -> Column:
     """With the mapping's own factor and offset."""
-    if one.scale == 1.0 and one.offset == 0.0:
+    values, said = column.values * one.scale, [] if one.scale == 1.0 else [f"x {one.scale:g}"]
+    finite = values[np.isfinite(values)]
+    zero = 0.0
+    if one.zero and len(finite):
+        zero = float(finite[0] if one.zero == "start" else np.mean(finite))
+        said.append(f"- {zero:.6g} (its {one.zero})")
+    if one.offset:
+        said.append(f"{'+' if one.offset > 0 else '-'} {abs(one.offset):g}")
+    if not said:
         return column
-    said = f"x {one.scale:g}" + (f" + {one.offset:g}" if one.offset else "")
-    conversion = f"{column.conversion}; {said}" if column.conversion else said
-    return replace(column, values=column.values * one.scale + one.offset, conversion=conversion)
+    conversion = "; ".join([*([column.conversion] if column.conversion else []), " ".join(said)])
+    return replace(column, values=values - zero + one.offset, conversion=conversion)
+
+
+def _windowed(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> Raw:
+    """The series within the window that the mapping asks for; raises RecordingError where nothing is left."""
+    window = next((one.window for one in maps if one.role == "window"), None)
+    if window is None:
+        return raw
+    kept: list[RawSeries] = []
+    masks: dict[int, tuple[np.ndarray[tuple[int], np.dtype[np.bool_]], Array]] = {}
+    for series in raw.series:
+        if id(series.time) not in masks:
+            inside = (series.time >= window[0]) & (series.time <= window[1])
+            masks[id(series.time)] = (inside, series.time[inside])
+        inside, time = masks[id(series.time)]
+        if len(time) > 1:
+            kept.append(replace(series, time=time, values=series.values[inside]))
+    if not kept:
+        start, end = min(s.time[0] for s in raw.series), max(s.time[-1] for s in raw.series)
+        raise RecordingError(
+            Problem(message=f"has no samples from {window[0]:g} to {window[1]:g} s; it lasts from {start:g} to {end:g} s", file=path,
+                    key="window", code="no-overlap")
+        )  # fmt: skip
+    return replace(raw, series=tuple(kept))
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
@@ -287,6 +319,13 @@ def _oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
                         hint="They are left out of every comparison, not bridged")
             )  # fmt: skip
         values = column.values[~missing]
+        glitches = column.time[~missing][lone(values)] if not column.quantity.startswith("reference") else ()
+        if len(glitches):
+            places = ", ".join(f"{t:.6g}" for t in glitches[:4]) + (", ..." if len(glitches) > 4 else "")
+            found.append(
+                Problem(message=f"{len(glitches)} single samples stand far from both neighbours, at t = {places} s: glitches?",
+                        file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
+            )  # fmt: skip
         if len(values) > 2 and np.ptp(values) == 0.0:
             hint = None if "reference" in column.quantity else "Was the sensor connected?"
             found.append(

@@ -14,8 +14,9 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign
+from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
+from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array, JointInfo, Samples
 
@@ -105,13 +106,23 @@ def compare(
     """
     pairing, findings = match_joints(samples.joints, recording, joints)
     found: dict[tuple[str, str], tuple[Array, Column]] = {}
+    kinds = {info.name: info.prismatic for info in infos}
+    wrong: list[Problem] = []
     for column in recording.channels.values():
         joint = pairing.get(column.joint or "")
         if joint is None or column.quantity is None or (quantities is not None and column.quantity not in quantities):
             continue
         values = simulated(samples, joint, column.quantity, infos)
-        if values is not None:
+        if values is None:
+            continue
+        problem = wrong_unit(column, joint, prismatic=kinds[joint]) if joint in kinds else None
+        if problem is not None:
+            wrong.append(replace(problem, file=recording.path))
+        else:
             found[joint, column.quantity] = (values, column)
+    if wrong and not found:
+        raise RecordingError(condense(wrong))
+    findings += [replace(problem, message=f"{problem.message}; it is not compared") for problem in wrong]
     if not found:
         raise _nothing_common(samples, recording, pairing, quantities)
 

@@ -58,7 +58,9 @@ class Column:
     """Name of the column in the file."""
     conversion: str
     """What was done to the numbers: "deg -> rad, x 0.0174533", "rad assumed", "" for nothing."""
-    origin: str
+    stated: bool = False
+    """The file or the mapping states the unit; else it is assumed."""
+    origin: str = ""
     """Why it is mapped so: "command line", "map file", "named in the file", "guessed: ...", "not used: ..."."""
 
 
