@@ -121,6 +121,24 @@ def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeyp
     assert len(said) == len(scenario.expect) > 0
 
 
+@pytest.mark.parametrize("zero", [0.0, 0.5, 0.7004, 3.1, 100.0, 100.0037, 86399.9, 1.7e9, 1_715_000_000.123, -2.0, -0.35])
+@pytest.mark.parametrize("decimals", [3, 9])
+def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Path, zero: float, decimals: int) -> None:
+    """However the clock is offset, and however the offset's rounding falls."""
+    from asrsim.simulation.run import simulate
+
+    stairs = 0.05 + 0.1 * np.floor(TIME / 0.07 + 1e-9)
+    rows = [f"{zero + t:.{decimals}f},{q:.6f},{q:.6f},0" for t, q in zip(TIME, stairs, strict=True)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time [s],q1,q1_ref,current", *rows]) + "\n")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", schema=False)
+    samples = simulate(scenario).samples
+    assert samples is not None
+    start = round(zero, decimals) if 0.0 <= zero <= 0.8 else 0.0
+    changed = samples.time[1:][np.diff(samples.values["reference_1"][:, 0]) != 0.0]
+    recorded = start + TIME[1:][np.diff(stairs) != 0.0]
+    np.testing.assert_allclose(changed, np.ceil(np.round(recorded / 0.001, 3)) * 0.001, atol=1e-9)
+
+
 def test_a_mapping_reaches_claims_and_commands(tmp_path: Path) -> None:
     path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]

@@ -224,11 +224,21 @@ def _series(
     if both.sum() < 2:
         findings.append(Problem(message="has no two samples with numbers in both", code="no-overlap"))
     metrics = {name: _measured(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
+    if (problem := _delay_at_limit(metrics["delay"], grid[both])) is not None:
+        findings.append(problem)
     steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
         metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
+
+
+def _delay_at_limit(delay: float, time: Array) -> Problem | None:
+    """That a delay was found at the edge of its search, a quarter of the record, and means nothing but that."""
+    if len(time) < 2 or not abs(delay) >= 0.25 * float(time[-1] - time[0]) - float(np.median(np.diff(time))):
+        return None
+    return Problem(message=f"its delay, {delay:.4g} s, is the limit of the search: the true one lies beyond, or there is none",
+                   code="delay-at-limit")  # fmt: skip
 
 
 def _measured(name: str, time: Array, a: Array, b: Array | None = None) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,8 @@ STEP = 0.001
 SHARE = 0.1
 """Of the recorded range: the limit of a claim before the first comparison."""
 
+STILL = 0.02
+"""Share of the recorded range below which the simulation rests."""
 APART = 0.25
 """Share of the recorded range beyond which simulation and recording are no pair."""
 
@@ -199,15 +201,40 @@ def _rounded(value: float) -> float:
     return float(np.ceil(value / digits - 1e-9) * digits)
 
 
-def first_claims(plan: Plan, measured: Mapping[tuple[str, str], tuple[float, float]]) -> list[Claim]:
-    """Claims from the first comparison: (joint, quantity) -> (RMSE, NRMSE); a fifth above it. Others are placeholders."""
+@dataclass(frozen=True, kw_only=True)
+class First:
+    """What the first comparison of a quantity gave."""
+
+    rmse: float
+    nrmse: float
+    """Share of the recorded range."""
+    r2: float
+    """Below 0 a constant would be nearer to the recording than the simulation is."""
+    moved: float
+    """Range of the simulation as a share of the recorded one."""
+
+    @property
+    def doubt(self) -> str:
+        """Why a limit from this comparison would say nothing; "" where it says something."""
+        if self.moved < STILL:
+            return "the simulation does not move"
+        if self.r2 < 0.0:
+            return f"R2 is {self.r2:.2g}, so that a constant would be nearer; another zero, sign or unit, or not modelled?"
+        return "" if self.nrmse < APART else "another unit, side of a gear or zero, or not modelled?"
+
+
+def first_claims(plan: Plan, measured: Mapping[tuple[str, str], First]) -> list[Claim]:
+    """Claims from the first comparison, by joint and quantity; a fifth above its RMSE. Others are placeholders, not claimed."""
     claims = []
     for claim in placeholders(plan):
-        rmse, nrmse = measured.get((claim.joint, claim.quantity), (np.nan, np.nan))
-        if np.isfinite(rmse) and rmse > 0.0:
-            said = f"{rmse:.3g} in the first comparison, {100 * nrmse:.3g} % of the recorded range"
-            active = nrmse < APART
-            said += "" if active else ": another unit, side of a gear or zero, or not modelled?"
+        first = measured.get((claim.joint, claim.quantity))
+        if first is None:
+            claim = replace(claim, active=False)
+        elif first.rmse > 0.0:
+            rmse = first.rmse
+            said = f"{rmse:.3g} in the first comparison, {100 * first.nrmse:.3g} % of the recorded range"
+            active = not first.doubt
+            said += "" if active else f": {first.doubt}"
             claim = Claim(joint=claim.joint, quantity=claim.quantity, limit=_rounded(1.2 * rmse), said=said, active=active)
         claims.append(claim)
     return claims
