@@ -223,12 +223,13 @@ def _column(series: RawSeries, unit: Unit | None, joint: str | None, quantity: s
     if unit is None:
         said = f"{expected} assumed" if expected and not origin.startswith("named") else ""
         return Column(time=series.time, values=series.values, unit=expected, joint=joint, quantity=quantity,
-                      source=series.name, conversion=said, origin=origin)  # fmt: skip
+                      source=series.name, conversion=said, origin=origin, part=series.part, label=series.label,
+                      shift=series.shift)  # fmt: skip
     values = series.values if unit.factor == 1.0 else series.values * unit.factor
     said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
     si = "" if unit.si == "1" else unit.si
     return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, stated=True, origin=origin)  # fmt: skip
+                  conversion=said, stated=True, origin=origin, part=series.part, label=series.label, shift=series.shift)  # fmt: skip
 
 
 def _scaled(column: Column, one: ColumnMap) -> Column:

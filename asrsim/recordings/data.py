@@ -26,6 +26,12 @@ class RawSeries:
     """Joint that the file itself names (JointState)."""
     quantity: str | None = None
     """Quantity that the kind of message fixes."""
+    part: Path | None = None
+    """Of files that were joined, the one that it is from."""
+    label: str = ""
+    """Its name there."""
+    shift: float = 0.0
+    """s that were added to the time there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +68,12 @@ class Column:
     """The file or the mapping states the unit; else it is assumed."""
     origin: str = ""
     """Why it is mapped so: "command line", "map file", "named in the file", "guessed: ...", "not used: ..."."""
+    part: Path | None = None
+    """Of files that were joined, the one that it is from."""
+    label: str = ""
+    """Its name there."""
+    shift: float = 0.0
+    """s that were added to the time there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +82,7 @@ class Recording:
 
     path: Path
     format: str
-    """csv, json, mcap, rosbag1, rosbag2, mat, asrsim."""
+    """csv, json, mcap, rosbag1, rosbag2, mat, asrsim; joined: of several files."""
     time: Array
     """(n,) s, strictly increasing; its start as in the file (absolute stamps: from the first, see `epoch`)."""
     channels: Mapping[str, Column]

@@ -51,19 +51,19 @@ _WHOLE = 0.9
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 
 
-def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
-    """The series of a text file on clean times. Raises RecordingError with what was found and expected."""
+def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
+    """The table of a text file; raises RecordingError where it has none, or its header does not fit."""
     table = read_table(path)
     if table.layout.misfit and not any(one.column.lstrip("#").isdigit() for one in maps):
         raise RecordingError(
             Problem(message=table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
                     hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position")
         )  # fmt: skip
-    return series_of(table, path, maps, rate)
+    return table
 
 
 def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float | None, *, form: str = "csv") -> Raw:
-    """The series of a table on clean times; raises as :func:`read_csv`."""
+    """The series of a table on clean times. Raises RecordingError with what was found and expected."""
     findings = list(table.findings)
     table, epoch = one_zero(table)
     for merge in (merge_seconds, merge_date):

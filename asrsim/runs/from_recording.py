@@ -71,6 +71,7 @@ def write_from_recording(
     names = Names(
         scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
         extract=f"{out.stem}_commands.csv", schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
+        parts={column.part: relative_path(column.part, out.parent) for column in recording.channels.values() if column.part},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
     )  # fmt: skip
     beside = out.parent / SCHEMA_FILE

@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
+from asrsim.recordings.units import split_header
 from asrsim.scenario.starter import drive_of, number, robot_lines, word
 from asrsim.scenario.starter_playback import Plan, Played, file_of
 
@@ -35,6 +36,8 @@ class Names:
     robot: str
     recording: str
     extract: str
+    parts: Mapping[Path, str] = field(default_factory=dict)
+    """Of files that were joined, each as the scenario names it."""
     schema: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
     """Of xacro."""
@@ -167,11 +170,6 @@ def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence
     if not claims:
         yield "# Nothing that the simulation has was recorded beside the commands: there is nothing to compare."
         return
-    options = [f"lag: {exact(plan.lag)}"]
-    if mapping:
-        options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
-    if rate:
-        options.append(f"rate: {rate:g}")
     yield "# The limits say how near the model is today, not how near it should be: put what the laboratory needs."
     if not any(claim.active for claim in claims):
         yield "# expect:"
@@ -179,11 +177,28 @@ def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence
         yield "expect:"
     for claim in claims:
         yield f"  # {claim.said}"
-        against = f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
+        against = _against(plan, names, claim, mapping, rate)
         yield (
             f"  {'' if claim.active else '# '}- {{joint: {word(claim.joint)}, quantity: {claim.quantity}, measure: rmse, "
             f"comparison: <, value: {number(claim.limit)}, {against}}}"
         )
+
+
+def _against(plan: Plan, names: Names, claim: Claim, mapping: Sequence[str], rate: float | None) -> str:
+    """The recording and how it is read; of joined files the one that has the column, on its own clock."""
+    column = next(column for joint, column in plan.compared if (joint, column.quantity) == (claim.joint, claim.quantity))
+    file, lag = names.recording, plan.lag
+    if column.part is not None:
+        file, lag = names.parts[column.part], plan.lag - column.shift
+        spelled = {text.rpartition("=")[0].strip(): text.rpartition("=")[2] for text in mapping}
+        target = spelled.get(column.source) or spelled.get(split_header(column.source)[0]) or f"{column.joint}.{column.quantity}"
+        mapping = [f"{column.label}={target}"]
+    options = [f"lag: {exact(lag)}"]
+    if mapping:
+        options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
+    if rate:
+        options.append(f"rate: {rate:g}")
+    return f"against: {word(file)}, options: {{{', '.join(options)}}}"
 
 
 def exact(value: float) -> str:
