@@ -174,7 +174,9 @@ def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Proble
 
     if layout.skipped:
         add(f"passed over above the numbers: {lines_text(list(layout.skipped))}", layout.skipped, "preamble")
-    if layout.header_line is None:
+    if layout.misfit:
+        add(f"{layout.misfit}; columns go by their numbers", [layout.misfit_line or 1], "header-misfit")
+    elif layout.header_line is None:
         add("has no header; columns are called column_1, column_2, ...", (), "no-header",
             hint="Name them with --map 2=joint_1.link_position")  # fmt: skip
     if faults.ragged:

@@ -104,7 +104,10 @@ def _tables(
                         hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
             )  # fmt: skip
         elif isinstance(value, Mapping):
-            yield from _tables(value, f"{prefix}{name}.", findings, path)
+            # A signal of a Simulink dataset: its name stands beside its values.
+            own = _label(content) if name in ("Values", "values") else ""
+            inner = f"{own}." if own and not prefix.endswith(f"{own}.") else ""
+            yield from _tables(value, f"{prefix}{inner}{name}.", findings, path)
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
             for i, item in enumerate(np.asarray(value, dtype=object).ravel() if isinstance(value, np.ndarray) else value):
                 if isinstance(item, Mapping):

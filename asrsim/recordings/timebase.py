@@ -13,6 +13,8 @@ from asrsim.samples import Array
 EPOCH = 1e8
 """Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
 _LISTED = 8
+_SLOWEST, _FASTEST = 0.5, 3e-5
+"""s between samples that are not suspected."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -63,11 +65,11 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
 
 
 def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list[Problem]:
-    """A suspicion about a unit that the file states: samples more than half a second or less than 10 us apart."""
+    """A suspicion about a unit that the file states: samples further apart than 0.5 s, or nearer than 30 us."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
-    if not step or 1e-5 <= step * factor <= 0.5:
+    if not step or _SLOWEST >= step * factor >= _FASTEST:
         return []
     others = [unit for unit, other in _SECONDS.items() if other != factor and 2e-5 <= step * other <= 0.2]
     if not others:
