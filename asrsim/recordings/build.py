@@ -274,7 +274,9 @@ def _windowed(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> Raw:
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
     """One column a quantity: what was said wins over what the file names, and that over a guess; then the first."""
     rank = {"command line": 0, "map file": 0, "named in the file": 1}
-    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), i))
+    # A position that was told stands before the torque that a controller made of it.
+    torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
+    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], i))
     owner: dict[tuple[str | None, str], int] = {}
     problems: list[Problem] = []
     result = list(columns)

@@ -104,12 +104,19 @@ def lone(values: Array) -> NDArray[np.bool_]:
     return found if found.mean() < 0.01 or found.sum() == 1 else np.zeros(len(values), dtype=bool)
 
 
-def wrong_unit(column: Column, joint: str, *, prismatic: bool) -> Problem | None:
-    """What is wrong with a column whose stated unit cannot be one of that joint: m of a revolute one, rad of a prismatic one."""
+def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
+    """What is wrong with a column whose stated unit cannot be one of that joint: m of a revolute one, rad of a prismatic one.
+
+    mode: of the run, whose reference is a position or a torque; None: its unit is not asked for.
+    """
     quantity = str(column.quantity)
     # Second references and motors have units of their own (AwAS-II's adjuster moves in m).
     if not column.stated or not column.unit or quantity in ("reference_2", "motor_2_position", "motor_2_velocity", "motor_2_torque"):
         return None
+    torque = column.unit in ("N m", "N")
+    if quantity == "reference_1" and mode is not None and torque != (mode in (0, 4)):
+        return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {'position' if torque else 'torque'} in "
+                       f"mode {mode}", key=column.source, code="wrong-unit")  # fmt: skip
     units = PRISMATIC_UNITS.values() if prismatic else PRISMATIC_UNITS.keys()
     if column.unit not in (*PRISMATIC_UNITS, *PRISMATIC_UNITS.values()) or column.unit in units:
         return None

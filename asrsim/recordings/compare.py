@@ -106,7 +106,7 @@ def compare(
     """
     pairing, findings = match_joints(samples.joints, recording, joints)
     found: dict[tuple[str, str], tuple[Array, Column]] = {}
-    kinds = {info.name: info.prismatic for info in infos}
+    known = {info.name: info for info in infos}
     wrong: list[Problem] = []
     for column in recording.channels.values():
         joint = pairing.get(column.joint or "")
@@ -115,7 +115,8 @@ def compare(
         values = simulated(samples, joint, column.quantity, infos)
         if values is None:
             continue
-        problem = wrong_unit(column, joint, prismatic=kinds[joint]) if joint in kinds else None
+        info = known.get(joint)
+        problem = None if info is None else wrong_unit(column, joint, prismatic=info.prismatic, mode=info.mode)
         if problem is not None:
             wrong.append(replace(problem, file=recording.path))
         else:

@@ -163,7 +163,8 @@ def _quantity(
     if found & {"stiffness", "stiff", "sigma"}:
         return (None if reference else "stiffness"), None
     if reference:
-        if velocity or torque:
+        # The command of a torque is a reference where its unit says that it is one; its name alone may mean a limit or a sum.
+        if velocity or (torque and si not in ("N m", "N")):
             return None, None
         own = _after(words, _REFERENCE)
         return ("reference_2" if own == 2 else "reference_1"), own
