@@ -189,7 +189,9 @@ def test_a_simulation_that_rests_or_is_no_nearer_than_a_constant_claims_nothing(
     assert words in (tmp_path / "s.yaml").read_text()
 
 
-@pytest.mark.parametrize("header", ["time,q1 [m],q1_ref,current", "time,q1,q1_ref [m],current", "time,q1 [mm],q1_ref [mm],current"])
+@pytest.mark.parametrize(
+    "header", ["time,q1 [m],q1_ref,current", "time,q1,q1_ref [m],current", "time,q1 [mm],q1_ref [mm],current"]
+)
 def test_metres_are_no_angle(tmp_path: Path, header: str) -> None:
     with pytest.raises(RecordingError, match="is in m, but joint_1 is revolute") as error:
         make(tmp_path, lab(tmp_path, header=header))
@@ -200,7 +202,8 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     (tmp_path / "map.yaml").write_text(
-        "alpha: joint_1.link_position [deg] - 0.01\nbeta: {joint: joint_1, quantity: reference_1, unit: deg}\nwindow: [0.1, 0.6]\n"
+        "alpha: joint_1.link_position [deg] - 0.01\nbeta: {joint: joint_1, quantity: reference_1, unit: deg}\n"
+        "window: [0.1, 0.6]\n"
     )
     command = ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "lab.csv", "--map", "map.yaml", "--out", "s.yaml"]
     done = CliRunner().invoke(app, command)
@@ -238,7 +241,9 @@ def test_command_and_response_in_two_files(tmp_path: Path, monkeypatch: pytest.M
         app, ["plot", "out/s/default/log.mcap", "--experiment", "q1_ref.csv+q1.csv", "--lag", "0", "--json"]
     )
     metrics = {(m["quantity"], m["measure"]): m["value"] for m in json.loads(plot.stdout)["metrics"]}
-    assert json.loads(run.stdout)["runs"][0]["expect"][0]["measured"] == pytest.approx(metrics["link_position", "rmse"], rel=1e-6)
+    assert json.loads(run.stdout)["runs"][0]["expect"][0]["measured"] == pytest.approx(
+        metrics["link_position", "rmse"], rel=1e-6
+    )
 
 
 def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:

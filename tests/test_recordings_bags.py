@@ -199,7 +199,11 @@ def write_many(path: Path, *, bad: int | None = None, restart: bool = False) -> 
     vector = types["geometry_msgs/msg/Vector3"](x=1.0, y=2.0, z=3.0)
     with Writer1(path) as writer:
         states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        kinds = {"/force_{}": "geometry_msgs/msg/Vector3Stamped", "/value_{}": "std_msgs/msg/Float64", "/word_{}": "std_msgs/msg/String"}
+        kinds = {
+            "/force_{}": "geometry_msgs/msg/Vector3Stamped",
+            "/value_{}": "std_msgs/msg/Float64",
+            "/word_{}": "std_msgs/msg/String",
+        }
         others = {
             name.format(k): (kind, writer.add_connection(name.format(k), kind, typestore=store))
             for name, kind in kinds.items() for k in range(20)
@@ -212,7 +216,11 @@ def write_many(path: Path, *, bad: int | None = None, restart: bool = False) -> 
                 own = int(STAMPS[i % 20]) if restart and name == "/force_0" else own
                 time = types["builtin_interfaces/msg/Time"](sec=own // 10**9, nanosec=own % 10**9)
                 header = types["std_msgs/msg/Header"](seq=i, stamp=time, frame_id="")
-                fields = {"Vector3Stamped": {"header": header, "vector": vector}, "Float64": {"data": 1.0}, "String": {"data": "x"}}
+                fields = {
+                    "Vector3Stamped": {"header": header, "vector": vector},
+                    "Float64": {"data": 1.0},
+                    "String": {"data": "x"},
+                }
                 if rng.random() < 0.8:
                     message = types[kind](**fields[kind.rpartition("/")[2]])
                     writer.write(connection, stamp, store.serialize_ros1(message, kind))

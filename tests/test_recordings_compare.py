@@ -295,7 +295,9 @@ def test_what_is_not_close_to_a_units_factor_is_not_called_so(factor: float) -> 
     assert suspect_scale(motion(TIME), factor * motion(TIME)) is None
 
 
-@pytest.mark.parametrize(("unit", "prismatic", "wrong"), [("m", False, True), ("rad", True, True), ("m", True, False), ("rad", False, False)])
+@pytest.mark.parametrize(
+    ("unit", "prismatic", "wrong"), [("m", False, True), ("rad", True, True), ("m", True, False), ("rad", False, False)]
+)
 def test_a_unit_of_the_other_kind_of_joint_is_an_error(tmp_path: Path, unit: str, prismatic: bool, wrong: bool) -> None:
     path = tmp_path / "lab.csv"
     rows = "".join(f"{t:.3f},{v:.6f},{v:.6f}\n" for t, v in zip(TIME, motion(TIME), strict=True))

@@ -1,4 +1,4 @@
-"""What was met in real files of laboratories: each kind in a file of our own making, understood or refused for the right reason."""
+"""What was met in real files of laboratories, each kind in a file of our own making: understood, or refused for its reason."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ UNDERSTOOD: dict[str, tuple[bytes, str, str]] = {
         "joint_1", "joint_2",
     ),
     "rosbag_to_csv": (
-        table([texts(GOT, "%d"), NONE, texts(ORDER, "%d"), NONE, SECONDS, REST, ["\"''\""] * COUNT, WORDS, LISTS, ["[]"] * COUNT],
+        table([texts(GOT, "%d"), NONE, texts(ORDER, "%d"), NONE, SECONDS, REST, ["\"''\""] * COUNT, WORDS, LISTS,
+               ["[]"] * COUNT],
               before="rosbagTimestamp,header,seq,stamp,secs,nsecs,frame_id,name,position,velocity\n"), "joint_2", "joint_1",
     ),
     "rostopic echo -p": (
@@ -84,7 +85,7 @@ UNDERSTOOD: dict[str, tuple[bytes, str, str]] = {
         table([TIME, A * DEGREES, B * DEGREES, A], before="t [sec.],q1 [º],q2 [deg.],dq1 [rad·s⁻¹]\n"), "joint_1", "joint_2",
     ),
     "json lines, cut off": (
-        ("".join(json.dumps({"t": t, "q1": a, "q2": b}) + "\n" for t, a, b in zip(TIME, A, B, strict=True)) + '{"t": 3.0').encode(),
+        ("".join(json.dumps({"t": t, "q1": a, "q2": b}) + "\n" for t, a, b in zip(TIME, A, B, strict=True)) + '{"t":').encode(),
         "joint_1", "joint_2",
     ),
     "json messages": (
@@ -256,7 +257,7 @@ def test_mapping_items_that_are_none(tmp_path: Path, item: str) -> None:
 
 
 def test_a_window_beside_the_recording_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="it lasts from 0 to 2.99 s"):
+    with pytest.raises(RecordingError, match=r"it lasts from 0 to 2\.99 s"):
         read(tmp_path, table([TIME, A, B], before="t,q1,q2\n"), mapping=["window=5.."])
 
 
@@ -309,6 +310,7 @@ def test_matlab(tmp_path: Path, name: str) -> None:
 
 def opaque(name: str, kind: str) -> bytes:
     """An object (timeseries, table, function handle) as MATLAB saves it: class 17 with its name, `MCOS` and its class."""
+
     def element(number: int, data: bytes) -> bytes:
         return struct.pack("<II", number, len(data)) + data + bytes(-len(data) % 8)
 
@@ -344,8 +346,8 @@ def test_objects_of_matlab_are_passed_over(tmp_path: Path) -> None:
         path.write_bytes(path.read_bytes() + data)
         recording = read_recording(path, joints=JOINTS)
         check(recording)
+    (tmp_path / "only.mat").write_bytes((folder / "sqr.mat").read_bytes())
     with pytest.raises(RecordingError, match="MATLAB object"):
-        (tmp_path / "only.mat").write_bytes((folder / "sqr.mat").read_bytes())
         read_recording(tmp_path / "only.mat")
 
 

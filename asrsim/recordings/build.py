@@ -11,14 +11,13 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.checks import lone
+from asrsim.recordings.adjust import scaled, windowed
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import guess, has_positions, joint_numbers, tokens_of
-from asrsim.recordings.read_csv import find_column
+from asrsim.recordings.names import find_column, guess, has_positions, joint_numbers, tokens_of
+from asrsim.recordings.oddities import oddities
 from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
-from asrsim.samples import Array
 
 _KNOWN = {**QUANTITIES, **DERIVED}
 _NAMED = 12
@@ -29,12 +28,12 @@ _TURNS = 20.0
 def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
     """The recording; raises RecordingError with all problems of the mapping."""
     findings = list(raw.findings)
-    raw = _windowed(path, raw, maps)
+    raw = windowed(path, raw, maps)
     by_index = _explicit(path, raw, maps)
     columns = _columns(path, raw, by_index, joints, findings)
     columns = _without_repeats(path, columns, findings)
     base = max(columns, key=lambda column: len(column.time)).time
-    findings += _oddities(path, columns)
+    findings += oddities(path, columns)
     # Only what was mapped by hand gets so far.
     findings += [
         Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
@@ -134,7 +133,7 @@ def _columns(
             if one.role == "ignore":
                 columns.append(_column(series, unit, None, None, f"not used: {one.origin}"))
             else:
-                columns.append(_scaled(_column(series, one.unit or unit, one.joint, one.quantity, one.origin), one))
+                columns.append(scaled(_column(series, one.unit or unit, one.joint, one.quantity, one.origin), one))
             continue
         if series.quantity is not None:
             joint = series.joint
@@ -229,46 +228,8 @@ def _column(series: RawSeries, unit: Unit | None, joint: str | None, quantity: s
     said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
     si = "" if unit.si == "1" else unit.si
     return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, stated=True, origin=origin, part=series.part, label=series.label, shift=series.shift)  # fmt: skip
-
-
-def _scaled(column: Column, one: ColumnMap) -> Column:
-    """With the mapping's own factor and offset."""
-    values, said = column.values * one.scale, [] if one.scale == 1.0 else [f"x {one.scale:g}"]
-    finite = values[np.isfinite(values)]
-    zero = 0.0
-    if one.zero and len(finite):
-        zero = float(finite[0] if one.zero == "start" else np.mean(finite))
-        said.append(f"- {zero:.6g} (its {one.zero})")
-    if one.offset:
-        said.append(f"{'+' if one.offset > 0 else '-'} {abs(one.offset):g}")
-    if not said:
-        return column
-    conversion = "; ".join([*([column.conversion] if column.conversion else []), " ".join(said)])
-    return replace(column, values=values - zero + one.offset, conversion=conversion)
-
-
-def _windowed(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> Raw:
-    """The series within the window that the mapping asks for; raises RecordingError where nothing is left."""
-    window = next((one.window for one in maps if one.role == "window"), None)
-    if window is None:
-        return raw
-    kept: list[RawSeries] = []
-    masks: dict[int, tuple[np.ndarray[tuple[int], np.dtype[np.bool_]], Array]] = {}
-    for series in raw.series:
-        if id(series.time) not in masks:
-            inside = (series.time >= window[0]) & (series.time <= window[1])
-            masks[id(series.time)] = (inside, series.time[inside])
-        inside, time = masks[id(series.time)]
-        if len(time) > 1:
-            kept.append(replace(series, time=time, values=series.values[inside]))
-    if not kept:
-        start, end = min(s.time[0] for s in raw.series), max(s.time[-1] for s in raw.series)
-        raise RecordingError(
-            Problem(message=f"has no samples from {window[0]:g} to {window[1]:g} s; it lasts from {start:g} to {end:g} s", file=path,
-                    key="window", code="no-overlap")
-        )  # fmt: skip
-    return replace(raw, series=tuple(kept))
+                  conversion=said, stated=True, origin=origin, part=series.part, label=series.label,
+                  shift=series.shift)  # fmt: skip
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
@@ -304,45 +265,3 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
     if problems:
         raise RecordingError(problems)
     return result
-
-
-def _oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
-    """Constant columns and stretches without numbers, of the columns that are used."""
-    found: list[Problem] = []
-    for column in columns:
-        missing = np.isnan(column.values)
-        if column.quantity is None:
-            continue
-        if missing.all():
-            found.append(Problem(message="has no number at all", file=path, key=column.source, code="empty-column"))
-            continue
-        if missing.any():
-            found.append(
-                Problem(message=_stretches(column.time, missing), file=path, key=column.source, code="missing-stretch",
-                        hint="They are left out of every comparison, not bridged")
-            )  # fmt: skip
-        values = column.values[~missing]
-        glitches = column.time[~missing][lone(values)] if not column.quantity.startswith("reference") else ()
-        if len(glitches):
-            places = ", ".join(f"{t:.6g}" for t in glitches[:4]) + (", ..." if len(glitches) > 4 else "")
-            found.append(
-                Problem(message=f"{len(glitches)} single samples stand far from both neighbours, at t = {places} s: glitches?",
-                        file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
-            )  # fmt: skip
-        if len(values) > 2 and np.ptp(values) == 0.0:
-            hint = None if "reference" in column.quantity else "Was the sensor connected?"
-            found.append(
-                Problem(message=f"is constant at {values[0]:g} {column.unit}".rstrip(), file=path, key=column.source,
-                        code="constant-column", hint=hint)
-            )  # fmt: skip
-    return found
-
-
-def _stretches(time: Array, missing: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> str:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
-    starts, ends = edges[::2], edges[1::2] - 1
-    longest = int(np.argmax(ends - starts))
-    return (
-        f"{int(missing.sum())} of {len(missing)} samples have no number, in {len(starts)} stretches; the longest from "
-        f"{time[starts[longest]]:.6g} s to {time[ends[longest]]:.6g} s"
-    )

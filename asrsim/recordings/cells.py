@@ -14,7 +14,7 @@ _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
 _STAMP = re.compile(
     r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=T)|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.]|$)"
 )
-_MONTHS = {name: i for i, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split(), start=1)}
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
 def printable(text: str) -> str:
@@ -90,7 +90,7 @@ def stamp_ns(cell: str) -> int | None:
         moment = _moment(whole)
         if half:
             moment = moment.replace(hour=moment.hour % 12 + (12 if half[1].upper() == "P" else 0))
-    except (ValueError, KeyError):
+    except ValueError:
         return None
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     epoch = datetime(1970, 1, 1, tzinfo=UTC)
@@ -104,7 +104,7 @@ def _moment(text: str) -> datetime:
         return datetime.fromisoformat(f"1970-01-01T{text.zfill(len(text) + (text[1] == ':'))}")
     if "/" in text or re.match(r"^\d\d?[.-]", text):
         date, _, clock = text.partition("T" if "T" in text else " ")
-        parts = [_MONTHS[part.lower()] if part.isalpha() else int(part) for part in re.split(r"[./-]", date)]
+        parts = [_MONTHS.index(part.lower()) + 1 if part.isalpha() else int(part) for part in re.split(r"[./-]", date)]
         # 2024/5/6 is year first; 6.5.2024 and 6-May-2024 day first; 5/6/2024 month first.
         swapped = "/" not in date
         year, month, day = parts if parts[0] > 31 else (parts[2], parts[1], parts[0]) if swapped else (parts[2], *parts[:2])
@@ -126,6 +126,7 @@ def _is_list(cell: str, decimal: str) -> bool:
 
 
 def kind_of(cells: Sequence[str], decimal: str) -> str:
+    """What a column holds by its cells: `number`, `stamp` or `text`."""
     filled = [cell for cell in cells if cell.lower() not in MISSING]
     if not filled:
         return "number"

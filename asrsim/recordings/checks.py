@@ -111,18 +111,24 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
     """
     quantity = str(column.quantity)
     # Second references and motors have units of their own (AwAS-II's adjuster moves in m).
-    if not column.stated or not column.unit or quantity in ("reference_2", "motor_2_position", "motor_2_velocity", "motor_2_torque"):
+    if (
+        not column.stated
+        or not column.unit
+        or quantity in ("reference_2", "motor_2_position", "motor_2_velocity", "motor_2_torque")
+    ):
         return None
     torque = column.unit in ("N m", "N")
     if quantity == "reference_1" and mode is not None and torque != (mode in (0, 4)):
-        return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {'position' if torque else 'torque'} in "
-                       f"mode {mode}", key=column.source, code="wrong-unit")  # fmt: skip
+        told = "position" if torque else "torque"
+        return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {told} in mode {mode}",
+                       key=column.source, code="wrong-unit")  # fmt: skip
     units = PRISMATIC_UNITS.values() if prismatic else PRISMATIC_UNITS.keys()
     if column.unit not in (*PRISMATIC_UNITS, *PRISMATIC_UNITS.values()) or column.unit in units:
         return None
     kind, right = ("prismatic", "m") if prismatic else ("revolute", "rad")
     return Problem(
-        message=f"is in {column.unit}, but {joint} is {kind}, whose positions are in {right}", key=column.source, code="wrong-unit",
+        message=f"is in {column.unit}, but {joint} is {kind}, whose positions are in {right}", key=column.source,
+        code="wrong-unit",
         hint=f"Give the unit of its numbers: --map '{column.source}={joint}.{quantity} [unit]', or =ignore",
     )  # fmt: skip
 

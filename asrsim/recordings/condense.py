@@ -24,7 +24,9 @@ def condense(findings: Iterable[Problem]) -> list[Problem]:
             continue
         first = alike[0]
         places = _places(one.key for one in alike[1:] if one.key)
-        result.append(replace(first, message=f"{first.message}; and {len(alike) - 1} more like it" + (f": {places}" if places else "")))
+        result.append(
+            replace(first, message=f"{first.message}; and {len(alike) - 1} more like it" + (f": {places}" if places else ""))
+        )
     return result
 
 
@@ -33,6 +35,7 @@ def set_aside(findings: Sequence[Problem], used: Collection[str], unused: Collec
 
     A note is about a column whose name is its key, or begins with its key and a slash (a topic).
     """
+
     def of(key: str | None, names: Collection[str]) -> bool:
         return key is not None and any(name == key or name.startswith(f"{key}/") for name in names)
 
@@ -54,7 +57,8 @@ def set_aside(findings: Sequence[Problem], used: Collection[str], unused: Collec
 
 
 _OF_COLUMNS = {
-    "jitter": "jitter", "dropped-samples": "lost samples", "duplicate-time": "repeated stamps", "backward-time": "backward stamps",
+    "jitter": "jitter", "dropped-samples": "lost samples", "duplicate-time": "repeated stamps",
+    "backward-time": "backward stamps",
     "bad-time": "bad stamps", "too-short": "one message", "two-time-bases": "other clocks", "broken-message": "broken messages",
     "time-unit-assumed": "times without unit", "missing-mark": "marked cells", "missing-cells": "empty cells",
     "not-a-number": "cells that are no numbers", "unknown-message-type": "not readable", "unread-topic": "not readable",

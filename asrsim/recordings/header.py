@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from asrsim.recordings.cells import glue, printable, share_of_numbers, split
 from asrsim.recordings.units import find_unit
 
-
 _REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes"}
 """Last names of headers over columns that no row fills (LabVIEW's "Comment")."""
 

@@ -60,7 +60,13 @@ class ColumnMap:
         if self.role != "quantity":
             return f"{self.column}={self.role}{unit}"
         factor = "" if self.scale == 1.0 else "-" if self.scale == -1.0 else f"{self.scale:.12g}*"
-        shift = f" - {self.zero}" if self.zero else f" {'+' if self.offset > 0 else '-'} {abs(self.offset):.12g}" if self.offset else ""
+        shift = (
+            f" - {self.zero}"
+            if self.zero
+            else f" {'+' if self.offset > 0 else '-'} {abs(self.offset):.12g}"
+            if self.offset
+            else ""
+        )
         return f"{self.column}={factor}{self.joint}.{self.quantity}{unit}{shift}"
 
 
@@ -80,7 +86,9 @@ def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
 
 def load_mapping(path: Path) -> tuple[ColumnMap, ...]:
     """A mapping file: `columns:` (or the top level) from column to `JOINT.QUANTITY [unit]` or to a table with the keys
-    joint, quantity, unit, scale, offset; `time:` a column's name; `window: [start, end]`. Raises RecordingError with all problems.
+    joint, quantity, unit, scale, offset; `time:` a column's name; `window: [start, end]`.
+
+    Raises RecordingError with all problems.
     """
     import yaml
 

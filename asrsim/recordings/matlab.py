@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
@@ -77,8 +76,8 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             series.append(RawSeries(name=prefix + name, time=bases[base][2], values=values[bases[base][1]]))
         lengths = ", ".join(str(len(time)) for time, _, _ in bases.values())
         findings += [
-            Problem(message=f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read", file=path,
-                    key=_listed(names), code="length")
+            Problem(message=f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read",
+                    file=path, key=_listed(names), code="length")
             for count, names in others.items()
         ]  # fmt: skip
     if not series:
@@ -99,8 +98,8 @@ def _tables(
         if type(value).__name__ in _OBJECTS:
             # Before all others: such a value is an array of objects, too.
             findings.append(
-                Problem(message="is a MATLAB object (timeseries, table, function), which the file format does not document; not "
-                        "read", file=path, key=prefix + name, code="mat-object",
+                Problem(message="is a MATLAB object (timeseries, table, function), whose format is not documented; not read",
+                        file=path, key=prefix + name, code="mat-object",
                         hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
             )  # fmt: skip
         elif isinstance(value, Mapping):
@@ -209,7 +208,13 @@ def _base_of(name: str, length: int, clocks: Mapping[str, int]) -> str | None:
     """The clock of a vector: of its length; of several, the one that shares most of its ending, else the first."""
     fitting = [clock for clock, size in clocks.items() if size == length]
     plain = re.sub(r"_\d+$", "", name)
-    return max(fitting, key=lambda clock: len(commonprefix([clock[::-1], plain[::-1]])), default=None)
+    return max(fitting, key=lambda clock: _shared(clock, plain), default=None)
+
+
+def _shared(a: str, b: str) -> int:
+    """Letters at the end of both names that are the same."""
+    pairs = zip(reversed(a), reversed(b), strict=False)
+    return next((i for i, (x, y) in enumerate(pairs) if x != y), min(len(a), len(b)))
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -95,9 +95,7 @@ def _sequence(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[st
             yield from _walk(item, f"{place}.", ())
 
 
-def named_joints(
-    labels: Sequence[str], words: Mapping[int, str], topic: str
-) -> dict[int, tuple[str | None, str | None]]:
+def named_joints(labels: Sequence[str], words: Mapping[int, str], topic: str) -> dict[int, tuple[str | None, str | None]]:
     """Column -> (joint, quantity) of a JointState in a table: the word under `name0` is the joint of `position0`.
 
     words: column of text -> its one word. topic: of the messages, or the file's name.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.units import Unit, fits
+from asrsim.recordings.units import Unit, fits, split_header
 
 _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
@@ -40,8 +40,9 @@ _PLAIN = {
 }
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
-    "current", "voltage", "volt", "pwm", "temp", "temperature", "raw", "counts", "status", "index", "acc", "acceleration",
-    "count", "ticks", "tick", "pulses", "increments", "adc", "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
+    "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
+    "temperature", "status", "index", "acc", "acceleration",
+    "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
     "covariance", "id", "seq", "flag", "strain", "gauge",
 }  # fmt: skip
 VOCABULARY = {
@@ -194,4 +195,16 @@ def _after(words: list[str], keys: set[str]) -> int | None:
     for word, following in pairwise(words):
         if word in keys and following in ("1", "2"):
             return int(following)
+    return None
+
+
+def find_column(wanted: str, labels: Sequence[str]) -> int | None:
+    """Index of a column by its header, with or without unit, by case-blind name, or by its number from 1."""
+    plain = [split_header(label)[0] for label in labels]
+    for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
+        for spelling in (wanted, wanted.lower()):
+            if spelling in candidates:
+                return list(candidates).index(spelling)
+    if wanted.lstrip("#").isdigit() and 1 <= int(wanted.lstrip("#")) <= len(labels):
+        return int(wanted.lstrip("#")) - 1
     return None

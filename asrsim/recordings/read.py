@@ -16,7 +16,8 @@ from asrsim.recordings.data import Raw, RawSeries, Recording
 from asrsim.recordings.join import join, parts_of
 from asrsim.recordings.mapping import ColumnMap, resolve_mapping
 from asrsim.recordings.matlab import read_mat
-from asrsim.recordings.read_csv import find_column, read_text, series_of
+from asrsim.recordings.names import find_column
+from asrsim.recordings.read_csv import read_text, series_of
 from asrsim.recordings.read_json import is_json, read_json
 
 FORMATS = {

@@ -38,7 +38,7 @@ def read_json(path: Path) -> Table:
     if len(records) < 2 or not labels:
         raise RecordingError(
             Problem(message=f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
-                    hint="Expected records with a time and signals: one a line, a list of them, or lists of equal length by name")
+                    hint="Expected records with a time and signals: one a line, a list of them, or lists by name")
         )  # fmt: skip
     columns = [[record.get(label, "") for record in records] for label in labels]
     kinds = [kind_of(cells, ".") for cells in columns]
@@ -76,9 +76,10 @@ def _records(text: str, path: Path) -> tuple[list[Record], list[int]]:
         except (ValueError, RecursionError):
             bad.append(count)
     if len(records) < 2 or len(bad) > max(1, 0.1 * len(records)):
-        said = whole.msg if isinstance(whole, json.JSONDecodeError) else type(whole).__name__
-        line = whole.lineno if isinstance(whole, json.JSONDecodeError) else None
-        raise RecordingError(Problem(message=f"cannot be read as JSON: {said}", file=path, line=line, code="bad-json"))
+        said, place = type(whole).__name__, None
+        if isinstance(whole, json.JSONDecodeError):
+            said, place = whole.msg, whole.lineno
+        raise RecordingError(Problem(message=f"cannot be read as JSON: {said}", file=path, line=place, code="bad-json"))
     return records, bad
 
 

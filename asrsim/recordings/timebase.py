@@ -76,7 +76,8 @@ def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list
         return []
     return [
         Problem(
-            message=f"its samples are {step * factor:g} s apart by the unit that it states; in {others[0]} they would be {step * _SECONDS[others[0]]:g} s", file=path,
+            message=f"its samples are {step * factor:g} s apart by the unit that it states; in {others[0]} they would be "
+            f"{step * _SECONDS[others[0]]:g} s", file=path,
             key=name, hint=f"If so: --map '{name}=time [{others[0]}]'", code="suspected-time",
         )
     ]  # fmt: skip
@@ -97,8 +98,8 @@ def clean_time(
     if not valid.all():
         bad = where[~valid]
         findings.append(
-            Problem(message=f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}", file=path,
-                    line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
+            Problem(message=f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}",
+                    file=path, line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
         )  # fmt: skip
     t, w = time[valid], where[valid]
     if len(t) < 2:

@@ -71,8 +71,8 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("1", 1.0, ("1", "-")),
     ("1", 1e-2, ("%", "percent")),
     # What a converter or a drive counts in: no unit of any quantity until somebody says what one of them is.
-    ("counts", 1.0, ("counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "incr", "inc", "qc", "lsb", "digits",
-                     "adc", "raw")),
+    ("counts", 1.0, ("counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "incr", "inc", "qc", "lsb",
+                     "digits", "adc", "raw")),
 )  # fmt: skip
 UNITS: dict[str, Unit] = {spelling: Unit(spelling, si, factor) for si, factor, spellings in _TABLE for spelling in spellings}
 """Every spelling that is understood."""
@@ -83,7 +83,18 @@ for _spelling, _unit in UNITS.items():
 _LOWER["nm"] = UNITS["Nm"]
 _LOWER["hz"] = UNITS["Hz"]
 
-_SIGNS = (("²", "^2"), ("⁻¹", "^-1"), ("−", "-"), ("º", "°"), ("˚", "°"), ("⋅", "*"), ("∙", "*"), ("•", "*"), ("×", "*"), ("·", "*"))
+_SIGNS = (
+    ("²", "^2"),
+    ("⁻¹", "^-1"),
+    ("\u2212", "-"),
+    ("º", "°"),
+    ("˚", "°"),
+    ("⋅", "*"),
+    ("∙", "*"),
+    ("•", "*"),
+    ("\u00d7", "*"),
+    ("·", "*"),
+)
 _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 # Last tokens that look like a unit but are part of the name: theta_m is a motor's angle, q_s no second.
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}

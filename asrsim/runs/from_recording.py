@@ -13,6 +13,7 @@ from asrsim.errors import AsrsimError, OutputError, RecordingError
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
 from asrsim.robot import load_robot, with_overrides
+from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.start_file import SCHEMA_FILE, is_foreign, relative_path, write_new
@@ -111,9 +112,13 @@ def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], Fir
     result = {
         (s.joint, s.quantity): First(
             rmse=s.metrics["rmse"], nrmse=s.metrics["nrmse"], r2=s.metrics["r2"],
-            moved=float(np.nanmax(s.simulation) - np.nanmin(s.simulation)) / float(np.nanmax(s.recording) - np.nanmin(s.recording)),
+            moved=_extent(s.simulation) / _extent(s.recording),
         )
         for s in found.series
-        if np.isfinite(s.metrics["rmse"]) and np.nanmax(s.recording) > np.nanmin(s.recording)
+        if np.isfinite(s.metrics["rmse"]) and _extent(s.recording) > 0.0
     }  # fmt: skip
     return result, ""
+
+
+def _extent(values: Array) -> float:
+    return float(np.nanmax(values) - np.nanmin(values))

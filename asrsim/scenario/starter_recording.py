@@ -191,7 +191,9 @@ def _against(plan: Plan, names: Names, claim: Claim, mapping: Sequence[str], rat
     if column.part is not None:
         file, lag = names.parts[column.part], plan.lag - column.shift
         spelled = {text.rpartition("=")[0].strip(): text.rpartition("=")[2] for text in mapping}
-        target = spelled.get(column.source) or spelled.get(split_header(column.source)[0]) or f"{column.joint}.{column.quantity}"
+        target = (
+            spelled.get(column.source) or spelled.get(split_header(column.source)[0]) or f"{column.joint}.{column.quantity}"
+        )
         mapping = [f"{column.label}={target}"]
     options = [f"lag: {exact(lag)}"]
     if mapping:
