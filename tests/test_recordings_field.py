@@ -359,3 +359,35 @@ def test_refusals_are_short(tmp_path: Path, count: int) -> None:
     with pytest.raises(RecordingError, match="no time") as error:
         read_recording(tmp_path / "lab.mat")
     assert len(str(error.value).splitlines()) <= 3
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.05, False), (0.2, True)])
+def test_a_time_that_stays_behind_is_another_recording(tmp_path: Path, share: float, refused: bool) -> None:
+    """A tenth of the samples behind an earlier one is where stray stamps end and a second recording begins."""
+    behind = round(share * COUNT)
+    time = np.r_[TIME[: COUNT - behind], TIME[100 : 100 + behind]]
+    content = table([time, A, B], before="t,q1,q2\n")
+    if refused:
+        with pytest.raises(RecordingError, match="two recordings"):
+            read(tmp_path, content)
+    else:
+        assert f"{behind} time stamps that go backward" in said(read(tmp_path, content).findings, "backward-time")
+
+
+@pytest.mark.parametrize(("correlation", "suspected"), [(-0.9, True), (-0.8, True), (-0.6, False), (0.9, False)])
+def test_a_turned_axis_is_suspected_from_its_correlation(correlation: float, suspected: bool) -> None:
+    from asrsim.recordings.checks import suspect_sign
+
+    first, second = np.sin(2 * np.pi * np.arange(400) / 400), np.cos(2 * np.pi * np.arange(400) / 400)
+    mixed = correlation * first + np.sqrt(1 - correlation**2) * second
+    assert (suspect_sign(first, mixed) is not None) == suspected
+
+
+@pytest.mark.parametrize(("lost", "bridged"), [(1, True), (4, False)])
+def test_short_gaps_are_bridged_and_long_ones_are_not(lost: int, bridged: bool) -> None:
+    from asrsim.recordings import resample
+
+    kept = np.r_[0:100, 100 + lost : COUNT]
+    middle = resample(TIME[kept], A[kept], TIME[[99, 100, 100 + lost]])
+    assert np.isfinite(middle[1]) == bridged
+    assert np.isfinite(middle[[0, 2]]).all()
