@@ -252,6 +252,12 @@ def test_bombs_and_depth_are_refused():
         parse_yaml("a: &a [*a]")
 
 
+@pytest.mark.parametrize("text", ['{"a\\ud800": 1}', '{"a": {"b": ["x\\udfff"]}}', '{"\\ud83d": {"c": 1}}'])
+def test_half_a_character_is_no_text(text: str) -> None:
+    with pytest.raises(InputError, match=r"\\ud\w{3} in line 1 is half a character"):
+        parse_yaml(text)
+
+
 def test_aliases_and_merges_work():
     node = parse_yaml("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
     assert node.plain() == {"a": {"x": 1, "y": 2}, "b": {"x": 1, "y": 3}, "c": {"x": 1, "y": 2}}

@@ -37,7 +37,7 @@ def init(
     ] = None,
     mapping: Annotated[
         list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is; may be repeated."),
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
     ] = None,
     rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
