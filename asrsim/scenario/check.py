@@ -13,6 +13,7 @@ from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, load_robot
 from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
+from asrsim.scenario.choices import prescribes_motion
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.places import placed
 from asrsim.signals.base import Signal
@@ -120,7 +121,7 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """A floating root without mass: an engine holds it still, or makes up a mass."""
-    if scenario.fixed_base or scenario.engine != "bullet":
+    if scenario.fixed_base or prescribes_motion(scenario.engine):
         return
     children = {joint.child for joint in robot.joints}
     for root in (link for link in robot.links if link.name not in children):

@@ -30,7 +30,7 @@ class Playback(Signal):
 
     kind: ClassVar[str] = "playback"
 
-    file: Path = declare(_RECORDING, doc="CSV, MCAP, or ROS 1 or ROS 2 bag")  # noqa: RUF009 - makes a field
+    file: Path = declare(_RECORDING, doc="CSV, MCAP, or ROS 1 or ROS 2 bag")
     column: str | None = declare(
         Optional(Text(noun="name of a column")), doc="CSV: the column, with or without its unit", default=None
     )
