@@ -91,9 +91,12 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
             continue
         wrong, notes = check_against_robot(scenario, robot)
         errors.extend(wrong)
-        warnings.extend((*robot.warnings, *engine_urdf(robot, package_paths=scenario.package_paths)[1], *notes))
+        known = robot.warnings
         if not wrong:
             robots.append(apply_to_robot(scenario, robot))
+            known = robots[-1].warnings
+        warnings.extend((*known, *engine_urdf(robot, package_paths=scenario.package_paths)[1], *notes))
+        if not wrong:
             warnings.extend(step_findings(robots[-1], step=step or scenario.step))
             errors.extend(_unbuildable(scenario, robot, path) if step is None else ())
     first = robots[0] if robots else None

@@ -163,6 +163,8 @@ class Choice(Kind[str]):
     """One of a few words, or of those that a function gives: the names of a registry, which it imports when asked."""
 
     options: tuple[str, ...] | Callable[[], Iterable[str]]
+    noun: str = ""
+    """What the words name, where a table of the documentation need not list them."""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -182,7 +184,7 @@ class Choice(Kind[str]):
 
     @property
     def text(self) -> str:
-        return " or ".join(f"`{word}`" for word in self.words)
+        return self.noun or " or ".join(f"`{word}`" for word in self.words)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,6 +56,10 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
+    if not errors:
+        from asrsim.kinematics.holding import holding_findings
+
+        warnings.extend(holding_findings(scenario, changed))
     return errors, warnings
 
 
@@ -173,7 +177,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             signal = own.get(name, common.get(name))
             if signal is not None:
                 yield from _values(scenario, robot, block, slot, key, signal)
-            elif not _made_elsewhere(scenario, block.joint):
+            elif not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
                 yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
 
@@ -185,8 +189,8 @@ def _names(block: ActuatorBlock) -> tuple[str, ...]:
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]
 
 
-def _made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """A Cartesian task, or learning, makes the reference."""
+def made_elsewhere(scenario: Scenario, joint: str) -> bool:
+    """Whether a Cartesian task, or learning, makes the joint's reference."""
     if joint in scenario.learning.get("trajectory", {}) or "*" in scenario.learning.get("trajectory", {}):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
