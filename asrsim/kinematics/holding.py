@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,12 +28,14 @@ if TYPE_CHECKING:
 
 SAG = 0.3
 """rad or m beyond which a joint is said to sag: a soft arm sags a little, that is what it is for."""
+ENOUGH = 0.15
+"""rad or m that proposed parameters leave: some of it is left to what is not foreseen here."""
 FALL = 1.0
 """rad beyond which it is said to fall."""
 STEPS = 400
 LARGEST_STEP = 0.05
 """rad, of the search for the rest."""
-TRIES = 14
+TRIES = 24
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,12 +67,16 @@ class Sizing:
     joints: tuple[Holding, ...]
     """All joints that are held by a spring."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameter -> value with which none sags; empty where all hold, or where no such values were found."""
+    """Joint -> parameter -> value with which all hold; empty where all hold, or where no such values were found."""
 
     @property
     def weak(self) -> tuple[Holding, ...]:
         """Those that sag or fall."""
-        return tuple(one for one in self.joints if one.on_stop or one.sag > SAG)
+        return self.beyond(SAG)
+
+    def beyond(self, sag: float) -> tuple[Holding, ...]:
+        """Those that sag by more (rad or m), or come to rest on a stop."""
+        return tuple(one for one in self.joints if one.on_stop or one.sag > sag)
 
 
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
@@ -98,7 +105,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
                 return Sizing(joints=joints)
             proposal[one.joint] = proposal.get(one.joint, {}) | given
             changed[one.joint] = _with_values(changed[one.joint], given)
-        weak = Sizing(joints=_holdings(scenario, robot, list(changed.values()))).weak
+        weak = Sizing(joints=_holdings(scenario, robot, list(changed.values()))).beyond(ENOUGH)
         if not weak:
             return Sizing(joints=joints, proposal=proposal)
     return Sizing(joints=joints)
@@ -106,7 +113,11 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
 
 def holding_findings(scenario: Scenario, robot: Robot) -> tuple[Problem, ...]:
     """Warnings of joints that sag or fall under the arm's own weight, with parameters that hold it."""
-    found = sizing(scenario, robot)
+    return problems_of_weight(sizing(scenario, robot), robot, scenario.path)
+
+
+def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:
+    """A warning for each joint that sags or falls."""
     values = ", ".join(
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
@@ -119,7 +130,7 @@ def holding_findings(scenario: Scenario, robot: Robot) -> tuple[Problem, ...]:
         why = "its motors are too weak" if one.limited else "its springs are too soft"
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
-        problems.append(Problem(message=message, file=scenario.path, key=one.joint, hint=cure, code=code))
+        problems.append(Problem(message=message, file=file, key=one.joint, hint=cure, code=code))
         cure = None
     return tuple(problems)
 
@@ -253,10 +264,10 @@ def _weight(robot: Robot, name: str, scenario: Scenario) -> float:
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    factor = min(max(1.5, weak.sag / SAG), 4.0)
+    factor = min(max(1.25, math.sqrt(weak.sag / ENOUGH)), 2.0)
     if weak.limited:
         names = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1))
-        factor = 1.5
+        factor = 1.25
     else:
         names = linear_parameters(actuator, values)
     return {name: float(f"{factor * values[name]:.2g}") for name in names}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -12,7 +13,7 @@ from asrsim.robot.blocks import default_value
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.overrides import with_overrides
-from asrsim.robot.tags import parameter_tags
+from asrsim.robot.tags import REQUIRED_TAGS, parameter_tags
 
 
 def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> ActuatorBlock:
@@ -26,6 +27,26 @@ def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> Actu
             name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tags[parameter.name]
         )
     return ActuatorBlock(actuator=actuator, joint=joint, mode=mode, namespace=namespace, parameters=parameters)
+
+
+def block_text(joint: str, actuator: str, mode: int) -> str:
+    """The plugin block of an actuator with all its finite parameters at their defaults, to paste into a URDF.
+
+    Raises InputError where the actuator is unknown.
+    """
+    from xml.sax.saxutils import escape, quoteattr
+
+    block = block_for(joint, actuator, mode)
+    docs = {parameter.name: parameter.doc for parameter in ACTUATORS.get(actuator).all_parameters()}
+    given = [("joint", escape(joint)), ("operation_mode", str(mode)), *((tag, "true") for tag in REQUIRED_TAGS[2:])]
+    lines = ["<gazebo>", f'  <plugin name={quoteattr(f"{joint}_{actuator}")} filename="lib{actuator}_plugin.so">']
+    lines += [f"    <{tag}>{text}</{tag}>" for tag, text in given]
+    lines += [
+        f"    <{one.tag}>{one.value:g}</{one.tag}>  <!-- {one.unit}: {escape(docs[one.name])} -->"
+        for one in block.parameters.values()
+        if math.isfinite(one.value)
+    ]
+    return "\n".join([*lines, "  </plugin>", "</gazebo>"])
 
 
 def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
@@ -45,6 +66,15 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
         )
         for name in types
         if name != "*" and name not in moving
+    ]  # fmt: skip
+    kinds = ACTUATORS.names()
+    problems += [
+        Problem(
+            message="there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
+            hint=did_you_mean(kind, kinds), code="unknown-actuator",
+        )
+        for name, (kind, _) in types.items()
+        if kind not in kinds
     ]  # fmt: skip
     if problems:
         raise ScenarioError(problems)
