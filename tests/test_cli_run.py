@@ -156,9 +156,10 @@ def test_warnings_of_all_variants_are_told_once(tiny, asrsim_command) -> None:
     tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {}}\n")
     outcome = asrsim_command("run", tiny.scenario, "--no-plot")
     assert outcome.code == 0
-    warnings = [line for line in outcome.out.splitlines() if line.startswith("warning ")]
+    warnings = [line for line in outcome.err.splitlines() if line.startswith("warning ")]
     assert len(warnings) == 1
     assert "pendulum.urdf:25: " in warnings[0]
+    assert "warning " not in outcome.out
 
 
 @pytest.mark.parametrize(("value", "code"), [(0.45, 0), (0.3, 1)])

@@ -69,6 +69,8 @@ def test_an_arm_that_falls_is_told_of_and_the_values_proposed_hold_it(tmp_path):
     warned = [warning for warning in fallen.summary.warnings if warning.code == "falls"]
     assert [warning.key for warning in warned] == ["joint_1"]
     proposal = judged(scenario_of(robot, **keys)).proposal
+    damped = asrsim.run(scenario_of(robot, **keys, link_damping={"*": {"constant": 0.1}}))
+    assert [warning.key for warning in damped.summary.warnings if warning.code == "on-stop"] == ["joint_1"]
     held = asrsim.run(scenario_of(robot, **keys, parameters=proposal))
     assert not [warning for warning in held.summary.warnings if warning.code in ("falls", "sags")]
     for joint in held.joints:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import actuators as names
 from asrsim.cli.options import Plugins, load_plugins
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def actuators(
-    name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False, autocompletion=names)] = None,
     urdf: Annotated[
         list[str] | None,
         typer.Option("--urdf", metavar="JOINT", help="Print the block that puts it on this joint of a URDF; may be repeated."),

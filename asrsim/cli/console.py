@@ -72,9 +72,12 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int
 
 
 def say_problems(problems: Sequence[Problem], word: str, style: str) -> None:
-    """One line a problem; problems that differ in their place only share a line."""
+    """One line a problem, warnings on stderr; problems that differ in their place only share a line."""
     for line in problem_lines(problems):
-        say(f"{styled(word, style)} {line}")
+        if word == "warning":  # what a program reads from stdout stays free of them
+            complain(f"{styled(word, style, sys.stderr)} {line}")
+        else:
+            say(f"{styled(word, style)} {line}")
 
 
 def problem_lines(problems: Sequence[Problem]) -> list[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.completion import mountings
 from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def init(
             "--actuator",
             "-a",
             metavar="[JOINT=]NAME",
+            autocompletion=mountings,
             help="Put this actuator on every joint, or on one; the scenario has it, the robot's file stays.",
         ),
     ] = None,
@@ -47,11 +49,9 @@ def init(
 ) -> None:
     """Write a commented starter scenario for a robot, or one from a recording of it.
 
-    Example: asrsim init arm.urdf --mode 6 --out step.yaml
+    Example: asrsim init examples/urdf/plain_arm.urdf --actuator qbmove --out arm.yaml
 
-    Example: asrsim init arm.urdf --actuator qbmove
-
-    Example: asrsim init arm.urdf --experiment lab.csv --map 'alpha=elbow.link_position [deg]' --out lab.yaml
+    Example: asrsim init examples/urdf/dof2_vertical.urdf --experiment examples/recordings/two_joints.csv --out lab.yaml
     """
     load_plugins(plugin)
     packages = folders(package, "--package")

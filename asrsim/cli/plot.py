@@ -60,9 +60,9 @@ def plot(
 
     Exit code: 0, or 1 if a claim of the scenario does not hold.
 
-    Example: asrsim plot out/step/soft/log.mcap out/step/stiff/log.mcap --format pdf
+    Example: asrsim plot out/step_2dof/soft/log.mcap out/step_2dof/stiff/log.mcap --format pdf
 
-    Example: asrsim plot log.mcap --experiment lab.csv --map 'q1=joint_1.link_position [deg]' --out compared
+    Example: asrsim plot out/lab/default/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
     """  # fmt: skip
     from asrsim.cli.console import json_errors, say_json
 

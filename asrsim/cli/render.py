@@ -35,7 +35,7 @@ def render(
 ) -> None:
     """Draw the logged motion: a film strip, a GIF, a video. Needs no display, and nothing but the log.
 
-    Example: asrsim render out/scenario/soft/log.mcap --frames 8 --gif
+    Example: asrsim render out/step_2dof/soft/log.mcap --frames 8 --gif
     """  # fmt: skip
     from asrsim.cli.console import json_errors, say, say_json
 

@@ -74,7 +74,7 @@ def _print_warnings(summary: RunSummary, *, verbose: bool, told: set[str]) -> No
     say_problems(fresh, "warning", "yellow")
     again = len(summary.warnings) - len(fresh)
     if again:
-        say(f"{again} warning{'s' * (again != 1)} as above", "yellow")
+        complain(f"{again} warning{'s' * (again != 1)} as above", "yellow")
     told.update(map(str, fresh))
 
 

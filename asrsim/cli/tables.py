@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
@@ -191,13 +192,13 @@ def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
     """One line an actuator."""
     console = Console(highlight=False)
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading in ("name", "what", "plugin file", "motors", "source"):
+    for heading in ("name", "what", "plugin file", "motors"):
         table.add_column(heading, no_wrap=heading == "plugin file", overflow="fold")
     for actuator in actuators:
         motors = f"{actuator.motors}{' + adjuster' if actuator.adjuster else ''}"
-        table.add_row(actuator.name, actuator.title, f"lib{actuator.name}_plugin.so", motors, actuator.source)
+        table.add_row(actuator.name, actuator.title, f"lib{actuator.name}_plugin.so", motors)
     console.print(table)
-    console.print("[dim]asrsim actuators NAME shows laws and parameters.[/]")
+    console.print("[dim]asrsim actuators NAME shows laws, parameters and sources.[/]")
 
 
 def print_actuator(actuator: type[Actuator]) -> None:
@@ -210,17 +211,15 @@ def print_actuator(actuator: type[Actuator]) -> None:
             console.print(f"law     {escape(part)}")
     second = " + adjuster" if actuator.adjuster else ""
     console.print(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("default", justify="right")
-    for heading in ("unit", "tag"):
-        table.add_column(heading, no_wrap=True)
-    table.add_column("what")
     tags = parameter_tags(actuator)
+    # What a parameter is stands below it: beside it there is no room on a terminal of 80 columns.
+    console.print(f"\n[bold]{'parameter':<26}{'default':>8}  {'unit':<13}tag[/]")
     for parameter in actuator.all_parameters():
-        note = f"{parameter.doc} [dim]({escape(parameter.unused)})[/]" if parameter.unused else parameter.doc
-        table.add_row(parameter.name, f"{parameter.default:.6g}", parameter.unit, f"<{tags[parameter.name]}>", note)
-    console.print(table)
+        tag = escape(f"<{tags[parameter.name]}>")
+        console.print(f"{parameter.name:<26}{parameter.default:>8.6g}  {parameter.unit:<13}{tag}", soft_wrap=True)
+        note = f"{parameter.doc} ({parameter.unused})" if parameter.unused else parameter.doc
+        console.print(Padding(f"[dim]{escape(note)}[/]", (0, 0, 0, 4)))
+    console.print()
     sources = dict.fromkeys(parameter.source for parameter in actuator.all_parameters())
     console.print(f"defaults: {escape('; '.join(sources))}; in mode 1 <ctrl> gains are 0.8, 0, 0.2 and act on the link")
 

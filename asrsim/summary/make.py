@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from asrsim.errors import Problem
 from asrsim.samples import Samples
 from asrsim.summary.collect import joint_measures
 from asrsim.summary.data import JointReport, RunSummary
@@ -14,6 +15,9 @@ from asrsim.summary.data import JointReport, RunSummary
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
     from asrsim.simulation.run import Run
+
+NEAR = 1e-2
+"""rad or m within which a joint rests on a stop, or at its reference."""
 
 
 def make_summary(
@@ -68,11 +72,25 @@ def make_summary(
         seed=scenario.seed,
         joints=joints,
         claims=claims,
-        warnings=run.warnings,
+        warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
         versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
     )
+
+
+def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
+    """Joints that end on a stop to which no reference sends them."""
+    for joint in joints:
+        limits = run.robot.joint(joint.name)
+        rest, error = joint.measures.steady_state, joint.measures.steady_state_error
+        stops = [stop for stop in (limits.lower, limits.upper) if stop is not None and abs(rest - stop) < NEAR]
+        if joint.stop and stops and limits.kind != "continuous" and not abs(error) < NEAR:
+            unit = "m" if joint.prismatic else "rad"
+            message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
+            message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
+            hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
+            yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")
 
 
 class _Counter:
