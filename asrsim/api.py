@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 from asrsim.errors import Problem, ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.runs.execute import Executed, execute, with_plugins, write_summary
+from asrsim.runs.simulated import simulated
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.scenario import Scenario, load_scenario
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.run import Run, Sink
 from asrsim.summary import RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
 
@@ -231,7 +232,7 @@ def _run_one(
         check_claims(scenario.expect, info.joints, file=scenario.path)
         return ()
 
-    done = simulate(scenario, robot, sinks=check, keep=True, progress=progress, stop=stop)
+    done = simulated(scenario, robot, sinks=check, keep=True, progress=progress, stop=stop)
     chunks = [done.samples] if done.samples is not None else []
     claims: tuple[ExpectationResult, ...] = ()
     if done.status == "complete" and scenario.expect:

@@ -24,6 +24,12 @@ class Chain:
     base_position: Vector = (0.0, 0.0, 0.0)
     base_rpy: Vector = (0.0, 0.0, 0.0)
 
+    @property
+    def root(self) -> str:
+        """Name of the root link."""
+        children = {joint.child for joint in self.robot.joints}
+        return next((joint.parent for joint in self.robot.joints if joint.parent not in children), self.robot.links[0].name)
+
     def poses(self, positions: Mapping[str, Array], base: Pose | None = None) -> dict[str, Pose]:
         """Pose of every link, link's frame, where joints stand at `positions` (joint -> (n,), rad or m; absent: 0).
 
@@ -33,8 +39,7 @@ class Chain:
         by_parent: dict[str, list[Joint]] = {}
         for joint in self.robot.joints:
             by_parent.setdefault(joint.parent, []).append(joint)
-        children = {joint.child for joint in self.robot.joints}
-        root = next((joint.parent for joint in self.robot.joints if joint.parent not in children), self.robot.links[0].name)
+        root = self.root
         fixed = np.tile(rotation_matrix(self.base_rpy), (count, 1, 1)), np.tile(self.base_position, (count, 1))
         found: dict[str, Pose] = {root: base if base is not None else fixed}
         waiting = [root]

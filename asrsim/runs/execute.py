@@ -13,9 +13,10 @@ from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter, open_log
 from asrsim.robot.model import Robot
 from asrsim.runs.folder import LOG, SUMMARY, clear, open_folder
+from asrsim.runs.simulated import simulated
 from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.run import Run, Sink
 from asrsim.summary.claims import check_claims, claim_results
 from asrsim.summary.collect import QUANTITIES
 from asrsim.summary.data import RunSummary
@@ -83,7 +84,7 @@ def execute(
             return [writer]
 
         try:
-            run = simulate(scenario, robot, sinks=open_sinks, keep=keep or certify, progress=progress, stop=stop)
+            run = simulated(scenario, robot, sinks=open_sinks, keep=keep or certify, progress=progress, stop=stop)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise

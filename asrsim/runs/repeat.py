@@ -15,9 +15,10 @@ from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.execute import PLUGINS, result_metadata
 from asrsim.runs.folder import LOG, open_folder
+from asrsim.runs.simulated import simulated
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.run import Run, Sink
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +123,7 @@ def repeat(
 
         error: DivergenceError | None = None
         try:
-            run = simulate(scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended)
+            run = simulated(scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise

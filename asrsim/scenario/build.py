@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim.document.node import Node
 from asrsim.document.reading import Reading, Rejected
+from asrsim.samples import TIP
 from asrsim.scenario.choices import default_engine, prescribes_motion
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.joint_keys import LOCKED
@@ -144,7 +145,7 @@ def _motion(motion: str | Mapping[str, Any], initial: Mapping[str, float]) -> di
 
 
 def _check_objects(keys: Mapping[str, Any], root: Node, reading: Reading) -> None:
-    names = tuple(item.name for item in keys["world"].objects)
+    names = (*(item.name for item in keys["world"].objects), *((TIP,) if keys["task"] is not None else ()))
     for index, claim in enumerate(keys["expect"]):
         if claim.body is not None and claim.body not in names:
             expect = _node(root, "expect")

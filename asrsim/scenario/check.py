@@ -57,7 +57,7 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
     if not errors:
-        from asrsim.kinematics.holding import holding_findings
+        from asrsim.kinematics.sizing import holding_findings
 
         warnings.extend(holding_findings(scenario, changed))
     return errors, warnings

@@ -41,7 +41,7 @@ def write_starter(
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
     file is in the way or cannot be written.
     """
-    from asrsim.kinematics.holding import problems_of_weight, sizing
+    from asrsim.kinematics.sizing import problems_of_weight, sizing
 
     loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}

@@ -11,6 +11,7 @@ from asrsim.document.composite import Either, ListOf, MapOf, is_list, is_mapping
 from asrsim.document.kinds import Boolean, Choice, File, Optional, Text
 from asrsim.errors import Problem, ScenarioError
 from asrsim.robot.meshes import mesh_fault
+from asrsim.samples import TIP, TIP_GOAL
 from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SHARE, Keys, Vector
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
@@ -115,14 +116,14 @@ class World:
         return not self.ground and not self.objects
 
 
-RESERVED = ("ground", "robot")
-"""Names that contacts have for what is no object."""
+RESERVED = ("ground", "robot", TIP, TIP_GOAL)
+"""Names that logs have for what is no object."""
 
 
 def _world(ground: bool | dict[str, Any], objects: dict[str, WorldObject]) -> World:
     for name in RESERVED:
         if name in objects:
-            message = f"an object cannot be called '{name}': contacts are named so"
+            message = f"an object cannot be called '{name}': logs name something else so"
             raise ScenarioError(Problem(message=message, key=f"objects.{name}", code="name"))
     named = tuple(replace(item, name=name) for name, item in objects.items())
     if isinstance(ground, bool):

@@ -7,8 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from asrsim.errors import Problem
-from asrsim.samples import Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 from asrsim.summary.collect import joint_measures
 from asrsim.summary.data import JointReport, RunSummary
 
@@ -72,6 +74,7 @@ def make_summary(
         seed=scenario.seed,
         joints=joints,
         claims=claims,
+        tip=counter.tip,
         warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
@@ -94,13 +97,25 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
 
 
 class _Counter:
-    """Counts samples as they pass."""
+    """Counts samples as they pass, and how far the tip of a Cartesian task is from its path."""
 
     def __init__(self, chunks: Iterable[Samples]) -> None:
         self._chunks = chunks
         self.samples = 0
+        self._errors: list[Array] = []
 
     def __iter__(self) -> Iterator[Samples]:
         for chunk in self._chunks:
             self.samples += len(chunk.time)
+            if TIP in chunk.bodies:
+                self._errors.append(np.linalg.norm(chunk.bodies[TIP][:, :3] - chunk.bodies[TIP_GOAL][:, :3], axis=1))
             yield chunk
+
+    @property
+    def tip(self) -> dict[str, float]:
+        """m: `largest`, `rms`, and `last`, the mean over the last tenth; nothing without a tip."""
+        if not self._errors:
+            return {}
+        errors = np.concatenate(self._errors)
+        tail = errors[-max(len(errors) // 10, 1) :]
+        return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}

@@ -11,7 +11,7 @@ import pytest
 from robots import PLAIN_ARM, write_plain_arm
 
 import asrsim
-from asrsim.kinematics.holding import holding_findings, sizing
+from asrsim.kinematics.sizing import holding_findings, sizing
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 
