@@ -1,4 +1,5 @@
-"""Renews what the documentation takes from the code: the schema, README's first run, the tutorial's pictures, and every part marked as generated.
+"""Renews what the documentation takes from the code: the schema, README's first run, the tutorial's pictures, and every
+part marked as generated.
 
 Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -->` to `<!-- end -->`
 """
