@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.robot.inertia import rotation_matrix
 from asrsim.robot.model import Joint, Robot, Vector
+from asrsim.robot.poses import rotation_matrix
 
 Array = NDArray[np.float64]
 Pose = tuple[Array, Array]
