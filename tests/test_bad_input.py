@@ -234,7 +234,7 @@ def test_a_broken_mesh_is_a_warning_that_names_the_link(tiny, asrsim_command) ->
     tiny.robot.write_text(tiny.robot.read_text().replace(old, new))
     outcome = asrsim_command("run", tiny.scenario, "--no-plot")
     assert outcome.code == 0
-    assert "arm: collision mesh has a line longer" in outcome.out
+    assert "arm: collision mesh has a line longer" in outcome.err
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

@@ -146,7 +146,7 @@ class Robot:
 
     name: str
     path: Path
-    text: str
+    text: str = field(repr=False)
     """URDF text as read, for the log; for xacro, as expanded. Engines get the data instead."""
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]

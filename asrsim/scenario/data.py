@@ -197,11 +197,11 @@ class Scenario:
     learning: Mapping[str, Any] = declare(LEARNING, key="ilc", default={}, doc="iterative learning control, for `asrsim ilc`")
     expect: tuple[Expectation, ...] = declare(CLAIMS, default=(), doc="claims that the run must meet")
     path: Path | None = None
-    text: str = ""
+    text: str = field(default="", repr=False)
     """The file as read, all variants."""
     attachments: Mapping[str, Path] = field(default_factory=dict)
     """Files that the scenario names (playbacks, manager YAML), to be attached to the log."""
-    resolved: Mapping[str, Any] = field(default_factory=dict)
+    resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """This variant as plain JSON values with overrides applied: parsing it again gives this scenario."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Dotted key -> line in `path`, for messages of later checks."""
