@@ -77,8 +77,7 @@ class Painter:
         owner[raster.pixels] = self._body[raster.triangles]
         marked = [number for number, body in enumerate(self.bodies) if body in touched]
         _outline(picture, owner.reshape(fine[::-1]), raster.depth.reshape(fine[::-1]), marked, sharpness)
-        blocks = picture.reshape(height, sharpness, width, sharpness, 3).mean(axis=(1, 3))
-        return np.asarray(np.round(255 * np.clip(blocks, 0.0, 1.0)), dtype=np.uint8)
+        return _averaged(picture, width, height, sharpness)
 
     def _stacked(self, frames: Mapping[str, Array]) -> tuple[Array, Array]:
         stacked = np.array([frames[body] for body in self.bodies]).reshape(-1, 4, 4)
@@ -87,7 +86,8 @@ class Painter:
     def _background(self, points: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
         """(height * width, 3) sky and ground, with the shadow that falls straight down on it."""
         share = np.linspace(0.0, 1.0, height)[:, None]
-        picture = np.repeat(((1 - share) * SKY_TOP + share * SKY_BOTTOM)[:, None], width, axis=1).reshape(-1, 3)
+        sky = ((1 - share) * SKY_TOP + share * SKY_BOTTOM).astype(np.float32)
+        picture = np.repeat(sky[:, None], width, axis=1).reshape(-1, 3)
         level = self._scene.ground
         if level is None or not len(points):
             return picture
@@ -165,25 +165,22 @@ def _light(normals: Array, corners: Array, camera: Camera) -> Array:
 
 
 def _outline(picture: Array, owner: NDArray[np.intp], depth: Array, marked: Collection[int], width: int) -> None:
-    """Ink along the edges between bodies, on the side of the nearer one."""
-    height, wide = owner.shape
-    canvas = picture.reshape(height, wide, 3)
-    ink = np.zeros((height, wide))
-    red = np.zeros((height, wide), dtype=bool)
-    touched = np.isin(owner, list(marked))
-    for axis in (0, 1):
-        a = tuple(slice(None, -1) if i == axis else slice(None) for i in (0, 1))
-        b = tuple(slice(1, None) if i == axis else slice(None) for i in (0, 1))
-        edge = owner[a] != owner[b]
-        nearer = depth[a] >= depth[b]
-        ink[a] = np.maximum(ink[a], edge & nearer)
-        ink[b] = np.maximum(ink[b], edge & ~nearer)
-        red[a] |= edge & nearer & touched[a]
-        red[b] |= edge & ~nearer & touched[b]
-    if red.any():
-        for _ in range(width):
-            red[1:] |= red[:-1]
-            red[:, 1:] |= red[:, :-1]
-        ink = np.maximum(ink, red)
-    share = np.where(red, 1.0, 0.62 * ink)[..., None]
-    canvas[:] = (1 - share) * canvas + share * np.where(red[..., None], CONTACT, INK)
+    """Ink along the edges between bodies, on the side of the nearer one; a wider red line around what is touched."""
+    edges = []
+    for step, there in ((1, owner[:, 1:] != owner[:, :-1]), (owner.shape[1], owner[1:] != owner[:-1])):
+        row, column = np.nonzero(there)
+        first = row * owner.shape[1] + column
+        edges.append(np.where(depth.ravel()[first] >= depth.ravel()[first + step], first, first + step))
+    edge = np.unique(np.concatenate(edges))
+    red = edge[np.isin(owner.ravel()[edge], list(marked))]
+    picture[edge] = 0.38 * picture[edge] + 0.62 * INK
+    for x in range(-width, width + 1):
+        for y in range(-width, width + 1):
+            picture[np.clip(red + x + y * owner.shape[1], 0, owner.size - 1)] = CONTACT
+
+
+def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:
+    """Bytes of the picture, `factor` times smaller by averaging."""
+    blocks = picture.reshape(height, factor, width, factor, 3)
+    total = sum(blocks[:, i, :, j] for i in range(factor) for j in range(factor))
+    return np.asarray(np.clip(255.0 / factor**2 * total + 0.5, 0.0, 255.0), dtype=np.uint8)

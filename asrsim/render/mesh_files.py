@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asrsim.render.solids import Mesh, flat, merged
+from asrsim.render.solids import Mesh, Triangles, flat, merged
 from asrsim.samples import Array
 
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -57,7 +58,7 @@ def _obj(path: Path) -> Mesh:
         elif words[0] == "f":
             corners = [int(word.split("/")[0]) for word in words[1:]]
             corners = [corner - 1 if corner > 0 else len(points) + corner for corner in corners]
-            triangles += [(corners[0], a, b) for a, b in zip(corners[1:], corners[2:], strict=False)]
+            triangles += [(corners[0], a, b) for a, b in pairwise(corners[1:])]
             colours += [colour] * max(len(corners) - 2, 0)
         elif words[0] == "mtllib" and len(words) > 1:
             materials |= _mtl(path.parent / Path(line.split(None, 1)[1].strip()).name)
@@ -89,7 +90,7 @@ def _dae(path: Path) -> Mesh:
     by_id = {element.get("id"): element for element in root.iter() if isinstance(element.tag, str) and element.get("id")}
     unit = root.find("{*}asset/{*}unit")
     metres = float(unit.get("meter", "1")) if unit is not None else 1.0
-    parts: list[tuple[Array, Array, Array]] = []
+    parts: list[tuple[Array, Triangles, Array]] = []
     for geometry, transform, bound in _instances(root, by_id):
         for points, triangles, symbol in _primitives(geometry, by_id):
             colour = _dae_colour(by_id.get(bound.get(symbol, symbol)), by_id)
@@ -152,7 +153,7 @@ def _node_transform(node: Any) -> Array:
     return total
 
 
-def _primitives(geometry: Any, by_id: dict[str, Any]) -> Iterator[tuple[Array, Array, str]]:
+def _primitives(geometry: Any, by_id: dict[str, Any]) -> Iterator[tuple[Array, Triangles, str]]:
     """(points, triangles, symbol of the material) of each group of a geometry's triangles and polygons."""
     for group in (g for tag in ("triangles", "polylist", "polygons") for g in geometry.iter(f"{{*}}{tag}")):
         inputs = group.findall("{*}input")

@@ -35,9 +35,7 @@ def rasterise(corners: Array, width: int, height: int) -> Raster:
     ahead = np.flatnonzero((corners[:, :, 2] > 0.0).all(axis=1))
     order = np.argsort(corners[ahead][:, :, 1], axis=1)
     sorted_corners = np.take_along_axis(corners[ahead], order[:, :, None], axis=1)
-    first, last = (
-        np.clip(np.ceil(sorted_corners[:, k, 1] - 0.5), 0, height).astype(np.intp) for k in (0, 2)
-    )
+    first, last = (np.clip(np.ceil(sorted_corners[:, k, 1] - 0.5), 0, height).astype(np.intp) for k in (0, 2))
     tall = last > first
     ahead, sorted_corners, first, last = ahead[tall], sorted_corners[tall], first[tall], last[tall]
     member, row = _expanded(first, last - first)
@@ -84,7 +82,7 @@ def _expanded(first: Numbers, counts: Numbers) -> tuple[Numbers, Numbers]:
     return member, np.arange(len(member)) - starts[member] + first[member]
 
 
-def _along(start: Array, end: Array, member: Numbers, y: Array) -> Array:
+def _along(start: Array, end: Array, member: Numbers, y: NDArray[np.floating]) -> Array:
     """x where the edge from start to end (3, m) crosses the height y."""
     rise = end[1] - start[1]
     slope = np.where(rise > 0.0, (end[0] - start[0]) / np.where(rise > 0.0, rise, 1.0), 0.0)

@@ -5,20 +5,22 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import MetricRow, summarise
+from asrsim.runs.folder import SUMMARY
 from asrsim.samples import RunInfo
 
-LOG, SUMMARY = "log.mcap", "summary.json"
+STRIPS = 12
+"""Runs of which film strips are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,19 +57,6 @@ class Compared:
     folder: Path
     metrics: tuple[MetricRow, ...]
     pictures: tuple[Path, ...]
-
-
-def find_logs(folder: Path) -> list[Path]:
-    """Logs of a folder: its own, else those of its subfolders (variants). Raises InputError where there is none."""
-    if folder.is_file():
-        return [folder]
-    own = [folder / LOG] if (folder / LOG).is_file() else sorted(folder.glob("*.mcap"))
-    logs = own or sorted(folder.glob(f"*/{LOG}"))
-    if not logs:
-        message = "holds no log of a run (log.mcap), nor does a folder in it"
-        hint = "Run a scenario first: asrsim run scenario.yaml"
-        raise InputError(Problem(message=message, file=folder, hint=hint, code="no-log"))
-    return logs
 
 
 def read_content(log: Path) -> RunContent:
@@ -120,27 +109,28 @@ def find_comparison(folder: Path) -> Compared | None:
     return None
 
 
-def film_strips(logs: list[Path], *, frames: int = 6) -> tuple[dict[Path, str], list[str]]:
-    """Log -> film strip as a data address (JPEG); and why there is none for some."""
+def film_strips(logs: Sequence[Path], *, frames: int = 6) -> tuple[dict[Path, str], list[str]]:
+    """Log -> film strip as a data address (JPEG), all seen from one place at the same times; and why there is none for some."""
     from io import BytesIO
 
-    from asrsim.plots.output import styled
-    from asrsim.render import Film, even_times, film_strip
+    from asrsim.render import Film, film_strip, share_view, telling_times
 
-    strips: dict[Path, str] = {}
+    films: dict[Path, Film] = {}
     said: dict[str, None] = {}
-    for log in logs[:4]:
+    for log in logs[:STRIPS]:
         try:
-            with Film(log, size=380) as film:
-                pictures = list(film.frames(even_times(film, frames)))
-                said |= dict.fromkeys(film.notes)
+            films[log] = Film(log, size=250 if len(logs) > 1 else 300)
+            said |= dict.fromkeys(films[log].notes)
         except AsrsimError as error:
             said[f"no film strip of {log.parent.name}: {error}"] = None
-            continue
-        with styled():
+    strips: dict[Path, str] = {}
+    if films:
+        share_view(list(films.values()))
+        times = telling_times(list(films.values()), frames)
+        for log, film in films.items():
             buffer = BytesIO()
-            film_strip(pictures).savefig(buffer, format="jpeg", dpi=130, pil_kwargs={"quality": 82, "optimize": True})
-        strips[log] = "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+            film_strip(list(film.frames(times))).save(buffer, format="JPEG", quality=84, optimize=True)
+            strips[log] = "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
     return strips, list(said)
 
 

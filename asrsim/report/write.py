@@ -8,10 +8,11 @@ from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.plots.curves import distinct_labels, read_curves
-from asrsim.report.content import RunContent, film_strips, find_comparison, find_logs, read_content
+from asrsim.report.content import RunContent, film_strips, find_comparison, read_content
 from asrsim.report.page import build_page
 from asrsim.report.plots import DASHES, QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
+from asrsim.runs.folder import find_logs
 from asrsim.textfile import write_text
 
 PAGE = "report.html"

@@ -78,8 +78,9 @@ def films(log: Path | None, name: str, caption: str, *, frames: int = 6) -> tupl
     """A film strip of a run's motion, from its log; nothing without one."""
     if log is None or not log.is_file():
         return ()
-    from asrsim.render import Film, even_times, film_strip
+    from asrsim.render import Film, film_strip, telling_times
 
-    with Film(log) as film:
-        pictures = list(film.frames(even_times(film, frames)))
-    return (picture(name, caption, lambda: film_strip(pictures), kind="png"),)
+    film = Film(log)
+    stream = io.BytesIO()
+    film_strip(list(film.frames(telling_times([film], frames)))).save(stream, format="PNG", compress_level=6)
+    return (Picture(name=name, caption=caption, kind="png", data=stream.getvalue()),)
