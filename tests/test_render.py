@@ -218,8 +218,8 @@ def test_what_is_behind_the_camera_is_left_out():
 
 
 CUBE = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
-FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7),
-         (1, 7, 3)]  # fmt: skip
+FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
+         (1, 5, 7), (1, 7, 3)]  # fmt: skip
 
 
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:
@@ -252,7 +252,8 @@ def test_meshes_are_read_with_their_colours(tmp_path: Path, kind: str):
         </technique></profile_COMMON></effect></library_effects>
         <library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
         <library_geometries><geometry id="g"><mesh>
-        <source id="p"><float_array id="pa" count="24">{positions}</float_array><technique_common>
+        <source id="p"><float_array id="pa" count="24">{positions}</float_array>
+        <technique_common>
         <accessor source="#pa" count="8" stride="3"/></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
         <triangles count="12" material="mat"><input semantic="VERTEX" source="#v" offset="0"/>
         <input semantic="NORMAL" source="#p" offset="1"/><p>{numbers}</p></triangles></mesh></geometry></library_geometries>
