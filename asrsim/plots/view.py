@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.plots import style
 from asrsim.plots.world import Curve
+from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,9 +21,9 @@ FLATTENED = 4.0
 """Times the rest's range from which on it does."""
 WINDOW = 7.0
 """Pixels of an envelope's window, or five samples where these are wider."""
-CROSSINGS = 7.0
-"""Times that a curve crosses the range of three windows from which on it is a block, not a line: 6 pixels or 4 samples a period.
-Noise of a sample's length comes to 5."""
+BLOCK, BEATS = 4.2, 7.0
+"""Times that a curve crosses the range of three windows from which on it is drawn as an envelope: where windows are pixels, at
+10 pixels a period; where they are samples, at 4 samples a period. Noise from sample to sample comes to 5."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,17 +52,21 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, window, values)
     np.maximum.at(high, window, values)
-    wide_low, wide_high = (f(f(_beside(edge, -1, fill), _beside(edge, 1, fill)), edge)
-                           for f, edge, fill in ((np.minimum, low, np.inf), (np.maximum, high, -np.inf)))  # fmt: skip
+    wide_low, wide_high = -_widened(-low), _widened(high)
     size = wide_high - wide_low
-    fast = np.convolve(way, np.ones(3), "same") > CROSSINGS * size
+    way = np.convolve(way, np.ones(3), "same")
+    coarse = len(inside) // 5 < pixels / WINDOW
+    fast = way > (BEATS if coarse else BLOCK) * size
     fast &= size > 1e-3 * float(np.ptp(values))
     # One window alone is no stretch.
     fast &= _beside(fast, -1, False) | _beside(fast, 1, False)
     if not fast.any():
         return Split(line=curve)
-    if len(inside) // 5 < pixels / WINDOW:
-        low, high = wide_low, wide_high
+    # A window that holds no whole period, or no whole beat, has its extremes beside it.
+    slow = coarse | (way < BEATS * size)
+    low, high = np.where(slow, wide_low, low), np.where(slow, wide_high, high)
+    if coarse:
+        low, high = -_widened(-low, 2), _widened(high, 2)
     shown = np.array(curve.values)
     shown[inside[fast[window]]] = np.nan
     edges = start + np.arange(count + 1) * (end - start) / count
@@ -76,6 +81,13 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     return Split(
         line=Curve(time=curve.time, values=shown), low=Curve(time=when, values=below), high=Curve(time=when, values=above)
     )
+
+
+def _widened(high: Array, times: int = 1) -> Array:
+    """The largest of each window and so many beside it."""
+    for _ in range(times):
+        high = np.maximum(np.maximum(_beside(high, -1, -np.inf), _beside(high, 1, -np.inf)), high)
+    return high
 
 
 def _beside(values: Any, step: int, fill: Any) -> Any:
@@ -117,8 +129,8 @@ def show_values(
 ) -> None:
     """The axis of values: all of the curves, and the limits that they come near.
 
-    Values that rest are not blown up to show their last digits, nor is what is smaller than `still`. brief: what lasts for a moment and flattens all the rest is
-    cut off, with an arrow and its value at the edge.
+    Values that rest are not blown up to show their last digits, nor is what is smaller than `still`.
+    brief: what lasts for a moment and flattens all the rest is cut off, with an arrow and its value at the edge.
     """
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
     low = min((float(v.min()) for v in finite if len(v)), default=0.0)
