@@ -15,6 +15,7 @@ from asrsim.log import LogWriter
 from asrsim.plots import draw_run, draw_runs, read_curves, style
 from asrsim.plots.curves import distinct_labels
 from asrsim.plots.figures import new_figure, run_pages
+from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
 
 
@@ -261,12 +262,10 @@ def test_limits_are_drawn_where_the_motion_comes_near_them(tmp_path: Path):
     limit = run.info.resolved["parameters"]["joint_1"]["motor_1_max_torque"]
     assert found
     assert found <= {-limit, limit}
-    axes = new_figure(6, 3).subplots()
-    draw_panel(axes, PANELS["deflection"], [run], "joint_1")
     most = run.info.resolved["parameters"]["joint_1"]["max_deflection"]
-    edge = next(line for gid, line in lines(axes).items() if "limit" in gid)
+    edge, _ = panel_limits(run, "joint_1", "deflection")
     one, two = (np.interp(0.25, *(lambda c: (c.time, c.values))(run.get("joint_1", f"motor_{n}_position"))) for n in (1, 2))
-    assert np.interp(0.25, *edge.get_data()) == pytest.approx(most - abs(one - two) / 2, abs=1e-3)
+    assert np.interp(0.25, edge.time, edge.values) == pytest.approx(most - abs(one - two) / 2, abs=1e-3)
 
 
 def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):

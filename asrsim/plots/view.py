@@ -24,6 +24,8 @@ WINDOW = 7.0
 BLOCK, BEATS = 4.2, 7.0
 """Times that a curve crosses the range of three windows from which on it is drawn as an envelope: where windows are pixels, at
 10 pixels a period; where they are samples, at 4 samples a period. Noise from sample to sample comes to 5."""
+BEAT = 36
+"""Samples that an envelope's extremes are taken from, at least."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +54,7 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, window, values)
     np.maximum.at(high, window, values)
-    wide_low, wide_high = -_widened(-low), _widened(high)
+    wide_low, wide_high = -_widened(-low, 1), _widened(high, 1)
     size = wide_high - wide_low
     way = np.convolve(way, np.ones(3), "same")
     coarse = len(inside) // 5 < pixels / WINDOW
@@ -62,11 +64,11 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     fast &= _beside(fast, -1, False) | _beside(fast, 1, False)
     if not fast.any():
         return Split(line=curve)
-    # A window that holds no whole period, or no whole beat, has its extremes beside it.
-    slow = coarse | (way < BEATS * size)
-    low, high = np.where(slow, wide_low, low), np.where(slow, wide_high, high)
-    if coarse:
-        low, high = -_widened(-low, 2), _widened(high, 2)
+    # A window that holds no whole period, or not the samples of a whole beat, has its extremes beside it.
+    beside = int(np.clip(np.ceil((BEAT * count / len(inside) - 1) / 2), 0, 3))
+    slow = way < BEATS * size
+    low = np.where(slow & (beside < 1), wide_low, -_widened(-low, beside))
+    high = np.where(slow & (beside < 1), wide_high, _widened(high, beside))
     shown = np.array(curve.values)
     shown[inside[fast[window]]] = np.nan
     edges = start + np.arange(count + 1) * (end - start) / count
@@ -83,7 +85,7 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     )
 
 
-def _widened(high: Array, times: int = 1) -> Array:
+def _widened(high: Array, times: int) -> Array:
     """The largest of each window and so many beside it."""
     for _ in range(times):
         high = np.maximum(np.maximum(_beside(high, -1, -np.inf), _beside(high, 1, -np.inf)), high)
