@@ -76,7 +76,7 @@ class CurveSource:
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
         """(joint, quantity) of each column."""
         recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
-        self._stored = [name for name in _stored(self._names) if name in recorded]
+        self._stored = [name for name in stored(self._names) if name in recorded]
 
     def span(self, first: float) -> tuple[float, float]:
         """Start and end of what is read in s, the time of its first sample given."""
@@ -91,8 +91,8 @@ class CurveSource:
             quantities=self._stored, joints=[joint.name for joint in self.joints], start=self._start, end=self._end
         )
         for part in _ordered(samples, self.reader.path):
-            table = _table(part, self._names, self.reader.info.joints)
-            yield part, np.concatenate([table[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
+            columns = table(part, self._names, self.reader.info.joints)
+            yield part, np.concatenate([columns[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
             start = float(part.time[0]) if start is None else start
             if progress is not None and duration > 0:
                 progress((float(part.time[-1]) - start) / duration)
@@ -206,7 +206,7 @@ def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str]
     return tuple(dict.fromkeys(asked))
 
 
-def _stored(names: Sequence[str]) -> list[str]:
+def stored(names: Sequence[str]) -> list[str]:
     """What must be read for these quantities."""
     needed: dict[str, None] = {}
     for name in names:
@@ -215,19 +215,19 @@ def _stored(names: Sequence[str]) -> list[str]:
     return list(needed)
 
 
-def _table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
-    """Quantity -> (n, joints)."""
-    table: dict[str, Array] = {}
+def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
+    """Quantity, stored or derived -> (n, joints)."""
+    found: dict[str, Array] = {}
     # Infinite values of a run that diverged: their differences are no numbers, and no news.
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:
-                table[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
+                found[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
             elif name in DERIVED_FUNCTIONS:
-                table[name] = DERIVED_FUNCTIONS[name](part, joints)
+                found[name] = DERIVED_FUNCTIONS[name](part, joints)
             else:
-                table[name] = part.values[name]
-    return table
+                found[name] = part.values[name]
+    return found
 
 
 def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:
