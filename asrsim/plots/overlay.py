@@ -67,7 +67,7 @@ def overlay_figure(
     """For every joint (column) and quantity: simulation over experiment, and their difference below."""
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.9)
     heights = [height for _ in quantities for height in (1.75, 0.85)]
-    grid = Grid(columns=len(joints), heights=heights, width=wide, right=style.LEGEND_WIDTH + 0.35)
+    grid = Grid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
     figure, axes = grid.figure([one.label for one in compared], sharex="col")
     for c, joint in enumerate(joints):
         info = _info(runs, joint)
@@ -136,24 +136,27 @@ def draw_difference(
         # Nothing to see is shown on the scale of what is compared.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
     axes.set_ylabel(f"difference\n({unit or '-'})")
-    for line, (number, one, _) in enumerate(found[:4]):
+    texts = [(number, _verdict(one, joint, quantity)) for number, one, _ in found[:3]]
+    for place, (number, text) in enumerate(reversed([entry for entry in texts if entry[1]])):
+        first = number == texts[0][0]
         axes.text(
-            1.02, 1.0 - 0.2 * line, _verdict(one, joint, quantity), transform=axes.transAxes, va="top", fontsize=7.5,
-            color=style.variant_colour(number) if len(compared) > 1 else style.GREY, clip_on=False,
+            1.0 - 0.3 * place, 1.02, f"{'RMSE ' if first else ''}{text}", transform=axes.transAxes, ha="right", va="bottom",
+            fontsize=7.5, color=style.variant_colour(number) if len(compared) > 1 else style.GREY,
         )  # fmt: skip
 
 
 def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
     """Root mean square of the difference, and its share of the recording's range; of several recordings their mean."""
-    values = {
-        measure: [r.value for r in one.rows if (r.joint, r.quantity, r.measure) == (joint, quantity, measure)]
-        for measure in ("rmse", "nrmse")
-    }
-    unit = next((r.unit for r in one.rows if (r.joint, r.quantity, r.measure) == (joint, quantity, "rmse")), "")
-    known = [value for value in values["rmse"] if math.isfinite(value)]
-    shares = [value for value in values["nrmse"] if math.isfinite(value)]
-    share = f" ({100 * sum(shares) / len(shares):.2g} %)" if shares else ""
-    return f"RMSE {sum(known) / len(known):.3g} {unit.replace('N m', 'N·m')}{share}" if known else ""
+    found: dict[str, list[float]] = {"rmse": [], "nrmse": []}
+    unit = ""
+    for row in one.rows:
+        if (row.joint, row.quantity) == (joint, quantity) and row.measure in found and math.isfinite(row.value):
+            found[row.measure].append(row.value)
+            unit = row.unit.replace("N m", "N·m") if row.measure == "rmse" else unit
+    if not found["rmse"]:
+        return ""
+    mean, share = (float(np.mean(values)) if values else math.nan for values in found.values())
+    return f"{mean:.3g} {unit}" + (f" ({100 * share:.{0 if share >= 0.1 else 1}f} %)" if math.isfinite(share) else "")
 
 
 def _moved(compared: Sequence[RunComparison]) -> str:
@@ -217,7 +220,7 @@ def side_figure(
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
     """Experiment at the left, simulation at the right with the same axes, one row a joint; as the paper's figures."""
-    grid = Grid(columns=2, heights=[1.6] * len(joints), title=0.3)
+    grid = Grid(columns=2, heights=[1.6] * len(joints), title=0.3, gap_x=0.45)
     figure, axes = grid.figure([one.label for one in compared], sharex=True, sharey="row")
     shown: dict[str, None] = {}
     several = len(compared) > 1

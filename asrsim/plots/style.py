@@ -79,6 +79,8 @@ RC: dict[str, Any] = {
     "mathtext.fontset": "dejavusans",
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
+    # A place that is given need not be found by measuring all labels.
+    "axes.titley": 1.0,
     "axes.edgecolor": "#8a8a8a",
     "axes.linewidth": 0.7,
     "axes.labelcolor": BLACK,
