@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +22,10 @@ from asrsim.plots.pairing import RunComparison, assign, compare_run
 from asrsim.plots.responses import OUTPUT, Experiment, Response, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
+from asrsim.textfile import write_text
+
+RECORDED = "recorded.json"
+"""The recorded curves of a comparison."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +84,6 @@ class PlotResult:
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
-        import math
-
         return {
             "ok": self.ok,
             "runs": [
@@ -256,8 +260,24 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
         if not result.compared and not result.responses:
             for page in run_pages(result.runs, quantities=job.quantities):
                 files += save_figure(page.figure, folder, page.name, formats)
+    if result.compared:
+        files.append(_write_recorded(folder / RECORDED, result))
     if result.rows:
         write_metrics_json(folder / "metrics.json", result.rows)
         write_metrics_csv(folder / "metrics.csv", result.rows)
         files += [folder / "metrics.json", folder / "metrics.csv"]
     return replace(result, files=tuple(files), replaced=sum(path.name in before for path in files))
+
+
+def _write_recorded(path: Path, result: PlotResult) -> Path:
+    """The recorded curves, thinned and on the run's clock, for a report's plots. Raises OutputError."""
+    curves = [
+        {
+            "run": one.label, "joint": pair.joint, "quantity": pair.quantity,
+            "time": [round(t, 6) for t in pair.recording.time.tolist()],
+            "values": [float(f"{v:.6g}") if math.isfinite(v) else None for v in pair.recording.values.tolist()],
+        }
+        for one in result.compared for pair in one.pairs.values()
+    ]  # fmt: skip
+    write_text(path, json.dumps({"curves": curves}, separators=(",", ":"), allow_nan=False))
+    return path
