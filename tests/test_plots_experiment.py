@@ -40,7 +40,7 @@ def test_the_lag_is_found_and_the_difference_is_what_is_left(tmp_path: Path):
     rmse = next(row for row in result.rows if (row.quantity, row.measure) == ("link_position", "rmse"))
     assert rmse.unit == "rad"
     assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
-    assert {path.name for path in result.files} == {"comparison.png", "metrics.json", "metrics.csv"}
+    assert {path.name for path in result.files} == {"comparison.png", "recorded.json", "metrics.json", "metrics.csv"}
     data = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert {row["measure"] for row in data["metrics"]} >= {"rmse", "nrmse", "maximum_error", "bias", "delay", "r2", "rise"}
 
@@ -156,7 +156,7 @@ def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(tmp_pa
     assert "rmse" in result.output
     assert (out / "comparison.svg").is_file()
     again = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
-    assert "3 replaced" in again.output
+    assert "4 replaced" in again.output
 
 
 def test_json_is_one_document(tmp_path: Path):

@@ -24,15 +24,15 @@ ROW = 6
 """Frames in a row of a film strip."""
 
 
-def film_strip(frames: Sequence[Frame], *, title: str = "") -> Picture:
-    """Frames in rows of six at most with their times, and what is touched."""
+def film_strip(frames: Sequence[Frame], *, title: str = "", letters: float = 0.045) -> Picture:
+    """Frames in rows of six at most with their times, and what is touched. letters: their size, as a share of a frame's."""
     from PIL import Image as Pictures
     from PIL import ImageDraw
 
     columns = min(len(frames), ROW)
     rows = -(-len(frames) // columns)
     height, width = frames[0].image.shape[:2]
-    size = max(11, round(0.045 * (width * height) ** 0.5))
+    size = max(11, round(letters * (width * height) ** 0.5))
     line, gap = round(1.7 * size), max(2, size // 4)
     top = round(2.0 * size) if title else 0
     strip = Pictures.new("RGB", (columns * (width + gap) - gap, top + rows * (height + line)), "white")

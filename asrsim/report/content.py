@@ -155,7 +155,7 @@ def read_films(logs: Sequence[Path], labels: Sequence[str], *, frames: int = 6) 
         times = telling_times(list(films.values()), frames)
         for log, film in films.items():
             buffer = BytesIO()
-            film_strip(list(film.frames(times))).save(buffer, format="JPEG", quality=84, optimize=True)
+            film_strip(list(film.frames(times)), letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
             strips[log] = "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
     names = [label for log, label in zip(logs, labels, strict=True) if log in films]
     return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))

@@ -6,7 +6,7 @@
   if (!place || !text) return;
   const data = JSON.parse(text.textContent);
   const canvas = place.querySelector("canvas");
-  const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   if (!gl) { place.hidden = true; return; }
 
   // 4x4 matrices row by row, as in the log.
