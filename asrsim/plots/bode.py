@@ -55,7 +55,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     for one in {(r.variant, r.experiment): r for r in found}.values():
         text = f"{'experiment' if one.experiment else 'simulation'}\n{style.plain(one.label)}"
         text += "" if one.response.moves else "\n(does not move)"
-        look = {"color": _colour(one, several=several), "linewidth": 0.9 if one.experiment else 1.6}
+        look: dict[str, Any] = {"color": _colour(one, several=several), "linewidth": 0.9 if one.experiment else 1.6}
         handles.append(Line2D([], [], label=text, **look))
     if any(one.response.resonance for one in moving):
         handles.append(Line2D([], [], marker="o", ms=3.5, linestyle="", color=style.GREY, label="resonance"))

@@ -69,8 +69,7 @@ def variants(figure: Figure, labels: Sequence[str]) -> None:
         for number, label in enumerate(labels)
     ]
     columns = variant_rows(labels, figure.get_figwidth())
-    place = "lower center" if figure.get_layout_engine() is None else "outside lower center"
-    figure.legend(handles=handles, loc=place, ncols=columns, handlelength=2.6, borderaxespad=0.4)
+    figure.legend(handles=handles, loc="lower center", ncols=columns, handlelength=2.6, borderaxespad=0.4)
 
 
 _WORDS = {

@@ -61,7 +61,7 @@ def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str])
                 # A joint may be called in letters that the font has not; boxes in a picture are no news for a terminal.
                 warnings.filterwarnings("ignore", message="Glyph ")
                 # Compressing harder takes longer than all of the drawing.
-                more = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
+                more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
                 figure.savefig(path, format=kind, metadata=metadata, **more)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None

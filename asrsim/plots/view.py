@@ -50,7 +50,7 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
         return Split(line=curve)
     time, values = curve.time[inside], curve.values[inside]
     window = np.minimum(((time - start) / (end - start) * count).astype(int), count - 1)
-    way = np.bincount(window, np.abs(np.diff(values, prepend=values[0])), minlength=count)
+    way: Array = np.bincount(window, np.abs(np.diff(values, prepend=values[0])), minlength=count).astype(np.float64)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, window, values)
     np.maximum.at(high, window, values)
@@ -105,7 +105,7 @@ def _beside(values: Any, step: int, fill: Any) -> Any:
 def draw_curve(axes: Axes, curve: Curve, *, gid: str, colour: str, linestyle: Any = "-", **more: Any) -> None:
     """A line, and where it would be a block, its envelope."""
     start, end = axes.get_xlim()
-    pixels = axes.get_position().width * axes.figure.get_figwidth() * style.DPI
+    pixels = float(axes.get_window_extent().width)
     parts = split(curve, start, end, pixels)
     axes.plot(parts.line.time, parts.line.values, color=colour, linestyle=linestyle, gid=gid, **more)
     if parts.low is not None and parts.high is not None:

@@ -16,7 +16,7 @@ from asrsim.samples import Array
 
 FRAMES = 400
 """Instants of a run at most; between them the page interpolates."""
-TRIANGLES = 24_000
+TRIANGLES = 40_000
 """Of all shapes together."""
 _LEVELS = 32767
 

@@ -51,7 +51,7 @@ def curves(results: Mapping[str, Result]) -> list[RunCurves]:
 
 
 def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until: float | None = None) -> Figure:
-    """Panels by name (`link`, or see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by line style.
+    """Panels by name (`link`, or see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by colour.
 
     until: s, end of the axes of time.
     """
