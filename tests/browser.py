@@ -97,10 +97,9 @@ class Browser:
                 said.append(f"{params['type']}: {[a.get('value') for a in params['args']]}")
             elif event["method"] == "Runtime.exceptionThrown":
                 said.append(str(params["exceptionDetails"]))
-            elif event["method"] == "Log.entryAdded":
-                # That this machine has no graphics card is no fault of a page.
-                if "GPU stall" not in params["entry"]["text"]:
-                    said.append(params["entry"]["text"])
+            # That this machine has no graphics card is no fault of a page.
+            elif event["method"] == "Log.entryAdded" and "GPU stall" not in params["entry"]["text"]:
+                said.append(params["entry"]["text"])
         return said
 
     @property

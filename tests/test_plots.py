@@ -278,9 +278,10 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
 
 
 def test_stiffness_and_adjuster_have_letters_of_their_own():
-    from asrsim.plots.legends import _entry
+    from asrsim.plots.legends import _WORDS, _entry
 
-    assert "sigma" not in _entry("stiffness")
+    assert _entry("stiffness") == "stiffness k"
+    assert "\u03c3" not in "".join(_WORDS.values())
 
 
 def test_a_run_of_many_joints_draws_overview_and_first_page(tmp_path: Path):

@@ -254,7 +254,8 @@ def test_meshes_are_read_with_their_colours(tmp_path: Path, kind: str):
         <library_geometries><geometry id="g"><mesh>
         <source id="p"><float_array id="pa" count="24">{positions}</float_array>
         <technique_common>
-        <accessor source="#pa" count="8" stride="3"/></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+        <accessor source="#pa" count="8" stride="3"/></technique_common></source>
+        <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
         <triangles count="12" material="mat"><input semantic="VERTEX" source="#v" offset="0"/>
         <input semantic="NORMAL" source="#p" offset="1"/><p>{numbers}</p></triangles></mesh></geometry></library_geometries>
         <library_visual_scenes><visual_scene id="s"><node><translate>3 0 0</translate>

@@ -104,7 +104,7 @@ def grid_figure(
         names = [name for name in panel.of_any(several=several) if name in shown]
         # One quantity that the axis names already, in the variants' colours.
         alone = several and len(names) == 1
-        words = {"motor_2_position": r"adjuster $\sigma$", "reference_2": "its reference"} if panel.key == "adjuster" else None
+        words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
         legend(axes[r, -1], [] if alone else names, several=several, words=words, extra=_limit_handles(shown))
     for c, joint in enumerate(joints):
         axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)

@@ -79,7 +79,7 @@ def overlay_figure(
     banded = max((pair.count for one in compared for pair in one.pairs.values()), default=1)
     for r, quantity in enumerate(quantities):
         reference = [REFERENCE] if quantity in _BESIDE_REFERENCE and _has_reference(runs, joints) else []
-        words = {quantity: f"simulation {style.symbol(quantity)}"}
+        words = {quantity: "simulation"}
         legend(
             axes[2 * r, -1], [quantity, *reference], words=words, extra=_experiment_handles(banded), several=len(compared) > 1
         )
