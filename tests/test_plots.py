@@ -82,6 +82,9 @@ def test_a_prismatic_joint_has_metres_and_an_adjuster_too(tmp_path: Path):
     draw_panel(axes, PANELS["position"], [run], "slide")
     assert axes.get_ylabel() == "position (m)"
     axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["torque"], [run], "slide")
+    assert axes.get_ylabel().startswith("link force")
+    axes = new_figure(4, 3).subplots()
     assert draw_panel(axes, PANELS["adjuster"], [run], "lever") == ("reference_2", "motor_2_position")
     assert "(m)" in axes.get_ylabel()
 

@@ -162,7 +162,8 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
         )  # fmt: skip
     infos = [info for run in runs for info in _info(run, joint)]
     units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn for info in infos[:1])
-    axes.set_ylabel(style.axis_label(panel.words, " or ".join(filter(None, units))))
+    words = panel.words.replace("torque", "force") if infos and infos[0].prismatic else panel.words
+    axes.set_ylabel(style.axis_label(words, " or ".join(filter(None, units))))
     limits = [(n, limit) for n, run in enumerate(runs) for limit in panel_limits(run, joint, panel.key)] if drawn else []
     show_values(
         axes, [curve for _, _, curve in drawn], limits=[limit for _, limit in limits], brief=any("N" in unit for unit in units),
