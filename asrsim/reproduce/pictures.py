@@ -41,13 +41,17 @@ def render(figure: Figure, kind: str) -> bytes:
     return stream.getvalue()
 
 
-def curves(results: Mapping[str, Result]) -> list[RunCurves]:
-    """Thinned curves of runs by label; runs without a log are left out."""
+def curves(results: Mapping[str, Result], *, start: float | None = None, end: float | None = None) -> list[RunCurves]:
+    """Thinned curves of runs by label, from `start` to `end` (s); runs without a log are left out."""
     from dataclasses import replace
 
     from asrsim.plots.curves import read_curves
 
-    return [replace(read_curves(result.log), label=label) for label, result in results.items() if result.log is not None]
+    return [
+        replace(read_curves(result.log, start=start, end=end), label=label)
+        for label, result in results.items()
+        if result.log is not None
+    ]
 
 
 def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until: float | None = None) -> Figure:
@@ -58,11 +62,9 @@ def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until
     from asrsim.plots.figures import grid_figure, joint_names
     from asrsim.plots.panels import PANELS
 
-    runs = curves(results)
+    runs = curves(results, end=until)
     figure = grid_figure(runs, joint_names(runs), [link_panel() if name == "link" else PANELS[name] for name in panels])
     figure.suptitle("")
-    if until is not None:
-        figure.axes[0].set_xlim(0.0, until)
     return figure
 
 
@@ -71,7 +73,10 @@ def link_panel() -> Panel:
     from asrsim.plots.curves import REFERENCE
     from asrsim.plots.panels import Panel
 
-    return Panel(key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"))
+    return Panel(
+        key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"),
+        compared=(REFERENCE, "link_position", "equilibrium_position"),
+    )  # fmt: skip
 
 
 def films(log: Path | None, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:
