@@ -140,7 +140,7 @@ def test_a_failed_claim_does_not_keep_the_other_variants_from_running(tiny, asrs
 
 
 def test_nothing_is_lost_if_drawing_fails(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_arguments: object) -> None:
+    def fail(*_arguments: object, **_: object) -> None:
         raise OutputError("joints.png: cannot write: disk full")
 
     monkeypatch.setattr("asrsim.plots.draw_run", fail)

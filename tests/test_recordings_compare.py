@@ -213,6 +213,28 @@ def test_several_runs_as_a_band(tmp_path: Path) -> None:
     assert band(runs, "elbow", "stiffness") is None
 
 
+def test_a_band_goes_on_through_one_runs_gap_but_not_beyond_its_end(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    runs = [
+        compare(simulation(), read(laboratory(tmp_path, offset=offset, name=f"run{i}.csv")), lag="off")
+        for i, offset in enumerate((-0.01, 0.0, 0.04))
+    ]
+    gappy = runs[2].find("elbow", "link_position")
+    assert gappy is not None
+    values = gappy.recording.copy()
+    count = len(values)
+    values[count // 3 : count // 2] = np.nan
+    values[-count // 10 :] = np.nan
+    series = tuple(replace(s, recording=values) if s is gappy else s for s in runs[2].series)
+    found = band([*runs[:2], replace(runs[2], series=series)], "elbow", "link_position")
+    assert found is not None
+    inside = slice(count // 3 + 1, count // 2 - 1)
+    np.testing.assert_allclose((found.high - found.low)[inside], 0.01, atol=1e-9)
+    assert np.isfinite(found.mean[: -count // 10 - 1]).all()
+    assert np.isnan(found.mean[-1])
+
+
 def test_rows_for_table_json_and_csv(tmp_path: Path) -> None:
     import csv
     import json

@@ -140,7 +140,7 @@ def _with_files(executed: Executed, **files: Any) -> Executed:
 def _drawn(executed: Executed) -> Executed:
     from asrsim.plots import draw_run
 
-    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder)))
+    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder, brief=True)))
 
 
 def _reported(executed: Executed) -> Executed:

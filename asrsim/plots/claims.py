@@ -24,9 +24,9 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
     robot = folder / "robot.urdf"
     robot.write_text(info.urdf or "<robot name='none'/>", encoding="utf-8")
-    # The claims alone: a log must be judged without the files that its run needed.
+    # The claims, and the objects that they may name: a log must be judged without the files that its run needed.
     scenario = scenario_from_data(
-        {"duration": 1.0, "expect": data["expect"]},
+        {"duration": 1.0, "expect": data["expect"], **{key: data[key] for key in ("world",) if key in data}},
         base_dir=Path(info.scenario_path).parent if info.scenario_path else None,
         files=_unpacked(info, folder / "files"),
         robot=robot,

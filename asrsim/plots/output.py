@@ -60,7 +60,9 @@ def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str])
             with warnings.catch_warnings():
                 # A joint may be called in letters that the font has not; boxes in a picture are no news for a terminal.
                 warnings.filterwarnings("ignore", message="Glyph ")
-                figure.savefig(path, format=kind, metadata=metadata)
+                # Compressing harder takes longer than all of the drawing.
+                more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
+                figure.savefig(path, format=kind, metadata=metadata, **more)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
         paths.append(path)

@@ -270,11 +270,18 @@ class Band:
 def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
     """The recordings of several comparisons with one simulation as a band, on the first's time; None if none has it.
 
-    NaN where fewer than all runs have a number, so that the band never jumps where one of them ends.
+    NaN before the last run begins and after the first one ends, so that the band never jumps there; in a run's gap inside, the
+    band is that of the others.
     """
     found = [s for s in (c.find(joint, quantity) for c in comparisons) if s is not None]
     if not found:
         return None
     time = found[0].time
     runs = np.stack([s.recording if s.time is time else resample(s.time, s.recording, time) for s in found])
-    return Band(time=time, mean=runs.mean(axis=0), low=runs.min(axis=0), high=runs.max(axis=0), count=len(found))
+    known = np.isfinite(runs)
+    within = np.maximum.accumulate(known, axis=1) & np.maximum.accumulate(known[:, ::-1], axis=1)[:, ::-1]
+    there = within.all(axis=0) & known.any(axis=0)
+    low, high, mean = (np.full(len(time), np.nan) for _ in range(3))
+    low[there], high[there] = np.nanmin(runs[:, there], axis=0), np.nanmax(runs[:, there], axis=0)
+    mean[there] = np.nanmean(runs[:, there], axis=0)
+    return Band(time=time, mean=mean, low=low, high=high, count=len(found))

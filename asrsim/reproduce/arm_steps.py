@@ -37,7 +37,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
         claims=(*_settled(plain, "AlterEgo's springs"), *_faster(plain)),
         tables=(_table(plain),),
-        pictures=(_picture("figure_12", "Both joints' links (vermilion) and equilibria (blue), soft and stiff.", plain),),
+        pictures=(_picture("figure_12", "Both joints' links (solid) and equilibria (dashed), soft and stiff.", plain),),
     )
     rings = [
         Claim(

@@ -194,11 +194,11 @@ def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
     for column, (name, title) in enumerate(ACTUATORS.items()):
         for row, variant in enumerate(("soft", "stiff")):
             ax = axes[row, column]
-            drawn |= dict.fromkeys(draw_panel(ax, link_panel(), curves({variant: results[name, variant]}), "joint_1"))
+            runs = curves({variant: results[name, variant]}, start=0.08, end=0.5)
+            drawn |= dict.fromkeys(draw_panel(ax, link_panel(), runs, "joint_1"))
             ax.set_ylabel(f"{variant}: position (rad)" if not column else "")
         axes[0, column].set_title(title, loc="left")
         axes[1, column].set_xlabel("time (s)")
-    axes[0, 0].set_xlim(0.08, 0.5)
     names = ("reference_position", "equilibrium_position", "link_position")
     legend(axes[0, -1], [name for name in names if name in drawn])
     return figure

@@ -7,10 +7,12 @@ caller says what was replaced. A folder that holds anything else with the name o
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from asrsim.errors import AsrsimError, OutputError
+from asrsim.errors import AsrsimError, InputError, OutputError, Problem
 from asrsim.scenario.data import Scenario
 
 LOG = "log.mcap"
@@ -20,6 +22,42 @@ SUMMARY = "summary.json"
 def default_folder(scenario: Scenario) -> Path:
     """Where a run of this variant goes unless told otherwise: `out/<scenario>/<variant>`."""
     return Path("out") / scenario.name / scenario.variant
+
+
+def find_logs(place: Path) -> list[Path]:
+    """The log itself, or a folder's logs: its own, else those of its subfolders (variants), in the scenario's order.
+
+    Raises InputError where there is none.
+    """
+    if place.is_file():
+        return [place]
+    own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
+    logs = own or sorted(place.glob(f"*/{LOG}"))
+    if not logs:
+        message = "no such file or folder"
+        if place.is_dir():
+            message = "holds no log of a run (log.mcap), nor does a folder in it"
+        hint = "Run a scenario first: asrsim run scenario.yaml"
+        raise InputError(Problem(message=message, file=place, hint=hint, code="no-log"))
+    return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
+
+
+def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
+    """Key that sorts logs as their scenario lists its variants; those that it does not list come last."""
+    from asrsim.document.yaml_reader import parse_yaml
+    from asrsim.log import open_log
+
+    places: dict[Path, float] = {}
+    for log in logs:
+        places[log] = math.inf
+        # A log that cannot be read complains later, where it is read.
+        with suppress(AsrsimError):
+            info = open_log(log).info
+            scenario = parse_yaml(info.scenario).plain()
+            listed = scenario.get("variants") if isinstance(scenario, dict) else None
+            names = list(listed) if isinstance(listed, dict) else []
+            places[log] = names.index(info.variant) if info.variant in names else math.inf
+    return lambda log: (places[log], str(log))
 
 
 def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False) -> tuple[Path, ...]:
