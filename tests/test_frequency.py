@@ -290,6 +290,17 @@ def test_an_output_that_does_not_move_is_said() -> None:
     assert frequency_response(TIME, u, np.zeros_like(u)).moves is False
 
 
+@pytest.mark.parametrize(("newtons", "metres"), [(549e3, 1.0), (1.0, 1 / 549e3), (1e-9, 1e-6)])
+def test_input_and_output_are_judged_in_units_of_their_own(newtons: float, metres: float) -> None:
+    """A spring of 549 kN/m moves by micrometres, which is a ten millionth of its force and still a motion."""
+    u = excitation("chirp")
+    found = frequency_response(TIME, newtons * u, metres * simulate(u))
+    assert found.moves
+    assert found.resonance is not None
+    truth = analytic(found.frequency) * metres / newtons
+    assert np.max(np.abs(complex_of(found) / truth - 1)) < 0.015
+
+
 @pytest.mark.parametrize(
     ("u", "code"),
     [(np.ones(len(TIME)), "constant-excitation"), (np.full(len(TIME), np.nan), "no-overlap")],

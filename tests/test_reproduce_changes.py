@@ -28,13 +28,19 @@ def joints(robot: Robot, **factors: float) -> Robot:
 
 
 def masses(robot: Robot, factor: float) -> Robot:
-    """The robot with masses, and the inertia that goes with them, multiplied: in its file's text, which engines read."""
+    """The robot with masses, and the inertia that goes with them, multiplied: in data and in its file's text."""
     root = ElementTree.fromstring(robot.text)
     for inertial in root.iter("inertial"):
         for element in inertial:
             for key in tuple(element.keys()) if element.tag in ("mass", "inertia") else ():
                 element.set(key, repr(float(element.get(key, "0")) * factor))
-    return replace(robot, text=ElementTree.tostring(root, encoding="unicode"))
+    links = tuple(
+        replace(link, mass=link.mass * factor, inertia=tuple(factor * value for value in link.inertia))
+        if link.mass and link.inertia
+        else link
+        for link in robot.links
+    )
+    return replace(robot, text=ElementTree.tostring(root, encoding="unicode"), links=links)
 
 
 def parameters(robot: Robot, factor: float, *names: str) -> Robot:

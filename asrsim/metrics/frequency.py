@@ -27,6 +27,8 @@ from asrsim.metrics.spectra import Spectra, uniform, welch
 from asrsim.samples import Array
 
 METHODS = ("auto", "periodic", "local", "welch")
+_STILL, _NOTHING = 1e-7, 1e-12
+"""Share of the output's own size, and size in any SI unit, up to which it "does not move"."""
 _TRUSTED = 0.5
 """Coherence below which a point says nothing."""
 _STILL = 1e-4
@@ -101,12 +103,13 @@ def frequency_response(
         raise RecordingError(
             Problem(message=f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
         )
-    if np.ptp(u) <= 1e-12 * max(1.0, float(np.max(np.abs(u)))):
+    if np.ptp(u) <= 1e-12 * float(np.max(np.abs(u))):
         raise RecordingError(
             Problem(message=f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves",
                     code="constant-excitation", hint="Expected a chirp, multisine or noise")
         )  # fmt: skip
-    moves = bool(np.std(y) > _STILL * np.std(u))
+    # Each in its own units: micrometres are much of a stiff spring, however many newtons they took.
+    moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
             Problem(message=f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "

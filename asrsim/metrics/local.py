@@ -110,7 +110,8 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
     linear = np.concatenate([powers[..., : order.gain] * u[..., None], powers[..., : order.leak] + 0j], axis=-1)
     poles = powers[..., 1 : order.poles + 1]
     count, freedom = linear.shape[-1], y.shape[1] - order.unknowns
-    modelled, weight = y, np.ones(y.shape, dtype=np.complex128)
+    modelled: Complex = y
+    weight: Complex = np.ones(y.shape, dtype=np.complex128)
     best: _Fit | None = None
     solution = np.zeros((len(y), order.unknowns), dtype=np.complex128)
     for step in range(_STARTS + _REFINEMENTS if order.poles else 1):
@@ -122,9 +123,9 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
             solution = solution + np.einsum("kpw,kw->kp", inverse, y - modelled)
         else:
             solution = np.einsum("kpw,kw->kp", inverse, y * weight)
-        denominator = 1 + np.einsum("kwp,kp->kw", poles, solution[:, count:])
+        denominator: Complex = 1 + np.einsum("kwp,kp->kw", poles, solution[:, count:])
         denominator = np.where(np.abs(denominator) < 1e-3, 1e-3, denominator)
-        weight = 1 / denominator
+        weight = np.asarray(1 / denominator, dtype=np.complex128)
         modelled = np.einsum("kwp,kp->kw", linear, solution[:, :count]) * weight
         noise = np.sum(np.abs(y - modelled) ** 2, axis=1) / freedom
         variance = np.sum(np.abs(inverse[:, 0]) ** 2, axis=1) * noise

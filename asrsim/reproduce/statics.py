@@ -8,7 +8,6 @@ the robots' files or from a run: a change of any of them shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,13 +41,13 @@ class Spring:
 
     def torque(self, deflection: Array | float) -> Array:
         """N m."""
-        function: Callable[..., Array] = {"sinh": np.sinh, "sin": np.sin, "linear": np.asarray}[self.kind]
-        return self.scale * function(self.rate * np.asarray(deflection))
+        d = self.rate * np.asarray(deflection, dtype=np.float64)
+        return np.asarray(self.scale * (np.sinh(d) if self.kind == "sinh" else np.sin(d) if self.kind == "sin" else d))
 
     def slope(self, deflection: float) -> float:
         """N m/rad."""
-        function = {"sinh": math.cosh, "sin": math.cos, "linear": lambda _: 1.0}[self.kind]
-        return self.scale * self.rate * function(self.rate * deflection)
+        d = self.rate * deflection
+        return self.scale * self.rate * (math.cosh(d) if self.kind == "sinh" else math.cos(d) if self.kind == "sin" else 1.0)
 
 
 def _awas(sigma: float) -> Spring:
