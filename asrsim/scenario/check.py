@@ -54,6 +54,7 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     errors.extend(placed(scenario, problem) for problem in _unknown_names(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
+    errors.extend(placed(scenario, problem) for problem in _task(scenario))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     for problem, fatal in _references(scenario, changed):
@@ -110,6 +111,20 @@ def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str =
         hint=did_you_mean(name, known),
         code=f"unknown-{noun}",
     )
+
+
+def _task(scenario: Scenario) -> Iterator[Problem]:
+    """Poses that the run ends before: the robot would never be asked to go there."""
+    for index, pose in enumerate(scenario.task.poses if scenario.task else ()):
+        # The rounding of a duration that is counted in steps is no overrun.
+        if pose.time > scenario.duration * (1 + 1e-9):
+            yield Problem(
+                message=f"comes after the run's end at {scenario.duration:g} s",
+                key=f"task.poses.{index}.time",
+                value=pose.time,
+                hint=f"Let the run last at least {pose.time:g} s (duration), or move the pose before its end",
+                code="pose-after-end",
+            )
 
 
 def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

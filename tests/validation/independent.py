@@ -12,8 +12,8 @@ from asrsim.actuators import ACTUATORS
 from asrsim.robot import load_robot
 from asrsim.samples import Array
 from asrsim.simulation.run import Run
-from asrsim.validation.check import DATA, Check
-from asrsim.validation.models import run
+from validation.check import DATA, Check
+from validation.models import run
 
 CASES = {
     "sea_k200": 1.2e-2, "sea_k400": 1.8e-2, "awas_s0.005": 1.1e-3, "awas_s0.04": None,

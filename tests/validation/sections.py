@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.validation import (
+from validation import (
     closed_forms,
     conservation,
     contacts,
@@ -14,7 +14,7 @@ from asrsim.validation import (
     repeatability,
     stability,
 )
-from asrsim.validation.check import Section
+from validation.check import Section
 
 SECTIONS: tuple[Section, ...] = (
     Section(

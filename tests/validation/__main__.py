@@ -1,4 +1,7 @@
-"""`python -m asrsim.validation --out docs/validation.md`: run every check and write the page; `--figures` makes its picture."""
+"""Run every check and write the page; `--figures` makes its picture.
+
+Usage: PYTHONPATH=tests python -m validation --out docs/validation.md
+"""
 
 from __future__ import annotations
 
@@ -6,20 +9,20 @@ import argparse
 import sys
 from pathlib import Path
 
-from asrsim.validation.document import document, measure
-from asrsim.validation.sections import SECTIONS
+from validation.document import document, measure
+from validation.sections import SECTIONS
 
 PICTURE = "images/work_precision.png"
 
 
 def main() -> int:
     """Exit status 1 where a check failed."""
-    parser = argparse.ArgumentParser(prog="python -m asrsim.validation", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
     parser.add_argument("--out", type=Path, help="write the page here (Markdown)")
     parser.add_argument("--figures", type=Path, nargs="?", const=Path("docs"), help="write the picture into this folder (docs)")
     arguments = parser.parse_args()
     if arguments.figures is not None:
-        from asrsim.validation.figures import work_precision
+        from validation.figures import work_precision
 
         work_precision(arguments.figures / PICTURE)
         sys.stdout.write(f"{arguments.figures / PICTURE}\n")

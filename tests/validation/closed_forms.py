@@ -10,9 +10,9 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS
 from asrsim.signals import Constant, PulseTrain, Step
-from asrsim.validation.check import Check
-from asrsim.validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies
-from asrsim.validation.models import GRAVITY, LOAD, MOTOR_INERTIA, SETTINGS, Body, chain, column, run
+from validation.check import Check
+from validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies
+from validation.models import GRAVITY, LOAD, MOTOR_INERTIA, SETTINGS, Body, chain, column, run
 
 INERTIA = LOAD.inertia + LOAD.mass * LOAD.reach**2
 WEIGHT = LOAD.mass * GRAVITY * LOAD.reach

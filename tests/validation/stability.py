@@ -10,8 +10,8 @@ import numpy as np
 from asrsim.errors import DivergenceError
 from asrsim.simulation.divergence import SHARE
 from asrsim.simulation.run import Run
-from asrsim.validation.check import Check
-from asrsim.validation.models import LOAD, SETTINGS, chain, column, run
+from validation.check import Check
+from validation.models import LOAD, SETTINGS, chain, column, run
 
 
 def share(result: Run) -> float:

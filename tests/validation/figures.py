@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.validation.models import chain, run
-from asrsim.validation.order import Case, errors, jump_cases, smooth_cases
+from validation.models import chain, run
+from validation.order import Case, errors, jump_cases, smooth_cases
 
 STEPS = tuple(4e-3 / 2.0**i for i in range(7))
 """s, from the coarsest."""

@@ -13,11 +13,11 @@ from asrsim.actuators import MODES
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, LinkDamping, Wrench
 from asrsim.signals import Signal, Sinusoid, Step
-from asrsim.validation.check import Check
-from asrsim.validation.conservation import motors
-from asrsim.validation.fitting import orders
-from asrsim.validation.models import GRAVITY, Body, chain, run
-from asrsim.validation.planar import Input, solve
+from validation.check import Check
+from validation.conservation import motors
+from validation.fitting import orders
+from validation.models import GRAVITY, Body, chain, run
+from validation.planar import Input, solve
 
 LINK = Body(mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
 SMOOTH_MOTOR = {"motor_1_friction_torque": 0.0, "motor_1_max_velocity": math.inf, "motor_1_max_torque": 1e3}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from asrsim.validation.check import Check, Section, available
+from validation.check import Check, Section, available
 
 INTRODUCTION = """# Validation
 
-Every figure of this page was measured when it was written, by `python -m asrsim.validation --out docs/validation.md`; the
-same functions, with the same bounds, are the project's tests (`tests/test_truth.py`). A figure is what came out, a bound is
-what it must stay below (orders of convergence: reach). Angles are in rad, steps 1 ms unless said.
+Every figure of this page was measured when it was written, by
+`PYTHONPATH=tests python -m validation --out docs/validation.md`; the same functions, with the same bounds, are the project's
+tests (`tests/test_truth.py`). A figure is what came out, a bound is what it must stay below (orders of convergence: reach).
+Angles are in rad, steps 1 ms unless said.
 
 ![Error against cost](images/work_precision.png)
 

@@ -12,9 +12,9 @@ from asrsim.actuators import ACTUATORS
 from asrsim.samples import Array
 from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.run import Run
-from asrsim.validation.check import Check
-from asrsim.validation.fitting import orders
-from asrsim.validation.models import FRICTION_STIFFNESS, MOTOR_INERTIA, PROPORTIONAL, Body, chain, column, run
+from validation.check import Check
+from validation.fitting import orders
+from validation.models import FRICTION_STIFFNESS, MOTOR_INERTIA, PROPORTIONAL, Body, chain, column, run
 
 LOSSLESS = {
     "motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf, "motor_1_max_torque": 1e3,
@@ -72,7 +72,7 @@ def energy_and_momentum() -> Iterator[Check]:
 
 def long_swings() -> Iterator[Check]:
     """Free pendulums of two and three links, dropped: their energy after 10 s. The engine alone loses tens of times as much."""
-    from asrsim.validation.planar import Planar
+    from validation.planar import Planar
 
     link = Body(mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
     for name, start, bound in (("double", [1.5, 0.5], 2e-3), ("triple", [1.5, 0.5, -1.0], 4e-2)):

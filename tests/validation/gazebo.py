@@ -18,8 +18,8 @@ import numpy as np
 from asrsim.actuators import ACTUATORS
 from asrsim.samples import Array
 from asrsim.simulation.run import Run
-from asrsim.validation.check import DATA, Check
-from asrsim.validation.independent import CASES, GAZEBO_GRAVITY, equilibrium, positions, preset_of, rms, simulate_case
+from validation.check import DATA, Check
+from validation.independent import CASES, GAZEBO_GRAVITY, equilibrium, positions, preset_of, rms, simulate_case
 
 MASS, REACH, INERTIA, DAMPING, FRICTION = 0.2, 0.04, 1e-6, 0.065, 0.025
 """kg, m, kg m^2 about the centre of mass, N m s/rad, N m: the recorded runs' URDF."""

@@ -16,7 +16,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.samples import Array
 from asrsim.simulation.run import Run
-from asrsim.validation.models import Body
+from validation.models import Body
 
 MARGIN = 1e-12
 """s."""
@@ -25,7 +25,7 @@ Input = Callable[[float], float]
 
 @dataclass(frozen=True, kw_only=True)
 class Planar:
-    """A chain of bodies that turn about y, each hanging below the one before; see :class:`asrsim.validation.models.Body`."""
+    """A chain of bodies that turn about y, each hanging below the one before; see :class:`validation.models.Body`."""
 
     bodies: tuple[Body, ...]
     gravity: float = 9.81

@@ -12,8 +12,8 @@ from asrsim.scenario import Scenario
 from asrsim.scenario.data import World, WorldObject, Wrench
 from asrsim.signals import Constant, Ramp, Sinusoid
 from asrsim.simulation.run import Run, simulate
-from asrsim.validation.check import Check
-from asrsim.validation.models import Body, chain, column, run
+from validation.check import Check
+from validation.models import Body, chain, column, run
 
 FRICTION = 0.23
 """Coulomb coefficient of the paper's box (section 4.2.3)."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.bench import Motion, run_bench
-from asrsim.validation.check import DATA, Check
-from asrsim.validation.models import read
+from validation.check import DATA, Check
+from validation.models import read
 
 COLUMNS = {
     "joint_force": "link_torque", "tau_el1": "elastic_torque_1", "tau_el2": "elastic_torque_2", "stiffness": "stiffness",

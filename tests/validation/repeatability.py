@@ -14,9 +14,9 @@ import numpy as np
 
 from asrsim.samples import Samples
 from asrsim.signals import Ramp, Sinusoid, Step
-from asrsim.validation.check import Check
-from asrsim.validation.contacts import push
-from asrsim.validation.models import Body, chain, run
+from validation.check import Check
+from validation.contacts import push
+from validation.models import Body, chain, run
 
 LINK = Body(actuator="qbmove", mass=0.5, reach=0.08, inertia=6e-4, damping=0.02, friction=0.01)
 
@@ -57,7 +57,7 @@ def here() -> dict[str, str]:
 
 def elsewhere(seed: str) -> dict[str, str]:
     """Digests of all motions, in a fresh process."""
-    code = "import json; from asrsim.validation.repeatability import here; print(json.dumps(here()))"
+    code = "import json; from validation.repeatability import here; print(json.dumps(here()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_environment(seed))
     return dict(json.loads(done.stdout.strip().splitlines()[-1]))
 

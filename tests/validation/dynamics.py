@@ -15,8 +15,8 @@ from asrsim.robot import Robot, engine_urdf, load_robot
 from asrsim.samples import Array
 from asrsim.scenario import Scenario
 from asrsim.simulation.prepare import make_engine
-from asrsim.validation.check import Check
-from asrsim.validation.models import Body, chain, run
+from validation.check import Check
+from validation.models import Body, chain, run
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "urdf"
 TURN = (0.3, -0.5, 1.1)
