@@ -26,21 +26,23 @@ def available() -> bool:
 
 
 def compile_function(
-    function: types.FunctionType,
+    function: Any,
     arguments: tuple[Any, ...],
     *,
     names: Mapping[str, Any] | None = None,
     version: str = "",
 ) -> Callable[..., Any]:
-    """`function` compiled for arguments of the types of `arguments` (examples, or types of Numba's); layouts are taken for granted afterwards.
+    """`function` compiled for arguments of the types of `arguments` (examples, or types of Numba's); layouts are taken for
+    granted afterwards.
 
     It must have no closure; what it calls may have, and is compiled with it. names: globals of the code that stand for others
     (functions of the loop, symbols of a library); version: of what they are. Raises whatever Numba finds to say.
     """
     import numba
 
+    kinds: Any = numba
     typed = numba.types.Type
-    signature = tuple(value if isinstance(value, typed) else numba.typeof(value) for value in arguments)
+    signature = tuple(value if isinstance(value, typed) else kinds.typeof(value) for value in arguments)
     given = dict(names or {})
     ingredients = [numba.__version__, sys.version, version, str(signature), repr(_code(function, given, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
@@ -53,7 +55,9 @@ def compile_function(
 
 def fixed_tuple(count: int, place: int) -> Any:
     """A function that compiled code may call: the numbers at `place` of the first `count` rows, as a tuple."""
-    from numba.np.unsafe.ndarray import to_fixed_tuple
+    import numba.np.unsafe.ndarray as arrays
+
+    to_fixed_tuple: Any = arrays.to_fixed_tuple
 
     def as_tuple(rows: Any) -> Any:
         return to_fixed_tuple(rows[:count, place], count)

@@ -44,7 +44,9 @@ QUANTITIES: dict[str, Quantity] = {
             "friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"
         ),
         Quantity("link_work", "J", r"$W_q$", "work of the actuator on the link since the start"),
-        Quantity("limit_loss", "J", r"$E_l$", "energy that the effort limit kept from the link since the start; it can be negative"),
+        Quantity(
+            "limit_loss", "J", r"$E_l$", "energy that the effort limit kept from the link since the start; it can be negative"
+        ),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
         Quantity(
             "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: closes to the scheme's order"

@@ -32,7 +32,9 @@ def _bench(scenario: Scenario, robot: Robot) -> Made:
     return BenchEngine(scenario, robot), ()
 
 
-ENGINES.add("bullet", EngineEntry(make=_bullet, doc="PyBullet, with contacts; the default where it is installed", module="pybullet"))
+ENGINES.add(
+    "bullet", EngineEntry(make=_bullet, doc="PyBullet, with contacts; the default where it is installed", module="pybullet")
+)
 ENGINES.add("mujoco", EngineEntry(make=_mujoco, doc="MuJoCo, many times faster; contacts are softer", module="mujoco"))
 ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' motion is prescribed", prescribed=True))
 

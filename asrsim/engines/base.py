@@ -1,8 +1,8 @@
 """What an engine is: joints with positions and velocities that take torques and step. It never hears of springs.
 
-A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). An engine corrects its own
-lags: with `staggered` set, velocities live at half steps, and velocity-dependent torques of the links (Coriolis, centrifugal)
-count at the velocity of the whole step.
+A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). An engine corrects its
+own lags: with `staggered` set, velocities live at half steps, and velocity-dependent torques of the links (Coriolis,
+centrifugal) count at the velocity of the whole step.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ class Model(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class EngineKernel:
-    """A step of an engine as ordinary code on arrays, which a compiled loop runs for a whole stretch without the interpreter."""
+    """A step of an engine as ordinary code on arrays, which a compiled loop runs for a whole stretch without the
+    interpreter."""
 
     look: Callable[..., None]
     """look(world): fills in `world.positions` and `world.velocities` of the joints; before every move."""
@@ -83,7 +84,8 @@ class Engine(Protocol):
         """Positions (rad, m) and velocities (rad/s, m/s) of the joints, the latter half a step late if staggered."""
 
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
-        """One step under mean torques (N m), one a joint. fraction: of the kick, less than 1 for the first of a staggered run."""
+        """One step under mean torques (N m), one a joint. fraction: of the kick, less than 1 for the first of a staggered
+        run."""
 
     def prepare(self, step: float, *, staggered: bool) -> None:
         """Before the first step: its length in s; staggered: see the module."""
@@ -98,7 +100,8 @@ class Engine(Protocol):
         """Continue from a snapshot of this engine, to the bit."""
 
     def vary(self, robot: Robot) -> bool:
-        """Take over inertials, damping and friction of a robot of the same structure, exactly; False: an engine must be made."""
+        """Take over inertials, damping and friction of a robot of the same structure, exactly; False: an engine must be
+        made."""
 
     def mechanical_energy(self) -> float | None:
         """Kinetic and gravitational energy of the robot's links in J; None where contacts or a free base exchange it."""

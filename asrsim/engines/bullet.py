@@ -62,9 +62,10 @@ class BulletEngine:
         try:
             self._body = self._load(text)
             self._set_up(exact)
+            links = {name: (self._link_index[place.body], place.pose) for name, place in merged.places.items()}
             self.model = BulletModel(
                 pybullet, self._client, self._body, self._indices, joints=self.joints, gravity=scenario.gravity,
-                fixed=scenario.fixed_base, links={name: (self._link_index[place.body], place.pose) for name, place in merged.places.items()},
+                fixed=scenario.fixed_base, links=links,
             )  # fmt: skip
             self._world = BulletWorld(pybullet, self._client, self._body, scenario.world, fixed=scenario.fixed_base)
         except BaseException:
@@ -191,8 +192,9 @@ class BulletEngine:
         """Numba's type of `states`; what need not be taken apart is typed as None."""
         from numba import types
 
-        joint = types.Tuple((types.float64, types.float64, types.none, types.none))
-        return types.UniTuple(joint, len(self.joints))
+        kinds: Any = types
+        joint = kinds.Tuple((kinds.float64, kinds.float64, kinds.none, kinds.none))
+        return kinds.UniTuple(joint, len(self.joints))
 
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques."""
@@ -266,7 +268,8 @@ class BulletEngine:
     # -- what is around ---------------------------------------------------------------------------------------------
 
     def base_state(self) -> tuple[Array, Array, Array]:
-        """Of a floating base: origin (3,) m and rotation (3, 3) of its frame; linear velocity of the origin, angular velocity, (6,)."""
+        """Of a floating base: origin (3,) m and rotation (3, 3) of its frame; linear velocity of the origin, angular velocity,
+        (6,)."""
         place, rotation = self.model.frame_now(self.base)
         linear, angular = self._p.getBaseVelocity(self._body, self._client)
         centre = self._p.getBasePositionAndOrientation(self._body, self._client)[0]

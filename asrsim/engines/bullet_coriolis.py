@@ -13,6 +13,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
+
 class Coriolis(Protocol):
     """What an engine asks for, once a step."""
 
@@ -20,7 +21,8 @@ class Coriolis(Protocol):
         """A new start."""
 
     def corrected(self, states: Sequence[Any], forces: Sequence[float]) -> list[float]:
-        """Joint torques with the correction; what acts on a free base is applied. states: positions and velocities, joint by joint."""
+        """Joint torques with the correction; what acts on a free base is applied. states: positions and velocities, joint by
+        joint."""
 
     def first(self, positions: list[float], velocities: list[float], forces: Sequence[float], fraction: float) -> list[float]:
         """The same for a first kick that is a part of one: the engine gives velocity torques their whole impulse."""

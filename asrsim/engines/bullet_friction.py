@@ -1,12 +1,11 @@
-"""Exact Coulomb friction and stops of joints for Bullet, by the rule that the MuJoCo engine has; Bullet steps, unaware of them."""
+"""Exact Coulomb friction and stops of joints for Bullet, by the rule that the MuJoCo engine has; Bullet steps, unaware of
+them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.mujoco import MujocoEngine, compile_stage, plain_stage
@@ -44,7 +43,12 @@ class ExactFriction:
         self._fresh = True
 
     def forces(
-        self, engine: BulletEngine, positions: list[float], velocities: list[float], forces: Sequence[float], fraction: float = 1.0
+        self,
+        engine: BulletEngine,
+        positions: list[float],
+        velocities: list[float],
+        forces: Sequence[float],
+        fraction: float = 1.0,
     ) -> list[float]:
         """`forces` with those of friction and stops, mean torques in N m over the kick."""
         world = self._world
@@ -58,7 +62,7 @@ class ExactFriction:
         if self._fresh:
             world.previous[:] = world.qvel
             self._fresh = False
-        self._start = world.qvel.copy() if fraction != 1.0 else None
+        self._start = world.qvel.copy()
         kept = world.scheme.copy()
         if fraction != 1.0:
             world.scheme[1:] = (1.0, 0.0, fraction)

@@ -1,7 +1,7 @@
 """MuJoCo behind the engine interface. The only module that imports mujoco.
 
-Without contacts the step is ours (:mod:`asrsim.engines.mujoco_stages`), from MuJoCo's rigid-body routines, and runs compiled for
-whole stretches; friction of joints and their stops are exact. With contacts MuJoCo's own solver has all three.
+Without contacts the step is ours (:mod:`asrsim.engines.mujoco_stages`), from MuJoCo's rigid-body routines, and runs compiled
+for whole stretches; friction of joints and their stops are exact. With contacts MuJoCo's own solver has all three.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.rebind import rebind
 from asrsim.compiling import compile_function
 from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
@@ -22,12 +21,12 @@ from asrsim.engines.mujoco_build import build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.errors import Problem
+from asrsim.rebind import rebind
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import MergedRobot, merge_fixed
 from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
-from asrsim.rebind import rebind
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 
@@ -57,7 +56,8 @@ class MujocoEngine:
         self._scenario = scenario
         merged = merge_fixed(robot)
         contacts = not scenario.world.empty
-        shaped, self.warnings = merged.robot, ()
+        shaped = merged.robot
+        self.warnings: tuple[Problem, ...] = ()
         if contacts:
             shaped, self.warnings = usable_shapes(merged.robot, package_paths=scenario.package_paths)
         self._m = self.raw_model = build(mujoco, scenario, shaped)
@@ -105,7 +105,7 @@ class MujocoEngine:
         moving = robot.moving_joints
         wrenches = self._scenario.wrenches
         points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, self._wrenches, strict=True)]
-        arrays = {
+        arrays: dict[str, Any] = {
             "previous": np.zeros(size), "velocity": np.zeros(size), "bias": np.zeros(size), "impulse": np.zeros(size),
             "change": np.zeros(size), "push": np.zeros(size), "columns": np.zeros((n, size)), "vectors": np.zeros((3, 3)),
         }  # fmt: skip
@@ -113,7 +113,8 @@ class MujocoEngine:
             f"at_{name}": arrays[name].ctypes.data for name in ("bias", "impulse", "change", "push", "columns", "vectors")
         }
         return stages.World(
-            model=m._address, data=d._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]), qpos=d.qpos, qvel=d.qvel,
+            model=m._address, data=d._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]),
+            qpos=d.qpos, qvel=d.qvel,
             positions=np.zeros(n), velocities=np.zeros(n), forces=np.zeros(n), joint_q=self._at_q, joint_v=self._at_v, free=int(bool(self.base)),
             friction=np.array([joint.friction for joint in moving]),
             lower=np.array([-np.inf if joint.lower is None else joint.lower for joint in moving]),
@@ -155,9 +156,10 @@ class MujocoEngine:
 
     def states_type(self) -> Any:
         """Numba's type of `states`."""
-        from numba import typeof
+        import numba
 
-        return typeof((self._world.positions, self._world.velocities))
+        kinds: Any = numba
+        return kinds.typeof((self._world.positions, self._world.velocities))
 
     def read(self) -> tuple[list[float], list[float]]:
         """Positions and velocities of the joints."""

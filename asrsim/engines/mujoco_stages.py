@@ -1,7 +1,7 @@
 """One step of a robot without contacts on MuJoCo's rigid-body routines: ordinary code, run as it is or compiled.
 
-The routines named below are bound by :mod:`asrsim.engines.mujoco`: to the library through ctypes for plain Python, to its symbols
-for compiled code. Coulomb friction and joint stops are exact: impulses in bounds, found by principal pivoting.
+The routines named below are bound by :mod:`asrsim.engines.mujoco`: to the library through ctypes for plain Python, to its
+symbols for compiled code. Coulomb friction and joint stops are exact: impulses in bounds, found by principal pivoting.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def _unbound(*arguments: Any) -> None:
     raise NotImplementedError("bound by asrsim.engines.mujoco")
 
 
-mj_kinematics = mj_comPos = mj_makeM = mj_factorM = mj_comVel = mj_rne = mj_solveM = mj_integratePos = mj_applyFT = _unbound
+mj_kinematics = mj_comPos = mj_makeM = mj_factorM = mj_comVel = _unbound  # noqa: N816  (the library's names)
+mj_rne = mj_solveM = mj_integratePos = mj_applyFT = _unbound  # noqa: N816
 
 ROUTINES = {
     "mj_kinematics": "mm", "mj_comPos": "mm", "mj_makeM": "mm", "mj_factorM": "mm", "mj_comVel": "mm", "mj_rne": "mmim",

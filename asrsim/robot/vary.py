@@ -33,7 +33,8 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             key = f"{owner}.{name}"
             if owner in joints and name in JOINT_NAMES:
                 _check(value >= 0.0, key, value, "must be at least 0", problems)
-                joints[owner] = replace(joints[owner], **{name: value})
+                joint = joints[owner]
+                joints[owner] = replace(joint, damping=value) if name == "damping" else replace(joint, friction=value)
             elif owner in blocks and name in blocks[owner].parameters:
                 blocks[owner] = _with_parameter(blocks[owner], name, value, key, problems)
             elif owner in links and name in LINK_NAMES:

@@ -18,7 +18,8 @@ from asrsim.simulation.substep import BASE, INERTIA, RATIO
 COUPLED = 0.1
 """Decay between joints in a step, c h / I, above which their damping is solved for together."""
 RINGING = 0.5
-"""Share of itself to which a motion that dies within a step comes back, with the other sign: less would lag, more would ring."""
+"""Share of itself to which a motion that dies within a step comes back, with the other sign: less would lag, more would
+ring."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,13 @@ class Response:
 
 
 def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, explicit: bool, coupled: bool | None) -> Response:
-    """mass: (n, n) kg m^2; dampings: N m s/rad, one a joint; substep h in s; explicit: steppings that damp by the last velocity.
+    """mass: (n, n) kg m^2; dampings: N m s/rad, one a joint; substep h in s; explicit: steppings that damp by the last
+    velocity.
 
     The mean velocity over a kick is v + w Dv, and Dv differs from the last kick's by h M^-1 times what the torques have
-    changed by. coupled: whether joints are solved for together, None: where it matters. Solved for the mean, damping is implicit, and midpoint (w = 1/2; explicit steppings: 0) but for what is stiff:
-    a mode that decays by f = c h / I comes back as (1 - (1 - w) f) / (1 + w f), which stays above -:data:`RINGING`.
+    changed by. coupled: whether joints are solved for together, None: where it matters. Solved for the mean, damping is
+    implicit, and midpoint (w = 1/2; explicit steppings: 0) but for what is stiff: a mode that decays by f = c h / I comes back
+    as (1 - (1 - w) f) / (1 + w f), which stays above -:data:`RINGING`.
     """
     inverse = np.linalg.inv(mass)
     damping = np.asarray(dampings, dtype=float)
@@ -55,7 +58,7 @@ def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, exp
     if coupled:
         spread = np.linalg.inv(spread + response * damping[None, :])
         response = spread @ response
-    return Response(weight, coupled, response, spread)
+    return Response(weight, coupled, np.asarray(response, dtype=float), np.asarray(spread, dtype=float))
 
 
 def make_damping_law(drive: Drive) -> Callable[[Any, Any, float, tuple[float, ...]], float] | None:

@@ -18,7 +18,8 @@ from asrsim.simulation.drives import Drive
 from asrsim.simulation.groups import Group, spring_groups
 
 POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2, MOTOR_1, MOTOR_2 = 0, 1, 2, 3, 4, 5, 6, 7, 11
-"""Columns of the raw record (:data:`asrsim.simulation.substep.RAW`); of a motor there are position, mean velocity, torque and friction."""
+"""Columns of the raw record (:data:`asrsim.simulation.substep.RAW`); of a motor there are position, mean velocity, torque and
+friction."""
 
 MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
 """Parameters of a motor that its balance needs."""

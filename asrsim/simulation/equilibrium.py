@@ -35,7 +35,11 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
         first, second = drive.goals(sampled[0][:, j], sampled[1][:, j])
         goals.append((float(first[0]), float(second[0])))
     external = sampled[2][0]
-    sprung = [j for j, drive in enumerate(drives) if drive.passive_stiffness or (drive.mode and drive.mode.spring and drive.mode.number != 4)]
+    sprung = [
+        j
+        for j, drive in enumerate(drives)
+        if drive.passive_stiffness or (drive.mode and drive.mode.spring and drive.mode.number != 4)
+    ]
     q = np.array([drive.initial_position for drive in drives])
     still = np.zeros(len(drives))
 
@@ -43,7 +47,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
         held = -np.asarray(model.bias(positions, still)) + external
         for j in sprung:
             held[j] += link_torque(drives[j], float(positions[j]), goals[j])
-        return held[sprung]
+        return np.asarray(held[sprung])
 
     left = balance(q)
     for _ in range(ROUNDS):
@@ -61,7 +65,9 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
     if len(sprung) and not np.abs(left).max() < 1e3 * BALANCED:
         worst = drives[sprung[int(np.argmax(np.abs(left)))]].name
         message = f"joint '{worst}' finds no equilibrium: its spring cannot hold it"
-        raise ScenarioError(Problem(message=message, key="initial", hint="Give initial positions instead", code="no-equilibrium"))
+        raise ScenarioError(
+            Problem(message=message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
+        )
     found = []
     for j, drive in enumerate(drives):
         positions = None

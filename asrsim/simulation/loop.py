@@ -1,7 +1,7 @@
 """The loop: what the joints do, one substep of the engine after the other; every substep is recorded.
 
-One source of a substep (:mod:`asrsim.simulation.substep`) serves three ways of running it: plain Python; compiled, with the engine
-stepped from Python; and a whole stretch compiled, where the engine has a kernel.
+One source of a substep (:mod:`asrsim.simulation.substep`) serves three ways of running it: plain Python; compiled, with the
+engine stepped from Python; and a whole stretch compiled, where the engine has a kernel.
 """
 
 from __future__ import annotations
@@ -24,9 +24,41 @@ from asrsim.simulation.kernels import make_substepped
 from asrsim.simulation.memory import STATE_NUMBERS, compiled_memory, flatten, plain_memory, shape_of
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substep import (
-    BASE, BRAKE, DAMPING, DAMPING_TORQUE, EFFORT, EXTERNAL, FASTEST, FORCE, GAIN_1, GAIN_2, INERTIA, LAG, LAST_FORCE,
-    LINK_TORQUE, PLACES, PREVIOUS, PUSH_1, PUSH_2, RATIO, RAW, READ_1, READ_2, REST, SPEED, SPRING, STATE, TORQUE, WEIGHT,
-    Memory, Sensing, Step, chain, lend, make_damping, make_group, make_sense,
+    BASE,
+    BRAKE,
+    DAMPING,
+    DAMPING_TORQUE,
+    EFFORT,
+    FASTEST,
+    FORCE,
+    GAIN_1,
+    GAIN_2,
+    INERTIA,
+    LAG,
+    LAST_FORCE,
+    LINK_TORQUE,
+    PLACES,
+    PREVIOUS,
+    PUSH_1,
+    PUSH_2,
+    RATIO,
+    RAW,
+    READ_1,
+    READ_2,
+    REST,
+    SPEED,
+    SPRING,
+    STATE,
+    TORQUE,
+    WEIGHT,
+    Memory,
+    Sensing,
+    Step,
+    chain,
+    lend,
+    make_damping,
+    make_group,
+    make_sense,
 )  # fmt: skip
 
 FLUSH = 4_000
@@ -86,7 +118,12 @@ class Loop:
         self._coupled: bool | None = None
         self.reset()
         self.refresh_response(0)
-        laws = chain([*self._groups(engine.unpack, cut=cut), *([make_damping(count, coupled=bool(self._coupled))] if self._damped else [])])
+        laws = chain(
+            [
+                *self._groups(engine.unpack, cut=cut),
+                *([make_damping(count, coupled=bool(self._coupled))] if self._damped else []),
+            ]
+        )
         self._damp = make_damping(count, coupled=bool(self._coupled))
         self._measures = [None if s is None else make_sense(s, m) for s, m in zip(sensings, self._memories, strict=True)]
         self._cut = cut
@@ -106,7 +143,8 @@ class Loop:
             spring = drive.actuator if drive.mode and drive.mode.spring else None
             law = drive.link_damping.ratio > 0.0 if drive.link_damping else False
             kind = (
-                spring, drive.advance.__qualname__, shape_of(self._constants[j]), self._motor_substeps[j], self._sensings[j], law,
+                spring, drive.advance.__qualname__, shape_of(self._constants[j]), self._motor_substeps[j],
+                self._sensings[j], law,
             )  # fmt: skip
             members.setdefault(kind, []).append(j)
         steps = []
@@ -127,8 +165,9 @@ class Loop:
             )
         return steps
 
-    def _compile(self, laws: Step) -> Callable[[int, int, Array, Any], Array]:
-        """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot be."""
+    def _compile(self, laws: Step) -> Any:
+        """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot
+        be."""
         count = len(self.drives)
         inputs, rows = np.zeros((1, count, input_columns(self._sensings))), np.zeros((1, count, len(RAW)))
         try:
@@ -136,7 +175,7 @@ class Loop:
             if kernel is not None:
                 kernel.load()
                 names = {"laws": laws, "look": kernel.look, "move": kernel.move, **kernel.compiled}
-                arguments = (0, 1, self.joints, inputs, rows, np.zeros((1, *kernel.world.wrench.shape)), kernel.world)
+                arguments: tuple[Any, ...] = (0, 1, self.joints, inputs, rows, np.zeros((1, *kernel.world.wrench.shape)), kernel.world)
                 whole = compiling.compile_function(stretch.stretch, arguments, names=names, version=kernel.version)
                 self.engine.accelerate()
                 return self._whole_stretch(kernel, whole)

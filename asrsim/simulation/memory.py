@@ -61,7 +61,8 @@ def compiled_memory(state: Sequence[float], constants: Any, ring: int) -> Memory
 
 
 def make_reader(template: Any, start: int) -> tuple[Callable[[Any], Any], int]:
-    """A function of a row that gives its numbers from place `start` on in the nested tuples of `template`; and the place after."""
+    """A function of a row that gives its numbers from place `start` on in the nested tuples of `template`; and the place
+    after."""
     if not isinstance(template, tuple):
         return _number_at(start), start + 1
     reader: Callable[[Any], Any] = _empty

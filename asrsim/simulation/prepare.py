@@ -12,6 +12,7 @@ import numpy as np
 from asrsim.engines.base import Engine
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.model import Robot
+from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.describe import describe
@@ -21,7 +22,6 @@ from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.sensors import Sensor, sensor_of
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
-from asrsim.robot.vary import varied_robot
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, its diagonal scaled to 1, that double precision can tell from none."""

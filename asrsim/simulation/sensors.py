@@ -1,7 +1,8 @@
 """What the controllers read: positions through delay, hold, noise and quantisation, velocities through delay and hold.
 
 The PID of a motor (modes 5, 6) or of the link (mode 1) sees the measurements in place of the truth; the actuators' laws stay as
-they are, since an error of the position is the opposite error of the reference, and one of the velocity a torque. Off by default.
+they are, since an error of the position is the opposite error of the reference, and one of the velocity a torque. Off by
+default.
 """
 
 from __future__ import annotations
@@ -50,8 +51,6 @@ def sensor_of(drive: Drive, effects: Effects | None, *, substep: float, index: i
     if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
         return None
     count = max(drive.dynamic_motors, 1)
-    sensing = Sensing(
-        delay=round(effects.delay / substep), quantum=effects.quantum, on_link=not drive.mode.motor, count=count
-    )
+    sensing = Sensing(delay=round(effects.delay / substep), quantum=effects.quantum, on_link=not drive.mode.motor, count=count)
     noises = tuple(Noise((seed, index, 2 + i), effects.noise) if effects.noise else None for i in range(count))
     return Sensor(effects, sensing, noises)

@@ -87,8 +87,8 @@ class Simulation:
         compiled: bool | None = None,
         expected_substeps: int | None = None,
     ) -> None:
-        """ranges: joint or "*" -> reference -> least and largest value that :meth:`set_reference` takes (substeps are chosen for
-        them). sinks: take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether
+        """ranges: joint or "*" -> reference -> least and largest value that :meth:`set_reference` takes (substeps are chosen
+        for them). sinks: take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether
         the loop is compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
         """
         self.prepared = prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, ranges=ranges)
@@ -299,7 +299,9 @@ class Simulation:
     def _slot(self, joint: str, reference: str) -> tuple[int, int]:
         if joint not in self.joints:
             hint = did_you_mean(joint, self.joints)
-            raise InputError(Problem(message=f"no joint is called '{joint}'", choices=self.joints, hint=hint, code="unknown-joint"))
+            raise InputError(
+                Problem(message=f"no joint is called '{joint}'", choices=self.joints, hint=hint, code="unknown-joint")
+            )
         j = self.joints.index(joint)
         mode = self.prepared.drives[j].mode
         names = mode.references if mode else ()
@@ -361,7 +363,8 @@ class Simulation:
         """Back to the start, with the bits of a fresh one; references follow the scenario again.
 
         initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
-        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay as they were chosen. A recording starts anew.
+        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay as they were chosen. A recording
+        starts anew.
         """
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
@@ -369,13 +372,16 @@ class Simulation:
             self.restore(self._start)
             return
         self.restore(self._start)
-        positions = [float((initial or {}).get(name, q)) for name, q in zip(self.joints, self.prepared.initial_positions, strict=True)]
-        speeds = [float((velocities or {}).get(name, v)) for name, v in zip(self.joints, self.prepared.initial_velocities, strict=True)]
+        positions = [
+            float((initial or {}).get(name, q)) for name, q in zip(self.joints, self.prepared.initial_positions, strict=True)
+        ]
+        speeds = [
+            float((velocities or {}).get(name, v))
+            for name, v in zip(self.joints, self.prepared.initial_velocities, strict=True)
+        ]
         self._engine.set_state(positions, speeds)
         if initial:
-            drives = tuple(
-                replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True)
-            )
+            drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
             self._loop.take_drives(drives)
         self._loop.reset()
         self._loop.refresh_response(0)

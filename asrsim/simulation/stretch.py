@@ -1,4 +1,5 @@
-"""What a compiled loop runs: a substep, or a whole stretch of them with the engine's. Ordinary code; the loop binds the names."""
+"""What a compiled loop runs: a substep, or a whole stretch of them with the engine's. Ordinary code; the loop binds the
+names."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ def _unbound(*arguments: Any) -> Any:
 
 
 laws = look = move = as_tuple = _unbound
-"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`); the forces
-of a row of joints as the engine takes them."""
+"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`); the
+forces of a row of joints as the engine takes them."""
 
 
 def substep(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> Any:

@@ -1,7 +1,8 @@
 """One substep of the joints: from what they do to the torques on their links. Ordinary code, run as it is or compiled.
 
-A joint's numbers stand in a row, by the places below: a list for plain Python, a row of an array for compiled code. What differs
-between the two is in :class:`Memory`; everything that is physics is here and in the laws of :mod:`asrsim.simulation.kernels`.
+A joint's numbers stand in a row, by the places below: a list for plain Python, a row of an array for compiled code. What
+differs between the two is in :class:`Memory`; everything that is physics is here and in the laws of
+:mod:`asrsim.simulation.kernels`.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ PLACES = (
     WEIGHT, LAG, BASE, RATIO, INERTIA, READ_1, PUSH_1, READ_2, PUSH_2, GAIN_1, GAIN_2, STATE,
 ) = range(len(PLACES))  # fmt: skip
 """What changes: velocity before the last kick (rad/s); velocity that damping acts on before this kick's torques; torque of the
-actuator, on the link over the last kick and this one, and of damping and brake (N m). Constants: limits (N m, rad/s); damping and
-derivative gain on the link (N m s/rad); a passive spring (N m/rad, rad); weight of a kick's change in the mean velocity; s by
-which motors' states are behind; a damping that depends on the stiffness (N m s/rad, 1, kg m^2). What sensors 1 and 2 read beside
-the truth (rad), the torque that their velocities make (N m), the derivative gains (N m s/rad). Then the state."""
+actuator, on the link over the last kick and this one, and of damping and brake (N m). Constants: limits (N m, rad/s); damping
+and derivative gain on the link (N m s/rad); a passive spring (N m/rad, rad); weight of a kick's change in the mean velocity; s
+by which motors' states are behind; a damping that depends on the stiffness (N m s/rad, 1, kg m^2). What sensors 1 and 2 read
+beside the truth (rad), the torque that their velocities make (N m), the derivative gains (N m s/rad). Then the state."""
 
 RAW = ("link_position", "engine_velocity", "actuator_torque", "link_torque", "damping_torque", *RECORD)
 """Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the limits, after them, of damping, and the
@@ -177,7 +178,8 @@ def make_damping(count: int, *, coupled: bool) -> Step:
     """Damping of the links and the controllers' brakes, implicit: on the mean velocity over the kick that they help to make.
 
     A joint's row ends with its row of the response (mean velocity per torque on each joint, rad/s / N m), and then of the
-    spread, the share that each joint's undamped mean has in it if they are coupled: see :func:`asrsim.simulation.damping.mean_response`.
+    spread, the share that each joint's undamped mean has in it if they are coupled: see
+    :func:`asrsim.simulation.damping.mean_response`.
     """
 
     def damp(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
