@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
-from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
+from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.choice import pays
@@ -190,7 +190,7 @@ class Simulation:
         Returns what is held: values beyond the declared range are clamped to it. Raises InputError for unknown names and
         values that are not finite.
         """
-        j, slot = self._slot(joint, reference)
+        j, slot = self.prepared.slot_of(joint, reference)
         if value is None:
             self._inputs.held.pop((j, slot), None)
         else:
@@ -203,21 +203,6 @@ class Simulation:
             self._inputs.held[j, slot] = value
         self._block = None
         return value
-
-    def _slot(self, joint: str, reference: str) -> tuple[int, int]:
-        if joint not in self.joints:
-            hint = did_you_mean(joint, self.joints)
-            raise InputError(
-                Problem(message=f"no joint is called '{joint}'", choices=self.joints, hint=hint, code="unknown-joint")
-            )
-        j = self.joints.index(joint)
-        mode = self.prepared.drives[j].mode
-        names = mode.references if mode else ()
-        if reference not in names:
-            raise InputError(
-                Problem(message=f"joint '{joint}' has no reference '{reference}'", choices=names, code="unknown-reference")
-            )
-        return j, names.index(reference)
 
     def observe(self) -> Observation:
         """The state now."""
