@@ -61,7 +61,9 @@ def init(
 
     written = write_starter(robot, out, mode=mode, force=force, schema=schema, arguments=arguments, packages=packages)
     if not quiet:
-        typer.echo(f"Wrote {', '.join(map(str, written))}. Run it: asrsim run {shlex.quote(str(out))}")
+        from asrsim.cli.console import say
+
+        say(f"Wrote {', '.join(map(str, written))}. Run it: asrsim run {shlex.quote(str(out))}")
 
 
 def _print(made: Written, out: Path) -> None:
@@ -75,4 +77,4 @@ def _print(made: Written, out: Path) -> None:
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
     command = f"asrsim run {shlex.quote(str(out))}"
-    typer.echo(f"Wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}. Run it: {command}")
+    say(f"Wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}. Run it: {command}")

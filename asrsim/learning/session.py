@@ -172,11 +172,12 @@ class _Logger:
     def write(self, plant: Plant, inputs: Array, name: str) -> Array:
         """Outputs of a run that is logged to a file of that name."""
         from asrsim.log import LogWriter
+        from asrsim.runs.described import as_run
 
         writers: list[LogWriter] = []
 
         def sinks(info: RunInfo) -> list[LogWriter]:
-            writers.append(LogWriter(self.folder / name, info))
+            writers.append(LogWriter(self.folder / name, as_run(info, plant.with_inputs(inputs), plant.robot)))
             return writers
 
         try:

@@ -10,11 +10,12 @@ from typing import Any
 from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
 from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.outfile import make_folder
 from asrsim.plots.bode import bode_pages
 from asrsim.plots.claims import judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
-from asrsim.plots.output import check_formats, make_folder, save_figure, styled
+from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import LAYOUTS, comparison_pages
 from asrsim.plots.pairing import RunComparison, assign, compare_run
 from asrsim.plots.responses import Experiment, Response, responses

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.errors import InputError, OutputError, Problem
+from asrsim.outfile import is_ours, written
 from asrsim.render.motion import Film, Frame, even_times
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def film_strip(frames: Sequence[Frame], *, title: str = "") -> Figure:
 def write_strip(film: Film, path: Path, *, count: int = 6, progress: Progress | None = None) -> Path:
     """A film strip as PNG. Raises OutputError."""
     from asrsim.plots import style
-    from asrsim.plots.output import styled
+    from asrsim.plots.output import METADATA, styled
 
     frames = []
     for number, time in enumerate(even_times(film, count), 1):
@@ -55,10 +56,9 @@ def write_strip(film: Film, path: Path, *, count: int = 6, progress: Progress | 
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
     with styled():
         figure = film_strip(frames, title=style.plain(" · ".join(filter(None, (film.info.robot, variant)))))
-        try:
-            figure.savefig(path, format=path.suffix[1:] or "png")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        kind = path.suffix[1:] or "png"
+        with written(path, "picture") as stream:
+            figure.savefig(stream, format=kind, metadata=METADATA.get(kind))
     return path
 
 
@@ -76,13 +76,11 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
-    try:
+    with written(path, "picture") as stream:
         indexed[0].save(
-            path, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
-            optimize=False,
+            stream, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
+            optimize=False, comment=b"asrsim",
         )  # fmt: skip
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 
 
@@ -96,22 +94,23 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
                     code="no-video")
         ) from None  # fmt: skip
     times = _times(film, speed, fps)
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2, ffmpeg_log_level="error"
-    )
-    try:
-        writer.send(None)
-        for number, frame in enumerate(film.frames(times), 1):
-            writer.send(np.ascontiguousarray(frame.image))
-            if progress is not None:
-                progress(number / len(times))
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error}") from None
-    finally:
-        with suppress(OSError):
-            writer.close()
-    if not path.is_file() or not path.stat().st_size:
-        raise OutputError(f"{path}: cannot be written: ffmpeg made no file")
+    with written(path, "picture") as stream:
+        writer = imageio_ffmpeg.write_frames(
+            stream.name, (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2,
+            ffmpeg_log_level="error", output_params=["-metadata", "comment=asrsim", "-f", "mp4"],
+        )  # fmt: skip
+        try:
+            writer.send(None)
+            for number, frame in enumerate(film.frames(times), 1):
+                writer.send(np.ascontiguousarray(frame.image))
+                if progress is not None:
+                    progress(number / len(times))
+        finally:
+            with suppress(OSError):
+                writer.close()
+        # Without its index, which comes last, a video is none: ffmpeg tells nobody that the disk was full.
+        if not is_ours(Path(stream.name), "picture") or not Path(stream.name).stat().st_size:
+            raise OutputError(f"{path}: cannot be written: ffmpeg could not finish it")
     return path
 
 

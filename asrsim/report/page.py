@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -10,9 +9,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from asrsim import __version__
 from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, RunContent, picture
-from asrsim.report.html import badge, bullets, number, section, share, table
+from asrsim.report.html import badge, bullets, number, script_json, section, share, table
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -48,14 +48,14 @@ def build_page(
         _warnings(runs, labels, notes),
         _repeat(runs),
     ]
-    # A script's text must not hold the end of a script.
-    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    packed = script_json(data)
     return "\n".join(
         [
             "<!doctype html>",
             '<html lang="en"><head><meta charset="utf-8">',
             f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)} · asrsim</title>",
             # An empty icon: browsers would ask for one.
             '<link rel="icon" href="data:,">',

@@ -6,13 +6,12 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from asrsim.errors import OutputError
+from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots.curves import distinct_labels, read_curves
 from asrsim.report.content import RunContent, film_strips, find_comparison, find_logs, read_content
 from asrsim.report.page import build_page
 from asrsim.report.plots import DASHES, QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
-from asrsim.textfile import write_text
 
 PAGE = "report.html"
 
@@ -43,6 +42,7 @@ def write_report(
     page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
     tell = progress or (lambda what, fraction: None)
     logs = find_logs(place)
+    check_output(page, "page", inputs=logs)
     tell("reading", 0.1)
     grid, runs = read_runs(logs, quantities=QUANTITIES)
     labels = [run.label for run in distinct_labels([run.curves for run in runs])]
@@ -62,11 +62,8 @@ def write_report(
         contents, labels, data=data, strips=strips, notes=notes,
         compared=find_comparison(place if place.is_dir() else place.parent), thinned=grid.thinned,
     )  # fmt: skip
-    try:
-        page.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{page}: cannot be written: {error.strerror or error}") from error
-    write_text(page, text)
+    make_folder(page.parent)
+    write_text(page, text, "page")
     return page
 
 

@@ -12,7 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import AsrsimError, OutputError
+from asrsim.errors import AsrsimError
+from asrsim.outfile import make_folder, write_text, written
 from asrsim.reproduce.figure import FIGURES, Reproduction
 
 PAGE, NUMBERS, PICTURES, RUNS = "reproduce.html", "reproduce.json", "pictures", "runs"
@@ -62,7 +63,7 @@ def reproduce(
     # The longest first, so that no process is left alone with it at the end.
     order = sorted(chosen, key=lambda name: -FIGURES.get(name).cost)
     began = clock.perf_counter()
-    _make(folder / RUNS)
+    make_folder(folder / RUNS)
     found: dict[str, Reproduction] = {}
     with _mapping(min(processes, len(order))) as each:
         for name, one in each(partial(run_figure, folder=folder / RUNS), order):
@@ -124,23 +125,14 @@ def _ignore_interrupts() -> None:
 def _write(folder: Path, outcome: Outcome) -> None:
     from asrsim import __version__
     from asrsim.reproduce.page import page
-    from asrsim.textfile import write_text
 
-    _make(folder / PICTURES)
+    make_folder(folder / PICTURES)
     for figure in outcome.figures:
         for part in figure.parts:
             for picture in part.pictures:
                 path = folder / PICTURES / f"{picture.name}.{picture.kind}"
-                try:
-                    path.write_bytes(picture.data)
-                except OSError as error:
-                    raise OutputError(f"cannot write {path}: {error.strerror}") from error
-    write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds))
-    write_text(outcome.numbers, json.dumps(outcome.as_dict(), indent=2, ensure_ascii=False) + "\n")
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {folder}: {error.strerror}") from error
+                with written(path, "picture") as stream:
+                    stream.write(picture.data)
+    write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds), "page")
+    numbers = {"generator": f"asrsim {__version__}", **outcome.as_dict()}
+    write_text(outcome.numbers, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n", "json")

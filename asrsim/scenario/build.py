@@ -75,6 +75,7 @@ def build_scenario(
         joint_order=manager.joints,
         namespace=manager.namespace,
         references=keys["references"],
+        desired=keys["desired"],
         external_torques=keys["external_torques"],
         wrenches=keys["wrenches"],
         command_effects=keys["effects"]["commands"],

@@ -203,6 +203,8 @@ class Scenario:
     """Replaces the blocks' namespace (manager YAML)."""
     references: Mapping[str, Mapping[str, Signal]] = field(default_factory=dict)
     """Joint or "*" -> reference by the mode's name (see asrsim.actuators.MODES) -> signal. Absent ones rest at their start."""
+    desired: Mapping[str, Signal] = field(default_factory=dict)
+    """Motion that joints should make, by joint or "*", where their reference is another: a planned or learned input."""
     external_torques: Mapping[str, Signal] = field(default_factory=dict)
     wrenches: tuple[Wrench, ...] = ()
     command_effects: Mapping[str, Effects] = field(default_factory=dict)

@@ -89,6 +89,7 @@ _MOTION = Either(
 _MODE = Integer(minimum=0, maximum=6)
 _COUNT = Optional(Integer(minimum=1), word="auto")
 
+LOGS = ("full", "compact")
 STEPPINGS = ("leapfrog", "euler", "toolbox")
 ENGINES = ("bullet", "bench")
 
@@ -122,6 +123,10 @@ KEYS: tuple[Key, ...] = (
         name="log_rate", kind=Optional(POSITIVE), default=None, unit="Hz",
         doc="samples logged a second; 1/step must be a multiple", shown="every step",
     ),
+    Key(
+        name="log", kind=Choice(LOGS), default="full",
+        doc="full: the toolbox's topics; compact: one message a joint and /joint_states, in half the space",
+    ),
     Key(name="seed", kind=Integer(minimum=0), default=0, doc="of all noise"),
     Key(
         name="stepping", kind=Choice(STEPPINGS), default="leapfrog",
@@ -151,6 +156,10 @@ KEYS: tuple[Key, ...] = (
     Key(
         name="references", kind=MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)), default={},
         doc="the actuators' references, by the names of their mode",
+    ),
+    Key(
+        name="desired", kind=SIGNALS_BY_JOINT, default={}, unit="rad", shown="the reference",
+        doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
     ),
     Key(name="external_torques", kind=SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"),
     Key(name="wrenches", kind=ListOf(of=WRENCH), default=(), doc="forces and torques on links"),

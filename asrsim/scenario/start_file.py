@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from asrsim.errors import OutputError
+from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import starter_text
@@ -43,6 +44,7 @@ def write_starter(
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    check_output(out, "schema", inputs=[robot], replace=True)
     write_new(out, text, force=force)
     if not schema:
         return (out,)
@@ -52,14 +54,10 @@ def write_starter(
 
 def write_new(path: Path, text: str, *, force: bool) -> None:
     """Write a text file with the folders above it; OutputError if it is there (unless `force`) or cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise OutputError(f"{path} is there already; use --force to replace it, or --out for another file") from None
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+    if path.exists() and not force:
+        raise OutputError(f"{path} is there already; use --force to replace it, or --out for another file")
+    make_folder(path.parent)
+    write_text(path, text, "schema", replace=force)
 
 
 def relative_path(target: Path, folder: Path) -> str:

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from asrsim.samples import Samples
-from asrsim.summary.collect import joint_measures
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
-    from asrsim.metrics import ExpectationResult
+    from asrsim.metrics import ExpectationResult, JointSummary
     from asrsim.simulation.run import Run
 
 
 def make_summary(
     run: Run,
-    chunks: Iterable[Samples],
+    measures: Sequence[JointSummary],
     *,
+    samples: int,
     claims: tuple[ExpectationResult, ...] = (),
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run whose samples are `chunks`: those of its log, or those that it kept."""
+    """Summary of a run. measures: of the joints in the order of its description; samples: how many were logged of each."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    expected = math.floor(scenario.duration / (scenario.step * scenario.log_every)) + 2
-    counter = _Counter(chunks)
-    measures = joint_measures(counter, info.joints, samples=expected)
     # Counts come in the order of the robot's moving joints, the description in that of the arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
@@ -62,7 +57,7 @@ def make_summary(
         substeps=run.resolution.substeps,
         motor_substeps=run.resolution.motor_substeps,
         total_substeps=counts.substeps,
-        samples=counter.samples,
+        samples=samples,
         stepping=scenario.stepping,
         engine=scenario.engine,
         seed=scenario.seed,
@@ -73,16 +68,3 @@ def make_summary(
         replaced=replaced,
         versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
     )
-
-
-class _Counter:
-    """Counts samples as they pass."""
-
-    def __init__(self, chunks: Iterable[Samples]) -> None:
-        self._chunks = chunks
-        self.samples = 0
-
-    def __iter__(self) -> Iterator[Samples]:
-        for chunk in self._chunks:
-            self.samples += len(chunk.time)
-            yield chunk
