@@ -15,12 +15,12 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer, Header, McapRecord
 
 from asrsim.errors import OutputError
-from asrsim.outfile import check_output
+from asrsim.outfile import check_output, is_special
 
 MAGIC = b"\x89MCAP0\r\n"
 
 
-_FLAGS = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_BINARY"))
+_FLAGS = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
 
 
 def encode(record: McapRecord) -> bytes:
@@ -54,7 +54,8 @@ class McapStorage:
         new = not path.exists()
         check_output(path, "log")
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | _FLAGS, 0o666)
+            flags = _FLAGS | (0 if is_special(path) else getattr(os, "O_NOFOLLOW", 0))
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | flags, 0o666)
             self._write(head + _TRAILER, 0)
         except OSError as error:
             self.close()
