@@ -63,6 +63,8 @@ def _run(
     path: Path, variant: str | None, overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
     report: bool, certify: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
 ) -> int:  # fmt: skip
+    import sys
+
     from asrsim.cli.console import error_as_dict, say_json
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.report import print_run
@@ -103,6 +105,8 @@ def _run(
                 failure = (title, error)
             if len(done) > before:
                 print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, told=told)
+                # Whoever reads along sees it now, and is missed at once when he goes.
+                sys.stdout.flush()
             if failure is not None:
                 break
             if interruption.requested:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 
 from asrsim.errors import AsrsimError
 from asrsim.outfile import make_folder, write_text, written
+from asrsim.processes import end_with_parent
 from asrsim.reproduce.figure import FIGURES, Reproduction
 
 PAGE, NUMBERS, PICTURES, RUNS = "reproduce.html", "reproduce.json", "pictures", "runs"
@@ -114,12 +114,8 @@ def _mapping(processes: int) -> Iterator[Any]:
     from multiprocessing import get_context
 
     # Fresh interpreters: engines and threads do not survive a fork. Ctrl-C is ours to handle: leaving the context ends them.
-    with get_context("spawn").Pool(processes, initializer=_ignore_interrupts) as pool:
+    with get_context("spawn").Pool(processes, initializer=end_with_parent) as pool:
         yield pool.imap_unordered
-
-
-def _ignore_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _write(folder: Path, outcome: Outcome) -> None:

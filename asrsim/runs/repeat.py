@@ -108,17 +108,17 @@ def repeat(
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary, ExitStack() as stack:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
-        path = None
+        place: Path | None = None
         if folder is not None:
             stack.enter_context(owned(folder))
             earlier = open_folder(folder, scenario, overwrite=overwrite, inputs=(reader.path,))
-            path = stack.enter_context(new_log(folder, earlier))
+            place = stack.enter_context(new_log(folder, earlier))
         comparer = Comparer(reader)
         writer: LogWriter | None = None
 
         def sinks(info: RunInfo) -> Sequence[Sink]:
             nonlocal writer
-            if path is None:
+            if place is None:
                 return [comparer]
             # It describes the same run.
             there = reader.info
@@ -126,7 +126,7 @@ def repeat(
                 info, scenario=there.scenario, scenario_path=there.scenario_path, resolved=there.resolved,
                 attachments={**there.attachments, **info.attachments},
             )  # fmt: skip
-            writer = stack.enter_context(LogWriter(path, same))
+            writer = stack.enter_context(LogWriter(place, same))
             return [comparer, writer]
 
         def ended() -> bool:
