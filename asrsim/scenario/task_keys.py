@@ -124,7 +124,7 @@ EXPECTATION = Block(
         Key(name="measure", kind=Text(noun="name of a measure"), doc="how, such as steady_state, overshoot, maximum, rmse"),
         Key(name="comparison", kind=Choice(COMPARISONS), default="==", doc="how it compares; `==` within the tolerance"),
         Key(name="value", kind=NUMBER, unit="measure's", doc="the number to compare with"),
-        Key(name="tolerance", kind=Number(minimum=0.0), default=0.0, unit="measure's", doc="how far it may be off"),
+        Key(name="tolerance", kind=Number(minimum=0.0), default=0.0, unit="measure's", doc="how far `==` may be off"),
         Key(
             name="variant", kind=Optional(Text(noun="name of a variant")), default=None,
             doc="the variant of which it is claimed", shown="all",
