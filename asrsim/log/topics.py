@@ -43,13 +43,17 @@ class Topic:
     """Its numbers are read back from here."""
 
 
-def robot_topics(joints: Sequence[JointInfo]) -> tuple[Topic, ...]:
-    """Topics that are in every row of a log, the time first."""
+def robot_topics(joints: Sequence[JointInfo], *, compact: bool = False, arrays: bool = True) -> tuple[Topic, ...]:
+    """Topics that are in every row of a log, the time first.
+
+    compact: one message a joint with all its numbers, instead of the toolbox's; arrays: the robot-level arrays that the
+    toolbox's manager publishes too.
+    """
     paths = topic_paths(joints)
     topics = [Topic(name=TIME_TOPIC, message="std_msgs/Float64", template=CdrBuilder().float64(Column("time")).build())]
     for joint, path in zip(joints, paths, strict=True):
-        topics += _joint_topics(joint, path)
-    for namespace in dict.fromkeys(joint.namespace for joint in joints):
+        topics += [_whole_joint(joint, path)] if compact else _joint_topics(joint, path)
+    for namespace in dict.fromkeys(joint.namespace for joint in joints if arrays and not compact):
         members = [joint for joint in joints if joint.namespace == namespace and joint.mode is not None]
         topics += _array_topics(members, _ros_path(namespace))
     if joints:
@@ -88,6 +92,16 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
             path = f"{plain}_{number}"
         paths.append(path)
     return tuple(paths)
+
+
+def _whole_joint(joint: JointInfo, path: str) -> Topic:
+    """All numbers of a joint in one message; names of our own quantities stand in its definition, users' after them."""
+    own = tuple(quantity for quantity in joint.quantities if quantity in QUANTITIES)
+    others = tuple(quantity for quantity in joint.quantities if quantity not in QUANTITIES)
+    builder = CdrBuilder().header()
+    for quantity in (*own, *others):
+        builder.float64(Column("value", quantity, joint.name))
+    return Topic(name=f"{path}/state", message=joint_message(own, others), template=builder.build())
 
 
 def _joint_topics(joint: JointInfo, path: str) -> Iterator[Topic]:

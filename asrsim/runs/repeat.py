@@ -98,9 +98,6 @@ def repeat(
         OutputError: `out` cannot be written.
     """
     reader = open_log(path)
-    if "scenario" not in reader.info.resolved:
-        message = "the log does not say how to repeat the run"
-        raise LogError(Problem(message=message, file=reader.path, code="no-scenario"))
     folder = Path(out) if out is not None else None
     if UNREPEATABLE in reader.metadata:
         message = f"the run cannot be repeated: no document says what was changed about it ({reader.metadata[UNREPEATABLE]})"
@@ -164,7 +161,12 @@ def repeat(
 
 
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
-    """Scenario and robot from a log's description; files that they need are laid into `folder`."""
+    """Scenario and robot from a log's description; files that they need are laid into `folder`.
+
+    Raises LogError if it has none, and InputError where they cannot be read any more.
+    """
+    if "scenario" not in info.resolved:
+        raise LogError(Problem(message="the log does not say how to repeat the run", code="no-scenario"))
     files: dict[str, Path] = {}
     for number, (name, data) in enumerate(sorted(info.attachments.items())):
         # Names come from a file: only their last part, and each in its own folder.
