@@ -249,7 +249,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 @pytest.mark.parametrize("again", [False, True])
 def test_a_full_disk_leaves_what_was_there(place: Path, asrsim_command, disk: Path, name: str, again: bool) -> None:
     arguments, _ = WRITERS[name]
-    arguments = re.sub(r"\bout\b", "disk", arguments)
+    arguments = re.sub(r"--out out", "--out disk", arguments)
     if again and name != "init":
         asrsim_command(*arguments.split())
     before = {path: path.read_bytes() for path in disk.rglob("*") if path.is_file()}
