@@ -68,8 +68,12 @@ def as_changed(folder: Path) -> list[Path]:
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.3"])
     robot = load_robot(scenario.robot)
     losses = {"damping": 0.2, "friction": 0.01, "effort": 2.0}
-    joints = tuple(replace(joint, **losses) if joint.moves else joint for joint in robot.joints)
-    robot = with_overrides(replace(robot, joints=joints), parameters={"joint_1": {"spring_k_1": 0.05}})
+    joints = tuple(
+        replace(joint, **losses, origin=(*joint.origin[:2], joint.origin[2] + 0.01)) if joint.moves else joint
+        for joint in robot.joints
+    )
+    links = tuple(replace(link, mass=link.mass * 1.1) if link.mass else link for link in robot.links)
+    robot = with_overrides(replace(robot, joints=joints, links=links), parameters={"joint_1": {"spring_k_1": 0.05}})
     name = next(iter(scenario.references_of("joint_1")))
     signal = Sampled(times=np.linspace(0.0, 0.3, 7), samples=np.array([0.0, -0.0, 0.1, 0.2, 0.1, 0.3, 0.25]))
     changed = replace(

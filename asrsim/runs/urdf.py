@@ -68,8 +68,15 @@ def _read(text: str) -> Robot:
 
 
 def _changed(now: Any, before: Any) -> dict[str, Any]:
-    known = {one.name: replace(one, line=None) for one in before}
-    return {one.name: one for one in now if known.get(one.name) != replace(one, line=None)}
+    known = {one.name: one for one in before}
+    return {one.name: one for one in now if one.name not in known or _said(one) != _said(known[one.name])}
+
+
+def _said(one: Joint | Link) -> list[Any]:
+    """What a document says of a joint or link, apart from where it says it."""
+    shapes = {"collisions", "visuals"}
+    items = [getattr(one, field.name) for field in fields(one) if field.name != "line" and field.name not in shapes]
+    return [*items, *(replace(shape, line=None) for name in shapes for shape in getattr(one, name, ()))]
 
 
 def _write(element: Any, one: Joint | Link, places: Mapping[str, tuple[str, str]]) -> None:
