@@ -28,9 +28,9 @@ def actuators(
         load_plugins(plugin)
         chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
     if json:
-        import json as writer
+        from asrsim.cli.console import say_json
 
-        typer.echo(writer.dumps([_as_dict(actuator) for actuator in chosen], indent=2, ensure_ascii=False))
+        say_json([_as_dict(actuator) for actuator in chosen])
         return
     from asrsim.cli.tables import print_actuator, print_actuators
 

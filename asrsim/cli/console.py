@@ -48,7 +48,7 @@ def complain(text: str, style: str = "") -> None:
     _write(sys.stderr, styled(text, style, sys.stderr))
 
 
-def say_json(data: Mapping[str, Any]) -> None:
+def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     """One JSON document on stdout. Numbers that JSON has not must be gone."""
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
     # JSON has escapes for what a terminal obeys, and for halves of characters.
