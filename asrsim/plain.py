@@ -20,7 +20,7 @@ def misfit(data: Any, shape: Shape, place: str = "") -> str:
     if isinstance(shape, dict):
         return _keys(data, shape, place)
     good = {
-        str: isinstance(data, str) and _is_text(data),
+        str: isinstance(data, str) and is_text(data),
         bool: isinstance(data, bool),
         int: isinstance(data, int) and not isinstance(data, bool) and abs(data) < 1 << 53,
         float: _is_number(data),
@@ -45,7 +45,7 @@ def _keys(data: Any, shape: dict[str, Shape], place: str) -> str:
             return f"{dot}{name} is missing"
     named = {key.removesuffix("?") for key in shape}
     for key, value in data.items():
-        if not _is_text(key):
+        if not is_text(key):
             return f"a key of {place or 'it'} is no text"
         if key not in named and "*" in shape and (found := misfit(value, shape["*"], dot + key)):
             return found
@@ -58,8 +58,8 @@ def _is_number(data: Any) -> bool:
     return isinstance(data, int) and not isinstance(data, bool) and abs(data) < 10**300
 
 
-def _is_text(text: str) -> bool:
-    """Whether all its characters are whole."""
+def is_text(text: str) -> bool:
+    """Whether all characters of a text are whole: JSON can escape one half of a pair."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim.document.node import Node, Value
 from asrsim.errors import InputError, Problem
+from asrsim.plain import is_text
 
 MAX_BYTES = 2_000_000
 MAX_DEPTH = 40
@@ -98,15 +99,6 @@ def parse_yaml(
     return node
 
 
-def _whole(text: str) -> bool:
-    """Whether all characters of a text are whole: JSON can escape one half of a pair."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
 def _reason(fault: Any) -> str:
     """PyYAML's words on a fault of the text as such, without its name for our text."""
     character = getattr(fault, "character", None)
@@ -134,7 +126,7 @@ class _Converter:
         if depth > MAX_DEPTH:
             raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
         line = node.start_mark.line + 1
-        if node.id == "scalar" and not _whole(node.value):
+        if node.id == "scalar" and not is_text(node.value):
             self._complain(f"{node.value!a} holds half a character", line, code="text")
             return Node(None, line, file=self.file)
         if node.id == "scalar":
@@ -162,7 +154,7 @@ class _Converter:
                 self._complain("a key must be plain text", key_line)
                 continue
             key = str(key_node.value)
-            if not _whole(key):
+            if not is_text(key):
                 self._complain(f"the key {key!a} holds half a character", key_line, code="text")
                 continue
             value = self.convert(value_node, depth + 1)
