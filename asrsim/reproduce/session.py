@@ -123,12 +123,14 @@ def _write(folder: Path, outcome: Outcome) -> None:
     from asrsim.reproduce.page import page
 
     make_folder(folder / PICTURES)
+    done: set[Path] = set()
     for figure in outcome.figures:
         for part in figure.parts:
             for picture in part.pictures:
                 path = folder / PICTURES / f"{picture.name}.{picture.kind}"
-                with written(path, "picture") as stream:
+                with written(path, "picture", replace=path in done) as stream:
                     stream.write(picture.data)
+                done.add(path)
     write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds), "page")
     numbers = {"generator": f"asrsim {__version__}", **outcome.as_dict()}
     write_text(outcome.numbers, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n", "json")
