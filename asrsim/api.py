@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import Problem, ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
@@ -14,11 +14,14 @@ from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.scenario import Scenario, load_scenario
+from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.run import Run, Sink, simulate
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from asrsim.metrics import ExpectationResult
     from asrsim.robot.model import Robot
 
@@ -59,11 +62,14 @@ class JointSeries(Mapping[str, Array]):
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
+    def __repr__(self) -> str:
+        return f"JointSeries({self.info.name}, {len(self._samples.time)} samples: {', '.join(self)})"
+
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """What a run gives: arrays, the summary, and where the log is."""
 
@@ -116,6 +122,33 @@ class Result:
     def __getitem__(self, name: str) -> JointSeries:
         return self.joint(name)
 
+    def __repr__(self) -> str:
+        what = f"{self.summary.scenario} / {self.summary.variant}: {self.status}, {self.run.simulated_time:g} s"
+        return f"Result({what}, {self.summary.samples} samples of {', '.join(self.joints)})"
+
+    def _repr_html_(self) -> str:
+        from asrsim.notebook import as_html
+
+        return as_html(self)
+
+    def plot(self, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
+        """A figure of the joints, or of the quantities named. Raises LogError for unknown names."""
+        from asrsim.notebook import draw
+
+        return draw(self, joints=joints, quantities=quantities)
+
+    def to_pandas(self) -> Any:
+        """A DataFrame indexed by time, with columns by joint and quantity; needs pandas."""
+        from asrsim.notebook import as_pandas
+
+        return as_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """A Dataset of quantities over time and joint, with units; needs xarray."""
+        from asrsim.notebook import as_xarray
+
+        return as_xarray(self)
+
     @property
     def bodies(self) -> Mapping[str, Array]:
         """Body -> (n, 7): position in m, orientation as quaternion x y z w."""
@@ -131,7 +164,7 @@ def run(
     scenario: str | Path | Scenario,
     *,
     variant: str | None = None,
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     robot: Robot | str | Path | None = None,
     plugins: Sequence[str | Path] = (),
     out: str | Path | None = None,
@@ -146,7 +179,7 @@ def run(
     Args:
         scenario: Scenario file, or a scenario made with :func:`asrsim.make_scenario` or :func:`asrsim.load_scenario`.
         variant: Which variant; may be left out where there is only one.
-        overrides: `key=value` texts, as `--set` of the command line.
+        overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
         robot: Replaces the scenario's robot: a file, or one that was loaded and changed.
         plugins: Python files with users' actuators.
         out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
@@ -178,7 +211,7 @@ def run(
 def run_variants(
     scenario: str | Path,
     *,
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     plugins: Sequence[str | Path] = (),
     out: str | Path | None = None,
     overwrite: bool = False,
@@ -196,7 +229,7 @@ def run_variants(
 
 
 def _load(
-    scenario: str | Path | Scenario, variant: str | None, overrides: Sequence[str], plugins: Sequence[str | Path],
+    scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
     robot: Robot | str | Path | None,
 ) -> tuple[Scenario, ...]:  # fmt: skip
     if plugins:
@@ -241,7 +274,7 @@ def _run_one(
     if done.status == "complete":
         claims = claim_results(scenario.expect, done.info.joints, collectors[0].read, file=scenario.path)
     samples = len(done.samples.time) if done.samples is not None else 0
-    summary = make_summary(done, collectors[0].measures(done.scenario.desired), samples=samples, claims=claims)
+    summary = make_summary(done, collectors[0], samples=samples, claims=claims)
     if certify and done.status == "complete":
         from asrsim.simulation.certify import certify as certify_run
 

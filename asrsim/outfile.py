@@ -13,7 +13,7 @@ from asrsim.errors import OutputError
 
 MARKS = {
     "log": rb"\A\x89MCAP0\r\n.{9}\x04\0\0\0ros2.{4}asrsim ",
-    "json": rb'\A\{\s*"generator": "asrsim ',
+    "json": rb'\A\{\s*"generator": ?"asrsim ',
     "page": rb'<meta name="generator" content="asrsim ',
     "picture": rb"Software\0asrsim|/Creator \(asrsim\)|<dc:title>asrsim</dc:title>|\x21\xfe\x06asrsim|\xa9cmt.{8,24}asrsim",
     "metrics": rb"\Asource,joint,quantity,measure,value,unit\r?\n",

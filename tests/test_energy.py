@@ -13,8 +13,8 @@ from asrsim.actuators import ACTUATORS
 from asrsim.signals import PulseTrain, Sinusoid, Step
 from asrsim.simulation import run as run_module
 from asrsim.simulation.run import Run
-from asrsim.validation.conservation import energy_gain, motors
-from asrsim.validation.models import Body, chain, column, run
+from validation.conservation import energy_gain, motors
+from validation.models import Body, chain, column, run
 
 BODY = Body(mass=0.4, reach=0.05, inertia=2e-3, damping=0.02)
 WAVE = Sinusoid(amplitude=0.3, frequency=2.0)

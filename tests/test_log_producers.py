@@ -26,7 +26,10 @@ EXAMPLES = Path(__file__).parents[1] / "examples/scenarios"
 
 def as_file(folder: Path) -> list[Path]:
     """`asrsim run`: a task, a body, claims about both."""
-    result = asrsim.run(EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.4"], out=folder, certify=True)
+    path = "task.poses=[{time: 0.3, position: [0.30, -0.05, 0.1565]}]"
+    result = asrsim.run(
+        EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.4", path], out=folder, certify=True
+    )
     return [result.log]
 
 

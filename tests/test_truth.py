@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from asrsim.validation.check import Check, Section, available
-from asrsim.validation.document import document, number
-from asrsim.validation.sections import SECTIONS
+from validation.check import Check, Section, available
+from validation.document import document, number
+from validation.sections import SECTIONS
 
 
 def _measures() -> Iterator[Any]:

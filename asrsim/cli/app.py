@@ -22,8 +22,12 @@ COMMANDS = {
     "actuators": "asrsim.cli.actuators",
     "bench": "asrsim.cli.bench",
     "init": "asrsim.cli.init",
+    "examples": "asrsim.cli.examples",
 }
 """Command -> module that holds a function of the command's name; imported when the command is used or listed."""
+
+
+HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
 class LazyGroup(TyperGroup):
@@ -35,15 +39,16 @@ class LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False)
+        single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False, context_settings=HELP)
         single.command(name=cmd_name)(getattr(import_module(COMMANDS[cmd_name]), cmd_name))
         return typer.main.get_command(single)
 
 
 # Without rich's markup, help comes in half the time.
 app = typer.Typer(
-    cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None
-)
+    cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
+    context_settings=HELP,
+)  # fmt: skip
 
 
 def _version(wanted: bool) -> None:
@@ -64,7 +69,7 @@ def root(
 ) -> None:
     """Simulate articulated soft robots: joints driven through springs or variable-stiffness actuators.
 
-    Example: asrsim run scenario.yaml
+    Example: asrsim examples && asrsim run examples/scenarios/step_2dof.yaml
     """
     if debug:
         os.environ["ASRSIM_DEBUG"] = "1"
@@ -75,6 +80,9 @@ def main() -> None:
     # A stream that was closed (>&-) is none at all, and its number would go to the next file that is opened.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    from asrsim.cli.console import clean_streams
+
+    clean_streams()
     code = _call()
     try:
         sys.stdout.flush()

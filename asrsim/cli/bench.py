@@ -47,7 +47,7 @@ def bench(
     A row of the CSV is a step, at the row's time. The output has time and per joint position, velocity, references,
     link and elastic torques, stiffness and motor states; floats survive the round trip.
 
-    Example: asrsim bench arm.urdf motion.csv -o out.csv --stepping toolbox
+    Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
     load_plugins(plugin)
     rows = bench_files(robot, motion, out, stepping=stepping, first_step=first_step)

@@ -30,9 +30,9 @@ def check(
 ) -> None:
     """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.
 
-    Example: asrsim check robot.urdf scenario.yaml --step 0.001
+    Example: asrsim check examples/urdf/dof2_vertical.urdf examples/scenarios/sine_2dof.yaml
 
-    Example: asrsim check --actuator my_vsa --plugin my_vsa.py
+    Example: asrsim check --actuator my_vsa --plugin examples/plugins/my_vsa.py
     """
     from asrsim.cli import findings
     from asrsim.cli.console import json_errors

@@ -8,9 +8,9 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import IO, Any
+from typing import IO, Any, cast
 
-from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.errors import AsrsimError, InputError, Problem, printable
 
 STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
@@ -23,6 +23,36 @@ MOST = 40
 """Lines of an error that are shown."""
 SHOWN = 6
 """Places listed of a problem that many parts share."""
+
+
+OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
+MOVING_CODES = re.compile(r"(\x1b\[(?:[0-9;]*m|[0-9]*[AK]|\?25[lh])|\r)")
+"""What we write on purpose: colours; on stderr a progress bar's ways of moving too."""
+
+
+class CleanStream:
+    """A text stream through which control characters of files, names and values do not reach the terminal."""
+
+    def __init__(self, stream: IO[str], allowed: re.Pattern[str]) -> None:
+        self._stream = stream
+        self._allowed = allowed
+
+    def write(self, text: str) -> int:
+        """Write the text, cleaned of all that is not ours."""
+        parts = self._allowed.split(text)
+        parts[::2] = [printable(part) for part in parts[::2]]
+        return self._stream.write("".join(parts))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def clean_streams() -> None:
+    """From here on nothing that a file says moves the cursor or changes the terminal."""
+    if not isinstance(sys.stdout, CleanStream):
+        sys.stdout = cast("IO[str]", CleanStream(sys.stdout, OWN_CODES))
+    if not isinstance(sys.stderr, CleanStream):
+        sys.stderr = cast("IO[str]", CleanStream(sys.stderr, MOVING_CODES))
 
 
 def is_terminal(stream: IO[str] | None = None) -> bool:
@@ -78,9 +108,12 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int
 
 
 def say_problems(problems: Sequence[Problem], word: str, style: str) -> None:
-    """One line a problem; problems that differ in their place only share a line."""
+    """One line a problem, warnings on stderr; problems that differ in their place only share a line."""
     for line in problem_lines(problems):
-        say(f"{styled(word, style)} {line}")
+        if word == "warning":  # what a program reads from stdout stays free of them
+            complain(f"{styled(word, style, sys.stderr)} {line}")
+        else:
+            say(f"{styled(word, style)} {line}")
 
 
 def problem_lines(problems: Sequence[Problem]) -> list[str]:

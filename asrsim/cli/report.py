@@ -24,6 +24,9 @@ def print_run(
     if not quiet:
         say(f"{styled(title, 'bold cyan')}  {headline(summary)}")
         say_table([(column.heading, column.cells, column.right) for column in joint_columns(summary)])
+        if summary.tip:
+            words = {"last": "at the end", "largest": "at most", "rms": "RMS"}
+            say(f"  tip off its path by {', '.join(f'{1e3 * summary.tip[key]:.3g} mm {word}' for key, word in words.items())}")
         say(f"  {limit_note(summary)}", "dim")
     if summary.status == "diverged":
         complain(f"asrsim: {title}: {summary.message}", "bold red")
@@ -74,7 +77,7 @@ def _print_warnings(summary: RunSummary, *, verbose: bool, told: set[str]) -> No
     say_problems(fresh, "warning", "yellow")
     again = len(summary.warnings) - len(fresh)
     if again:
-        say(f"{again} warning{'s' * (again != 1)} as above", "yellow")
+        complain(f"{again} warning{'s' * (again != 1)} as above", "yellow")
     told.update(map(str, fresh))
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import variants
 from asrsim.cli.options import Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
-    variant: Annotated[str | None, typer.Option(help="Run this variant only.", show_default="all")] = None,
+    variant: Annotated[
+        str | None, typer.Option(help="Run this variant only.", show_default="all", autocompletion=variants)
+    ] = None,
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
@@ -44,9 +47,9 @@ def run(
     unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, or did
     not meet what the scenario expects, 130 after Ctrl-C.
 
-    Example: asrsim run scenario.yaml
+    Example: asrsim run examples/scenarios/step_2dof.yaml
 
-    Example: asrsim run scenario.yaml --variant soft --set duration=10 --set references.joint_1.stiffness_preset=0.3
+    Example: asrsim run examples/scenarios/step_2dof.yaml --variant soft --set references.joint_1.stiffness_preset=0.3
     """  # fmt: skip
     from asrsim.cli.console import json_errors
 
@@ -143,7 +146,7 @@ def _with_files(executed: Executed, **files: Any) -> Executed:
 def _drawn(executed: Executed) -> Executed:
     from asrsim.plots import draw_run
 
-    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder)))
+    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder, brief=True)))
 
 
 def _reported(executed: Executed) -> Executed:

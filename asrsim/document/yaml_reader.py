@@ -9,7 +9,6 @@ from typing import Any
 
 from asrsim.document.node import Node, Value
 from asrsim.errors import InputError, Problem
-from asrsim.plain import is_text
 
 MAX_BYTES = 2_000_000
 MAX_DEPTH = 40
@@ -126,9 +125,6 @@ class _Converter:
         if depth > MAX_DEPTH:
             raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
         line = node.start_mark.line + 1
-        if node.id == "scalar" and not is_text(node.value):
-            self._complain(f"{node.value!a} holds half a character", line, code="text")
-            return Node(None, line, file=self.file)
         if node.id == "scalar":
             return Node(self._scalar(node, line), line, file=self.file)
         if node.tag not in (_TAG + "seq", _TAG + "map"):
@@ -138,6 +134,7 @@ class _Converter:
         return self._mapping(node, line, depth)
 
     def _scalar(self, node: Any, line: int) -> Value:
+        self._whole(str(node.value), line)
         if node.tag == _PLAIN:
             return plain_scalar(node.value)
         if node.tag != _TAG + "str":
@@ -154,9 +151,7 @@ class _Converter:
                 self._complain("a key must be plain text", key_line)
                 continue
             key = str(key_node.value)
-            if not is_text(key):
-                self._complain(f"the key {key!a} holds half a character", key_line, code="text")
-                continue
+            self._whole(key, key_line)
             value = self.convert(value_node, depth + 1)
             if key == "<<" and key_node.tag == _PLAIN:
                 merged.extend(value.value if isinstance(value.value, list) else [value])
@@ -172,6 +167,12 @@ class _Converter:
                 if key not in items:
                     items[key], lines[key] = value, other.key_line(key)
         return Node(items, line, lines, self.file)
+
+    def _whole(self, text: str, line: int) -> None:
+        """JSON's escapes can spell half a character, which no file name, log or terminal can hold."""
+        half = next((sign for sign in text if "\ud800" <= sign <= "\udfff"), None)
+        if half is not None:
+            raise _Refused(f"\\u{ord(half):04x} in line {line} is half a character, which no text can hold")
 
     def _complain(self, message: str, line: int, *, key: str | None = None, code: str = "yaml") -> None:
         self.problems.append(Problem(message=message, file=self.file, line=line, key=key, code=code))

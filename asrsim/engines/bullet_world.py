@@ -74,6 +74,16 @@ class BulletWorld:
             poses[name] = (*position, *orientation)
         return poses
 
+    def states(self) -> dict[str, Any]:
+        """Poses of the objects as Bullet keeps them, of their centres."""
+        return {name: self._p.getBasePositionAndOrientation(body, self._client) for name, body in self.objects.items()}
+
+    def set_states(self, states: dict[str, Any]) -> None:
+        """Put the objects there, at rest."""
+        for name, pose in states.items():
+            self._p.resetBasePositionAndOrientation(self.objects[name], *pose, physicsClientId=self._client)
+            self._p.resetBaseVelocity(self.objects[name], [0, 0, 0], [0, 0, 0], physicsClientId=self._client)
+
     def contacts(self) -> dict[str, tuple[float, float, float]]:
         """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot."""
         p, client = self._p, self._client

@@ -15,7 +15,7 @@ from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.metrics.measures import MEASURES, measure, option_problems
 from asrsim.metrics.motion import AXES
 from asrsim.quantities import DERIVED, QUANTITIES, unit_of
-from asrsim.samples import Array, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
@@ -28,8 +28,10 @@ RECORDING_OPTIONS = {
     "rate": "a positive number of Hz",
 }
 """Options of a claim with `against` beside those of its measure, as `asrsim plot` has them: what each must be."""
-BODY_QUANTITIES = ("position", "x", "y", "z", "contact_force")
+BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
 """What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts.
+
+`error` is the distance in m of a Cartesian task's `tip` from its path.
 
 `contact_force/<other>` is that of one contact: with `robot`, `ground` or another body.
 """
@@ -200,6 +202,8 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
     if poses is not None:
         columns["position"] = poses
         columns |= {axis: poses[:, index] for axis, index in AXES.items()}
+    if body == TIP and TIP_GOAL in samples.bodies and poses is not None:
+        columns["error"] = np.linalg.norm(poses[:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1)
     forces = np.zeros((len(samples.time), 3))
     touched = poses is not None
     for pair, force in samples.contacts.items():

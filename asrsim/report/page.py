@@ -11,7 +11,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.plots.rows import metric_tables
-from asrsim.report.content import Compared, RunContent, picture
+from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, number, script_json, section, share, table
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
@@ -27,28 +27,26 @@ def build_page(
     labels: Sequence[str],
     *,
     data: Mapping[str, Any],
-    strips: Mapping[Path, str],
-    notes: Sequence[str],
+    films: Films,
     compared: Compared | None,
     thinned: bool,
 ) -> str:
-    """The whole page. data: grid, joints and objects for the plots; strips: log -> film strip as a data address."""
+    """The whole page. data: grid, joints and objects for the plots."""
     first = runs[0].info
     scenario = Path(first.scenario_path).stem
     title = " · ".join(filter(None, (first.robot, scenario)))
     sections = [
         _head(title, runs, labels),
         _claims(runs, labels),
-        _strips(runs, labels, strips),
+        _strips(runs, labels, films),
         _joints(runs, labels),
         _compared(compared),
         _plots(data, thinned=thinned),
         _error(runs, labels),
         _parameters(runs, labels),
-        _warnings(runs, labels, notes),
+        _warnings(runs, labels, films.notes),
         _repeat(runs),
     ]
-    packed = script_json(data)
     return "\n".join(
         [
             "<!doctype html>",
@@ -63,7 +61,8 @@ def build_page(
             "</head><body><main>",
             *filter(None, sections),
             "</main>",
-            f'<script type="application/json" id="data">{packed}</script>',
+            _packed("data", data),
+            *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
             f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
             f"<script>{asset('page.js')}</script>",
             "</body></html>",
@@ -107,15 +106,31 @@ def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     return section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
 
 
-def _strips(runs: Sequence[RunContent], labels: Sequence[str], strips: Mapping[Path, str]) -> str:
+def _packed(name: str, data: Mapping[str, Any]) -> str:
+    return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
+
+
+def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> str:
     figures = [
-        f'<figure><img src="{strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
+        f'<figure><img src="{films.strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
         f"<figcaption>{escape(label)}</figcaption></figure>"
         for run, label in zip(runs, labels, strict=True)
-        if run.log in strips
+        if run.log in films.strips
     ]
     left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
-    return section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
+    moving = _MOTION if films.motion else ""
+    return section("Motion", f'{moving}<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
+
+
+_MOTION = (
+    '<div id="motion"><canvas aria-label="the moving robot"></canvas><div class="controls">'
+    '<button type="button" class="play" aria-label="play">▶</button>'
+    '<input type="range" aria-label="time"><span class="clock"></span>'
+    '<select class="speed" aria-label="speed"><option value="0.1">0.1 x</option><option value="0.25">0.25 x</option>'
+    '<option value="1" selected>1 x</option><option value="4">4 x</option></select>'
+    '<select class="run" aria-label="run"></select></div>'
+    '<p class="note">Drag to turn, wheel to come nearer, Shift and drag to move, double-click to go back.</p></div>'
+)
 
 
 _MEASURES = (
@@ -164,7 +179,7 @@ def _compared(compared: Compared | None) -> str:
     )
     images = "".join(
         f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
-        for path in compared.pictures[:3]
+        for path in compared.pictures
         if (data := picture(path)) is not None
     )
     return section("Beside experiments", images + tables)

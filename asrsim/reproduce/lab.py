@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from asrsim.reproduce.examples import examples_folder
+from asrsim.runs.examples import examples_folder
 
 if TYPE_CHECKING:
     from asrsim.api import Result

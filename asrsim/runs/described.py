@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,8 @@ from asrsim.errors import AsrsimError
 from asrsim.robot.model import Robot
 from asrsim.runs.folder import origin_of
 from asrsim.samples import Array, RunInfo
-from asrsim.scenario.data import Effects, Scenario
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.joint_keys import EQUILIBRIUM
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
@@ -47,7 +48,12 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
             value = getattr(scenario, name)
             if not _alike(value, getattr(as_read, name)):
                 try:
-                    _PLAIN.get(name, _by_name)(resolved, name, value, files)
+                    if name.startswith("initial_"):
+                        _start(resolved, scenario)
+                    elif name == "log_every":
+                        resolved["log_rate"] = 1.0 / (scenario.step * value)
+                    else:
+                        _named(resolved, name, value, files)
                 except TypeError:
                     lost.append(name)
         if not scenario.expect:
@@ -141,42 +147,36 @@ def _by_joint(modes: Any) -> dict[str, int]:
     return dict(modes) if isinstance(modes, Mapping) else {"*": modes}
 
 
-def _by_name(resolved: dict[str, Any], name: str, value: Any, files: dict[str, bytes]) -> None:
-    resolved[name] = _value(value, files)
+def _named(resolved: dict[str, Any], name: str, value: Any, files: dict[str, bytes]) -> None:
+    """Write a field's value under the key that it is declared with, in its group if it has one."""
+    declared = next((field.metadata["key"].name for field in fields(Scenario) if field.name == name and field.metadata), "")
+    group, dot, key = (declared or name).partition(".")
+    if isinstance(value, Mapping):
+        value = {joint: _plain(one) for joint, one in value.items()}
+    if dot:
+        whole = resolved.get(group, {})
+        resolved[group] = {**(whole if isinstance(whole, Mapping) else {"file": whole}), key: _value(value, files)}
+    else:
+        resolved[group] = _value(value, files)
 
 
-def _renamed(key: str) -> Callable[[dict[str, Any], str, Any, dict[str, bytes]], None]:
-    def write(resolved: dict[str, Any], _: str, value: Any, files: dict[str, bytes]) -> None:
-        resolved[key] = _value(value, files)
-
-    return write
-
-
-def _inside(block: str, key: str) -> Callable[[dict[str, Any], str, Any, dict[str, bytes]], None]:
-    def write(resolved: dict[str, Any], _: str, value: Any, files: dict[str, bytes]) -> None:
-        if isinstance(value, Mapping):
-            value = {name: vars(one) if isinstance(one, Effects) else one for name, one in value.items()}
-        resolved[block] = {**resolved.get(block, {}), key: _value(value, files)}
-
-    return write
+def _plain(one: Any) -> Any:
+    """An entry of a table whose entries are blocks, as a mapping of what it sets."""
+    if is_dataclass(one) and not isinstance(one, Signal | type):
+        return {key: value for key, value in vars(one).items() if value is not None and value != {}}
+    return one
 
 
-def _log_every(resolved: dict[str, Any], _: str, value: int, __: dict[str, bytes]) -> None:
-    resolved["log_rate"] = 1.0 / (resolved.get("step", 1e-3) * value)
-
-
-def _damping(resolved: dict[str, Any], _: str, value: Mapping[str, Any], __: dict[str, bytes]) -> None:
-    resolved["link_damping"] = {joint: dict(vars(law)) for joint, law in value.items()}
-
-
-_PLAIN: Mapping[str, Callable[[dict[str, Any], str, Any, dict[str, bytes]], None]] = {
-    "initial_positions": _renamed("initial"),
-    "base_position": _inside("base", "position"),
-    "base_rpy": _inside("base", "rpy"),
-    "fixed_base": _inside("base", "fixed"),
-    "command_effects": _inside("effects", "commands"),
-    "sensor_effects": _inside("effects", "sensors"),
-    "log_every": _log_every,
-    "link_damping": _damping,
-}
-"""Field of a scenario -> how a document says it, where the names differ."""
+def _start(resolved: dict[str, Any], scenario: Scenario) -> None:
+    """The start, which one key says for five fields."""
+    if scenario.initial_equilibrium:
+        resolved["initial"] = EQUILIBRIUM
+        return
+    tables = {
+        "position": scenario.initial_positions, "velocity": scenario.initial_velocities,
+        "motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities,
+    }  # fmt: skip
+    joints = dict.fromkeys(joint for table in tables.values() for joint in table)
+    resolved["initial"] = {
+        joint: {name: _value(table[joint], {}) for name, table in tables.items() if joint in table} for joint in joints
+    }

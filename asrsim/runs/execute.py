@@ -99,8 +99,7 @@ def execute(
     if run.status == "complete":
         claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path)
     log = folder / LOG
-    measures = collector.measures(run.scenario.desired)
-    summary = make_summary(run, measures, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
+    summary = make_summary(run, collector, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
     if certificate is not None:
         summary = replace(summary, certificate=certificate.as_dict())
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)

@@ -7,13 +7,14 @@ what was replaced. Only what its name and its mark (:mod:`asrsim.outfile`) prove
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import AsrsimError, OutputError
+from asrsim.errors import AsrsimError, InputError, OutputError, Problem
 from asrsim.outfile import check_output, is_ours, is_special
 from asrsim.scenario.data import Scenario
 
@@ -40,6 +41,42 @@ def default_folder(scenario: Scenario) -> Path:
 def origin_of(scenario: Scenario) -> str:
     """The scenario file that a run comes from, as its log keeps it: absolute; empty for one without a file."""
     return str(scenario.path.resolve()) if scenario.path else ""
+
+
+def find_logs(place: Path) -> list[Path]:
+    """The log itself, or a folder's logs: its own, else those of its subfolders (variants), in the scenario's order.
+
+    Raises InputError where there is none.
+    """
+    if place.is_file():
+        return [place]
+    own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
+    logs = own or sorted(place.glob(f"*/{LOG}"))
+    if not logs:
+        message = "no such file or folder"
+        if place.is_dir():
+            message = "holds no log of a run (log.mcap), nor does a folder in it"
+        hint = "Run a scenario first: asrsim run scenario.yaml"
+        raise InputError(Problem(message=message, file=place, hint=hint, code="no-log"))
+    return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
+
+
+def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
+    """Key that sorts logs as their scenario lists its variants; those that it does not list come last."""
+    from asrsim.document.yaml_reader import parse_yaml
+    from asrsim.log import open_log
+
+    places: dict[Path, float] = {}
+    for log in logs:
+        places[log] = math.inf
+        # A log that cannot be read complains later, where it is read.
+        with suppress(AsrsimError):
+            info = open_log(log).info
+            scenario = parse_yaml(info.scenario).plain()
+            listed = scenario.get("variants") if isinstance(scenario, dict) else None
+            names = list(listed) if isinstance(listed, dict) else []
+            places[log] = names.index(info.variant) if info.variant in names else math.inf
+    return lambda log: (places[log], str(log))
 
 
 def inputs_of(scenario: Scenario) -> tuple[Path, ...]:

@@ -1,4 +1,8 @@
-"""The plain loop: read the joints, advance every actuator, apply the torques, step the world; every substep is recorded."""
+"""The loop: what the joints do, one substep of the engine after the other; every substep is recorded.
+
+One source of a substep (:mod:`asrsim.simulation.substep`) serves three ways of running it: plain Python; compiled, with the
+engine stepped from Python; and a whole stretch compiled, where the engine has a kernel.
+"""
 
 from __future__ import annotations
 
@@ -8,25 +12,60 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Engine
+from asrsim import compiling
+from asrsim.engines.base import Engine, EngineKernel
+from asrsim.errors import SimulationError
 from asrsim.samples import Array
+from asrsim.simulation import stretch
 from asrsim.simulation.damping import make_damping_law, mean_response
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.inputs import Block, Piece
-from asrsim.simulation.kernels import RECORD, damp, make_substepped
+from asrsim.simulation.inputs import Block, Piece, input_columns
+from asrsim.simulation.kernels import make_substepped
+from asrsim.simulation.memory import STATE_NUMBERS, compiled_memory, flatten, plain_memory, shape_of
 from asrsim.simulation.steppings import Stepping
+from asrsim.simulation.substep import (
+    BASE,
+    BRAKE,
+    DAMPING,
+    DAMPING_TORQUE,
+    EFFORT,
+    FASTEST,
+    FORCE,
+    GAIN_1,
+    GAIN_2,
+    INERTIA,
+    LAG,
+    LAST_FORCE,
+    LINK_TORQUE,
+    PLACES,
+    PREVIOUS,
+    PUSH_1,
+    PUSH_2,
+    RATIO,
+    RAW,
+    READ_1,
+    READ_2,
+    REST,
+    SPEED,
+    SPRING,
+    STATE,
+    TORQUE,
+    WEIGHT,
+    Memory,
+    Sensing,
+    Step,
+    chain,
+    lend,
+    make_damping,
+    make_group,
+    make_sense,
+)  # fmt: skip
 
-COLUMNS = ("link_position", "engine_velocity", "actuator_torque", *RECORD)
-"""Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the effort limit, then the kernels' record."""
-FLUSH = 1_000
-"""Floats after which inputs are taken from and the record moved to compact arrays: short lists stay in
-the processor's cache."""
-REFRESH = 1024
+FLUSH = 4_000
+"""Numbers after which plain Python's inputs are taken from and its record moved to compact arrays: short lists stay in the
+processor's cache."""
+REFRESH = 256
 """Substeps after which the links' response to torques is looked at again."""
-CORIOLIS_EVERY = 8
-"""Substeps, at most, between evaluations of the Coriolis correction; in between it is what it will be half-way there."""
-CORIOLIS_PHASE = 1.0
-"""rad of the fastest oscillation, at most, between them."""
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
@@ -41,10 +80,6 @@ class NoValueError(ArithmeticError):
         self.substep = substep
 
 
-Hook = Callable[[int, Sequence[Any], Sequence[Any]], None]
-"""Called before each substep with its number, the engine's joint states and the actuators' states."""
-
-
 class Loop:
     """State of a run: engine, joints, and what the scheme remembers between substeps."""
 
@@ -56,210 +91,400 @@ class Loop:
         *,
         substep: float,
         motor_substeps: int,
-        omega_h: float = 1.0,
-        before_step: Sequence[Hook] = (),
+        sensings: Sequence[Sensing | None],
+        cut: bool,
+        compiled: bool,
+        every: int = 1,
+        watch: Callable[[int], None] | None = None,
     ) -> None:
         self.engine = engine
+        self.every, self.watch = every, watch
+        """Substeps between looks at the world, and who looks: told the substep, before it."""
         self.drives = tuple(drives)
         self.stepping = stepping
         self.substep = substep
-        self.motor_substeps = motor_substeps
-        self.before_step = tuple(before_step)
-        self.states: list[Any] = [drive.initial_state for drive in drives]
-        self._kinds = [drive.advance for drive in drives]
-        self._advances = [
-            make_substepped(drive.advance, motor_substeps) if motor_substeps > 1 and drive.dynamic_motors else drive.advance
-            for drive in drives
-        ]
-        self._constants: dict[float, list[Any]] = {}
-        self._efforts = [float("inf") if drive.joint.effort is None else drive.joint.effort for drive in drives]
-        self._brakes = [drive.link_brake for drive in drives]
-        self._dampings = [drive.joint.damping + drive.link_brake for drive in drives]
-        """N m s/rad on the link: the joint's damping and the derivative action of the link's controller (mode 1)."""
-        self._laws = [make_damping_law(drive, stepping.first_drift * substep) for drive in drives]
-        self.correction = [0.0] * len(self.drives)
-        zero = [0.0] * len(self.drives)
-        moves = stepping.staggered and engine.bias_difference(zero, zero, zero) is not None
-        self._correct_every = max(1, min(CORIOLIS_EVERY, int(CORIOLIS_PHASE / max(omega_h, 1e-9)))) if moves else 0
-        """Substeps between Coriolis corrections; 0: none are needed."""
-        self._ahead = 0.5 * max(self._correct_every - 1, 0) / max(self._correct_every, 1)
-        """Substeps from a correction to the middle of the time that it is held, as a share of that time."""
-        self._bias_difference: list[float] | None = None
-        # v = now * v_engine + before * v_engine of the substep before: extrapolation to the whole step.
+        self.compiled = compiled
+        self._sensings = tuple(sensings)
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self.previous = [0.0] * len(self.drives)
-        self.last_torque = [0.0] * len(self.drives)
-        self.response = [0.0] * len(self.drives)
-        self.lean = [0.0] * len(self.drives)
-        self.last_mean = [0.0] * len(self.drives)
+        count = len(self.drives)
+        self._kinds = [drive.advance for drive in drives]
+        self._motor_substeps = [motor_substeps if drive.dynamic_motors and not stepping.released else 1 for drive in drives]
+        self._kinds = [drive.advance for drive in drives]
+        self._constants = [d.constants(substep / n) for d, n in zip(drives, self._motor_substeps, strict=True)]
+        self._cut_constants: dict[float, list[Any]] = {}
+        self._rings = [0 if s is None else 2 * (s.delay + 1) + 3 for s in sensings]
+        self._memories = [self._memory(j) for j in range(count)]
+        self._damped = any(d.constant_damping or d.link_brake or make_damping_law(d) for d in drives)
+        self._coupled: bool | None = None
+        self.reset()
+        self.refresh_response(0)
+        laws = chain(
+            [
+                *self._groups(engine.unpack, cut=cut),
+                *([make_damping(count, coupled=bool(self._coupled))] if self._damped else []),
+            ]
+        )
+        self._damp = make_damping(count, coupled=bool(self._coupled))
+        self._measures = [None if s is None else make_sense(s, m) for s, m in zip(sensings, self._memories, strict=True)]
+        self._cut = cut
+        self._stretch = self._compile(laws) if compiled else self._plain_stretch(laws)
 
-    def refresh_response(self) -> None:
-        """Look again at how fast the links' velocities answer torques: :func:`asrsim.simulation.damping.mean_response`."""
-        if self.stepping.staggered and any(self._dampings):
-            self.response[:], self.lean[:] = mean_response(self.engine.mass_matrix(), self._dampings, self.substep)
+    # -- setting up -------------------------------------------------------------------------------------------------
 
-    def constants(self, step: float) -> list[Any]:
-        """Constants of every joint for a motor step of `step` s, kept."""
-        key = round(step, 15)
-        if key not in self._constants:
-            self._constants[key] = [drive.constants(step) for drive in self.drives]
-        return self._constants[key]
+    def _memory(self, j: int) -> Memory:
+        if not self.compiled:
+            return plain_memory()
+        return compiled_memory(self.drives[j].initial_state, self._constants[j], self._rings[j])
 
-    def run(self, block: Block) -> Array:
-        """All substeps of `block`; returns (n, joints, columns) raw records, columns as :data:`COLUMNS`."""
-        n = len(block)
-        rows = np.empty((n, len(self.drives), len(COLUMNS)))
-        events = {k - block.first for k in block.events}
-        position = 0
-        for mark in sorted({*events, *range(-block.first % REFRESH, n, REFRESH), n}):
+    def _groups(self, unpack: Callable[[Any, int], tuple[float, float]], *, cut: bool) -> list[Step]:
+        """A step for each kind of joint; in plain Python the kinds that stand side by side in the record's order."""
+        members: dict[Any, list[int]] = {}
+        for j, drive in enumerate(self.drives):
+            spring = drive.actuator if drive.mode and drive.mode.spring else None
+            law = drive.link_damping.ratio > 0.0 if drive.link_damping else False
+            kind = (
+                spring, drive.advance.__qualname__, shape_of(self._constants[j]), self._motor_substeps[j],
+                self._sensings[j], law,
+            )  # fmt: skip
+            members.setdefault(kind, []).append(j)
+        steps = []
+        for places in members.values():
+            drive, substeps = self.drives[places[0]], self._motor_substeps[places[0]]
+            steps.append(
+                make_group(
+                    tuple(places),
+                    make_substepped(drive.advance, substeps) if substeps > 1 else drive.advance,
+                    self._memories[places[0]],
+                    unpack,
+                    now=self._now,
+                    before=self._before,
+                    sensing=self._sensings[places[0]],
+                    damping=make_damping_law(drive),
+                    cut=cut,
+                )
+            )
+        return steps
+
+    def _compile(self, laws: Step) -> Any:
+        """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot
+        be."""
+        count = len(self.drives)
+        inputs, rows = np.zeros((1, count, input_columns(self._sensings))), np.zeros((1, count, len(RAW)))
+        try:
+            kernel = self.engine.kernel()
+            if kernel is not None:
+                kernel.load()
+                names = {"laws": laws, "look": kernel.look, "move": kernel.move, **kernel.compiled}
+                arguments: tuple[Any, ...] = (0, 1, self.joints, inputs, rows, np.zeros((1, *kernel.world.wrench.shape)), kernel.world)
+                whole = compiling.compile_function(stretch.stretch, arguments, names=names, version=kernel.version)
+                self.engine.accelerate()
+                return self._whole_stretch(kernel, whole)
+            names = {"laws": laws, "as_tuple": compiling.fixed_tuple(count, FORCE)}
+            arguments = (0, self.engine.states_type(), self.joints, inputs, rows)
+            one = compiling.compile_function(stretch.substep, arguments, names=names)
+            self.engine.accelerate()
+        except Exception as error:
+            # A law may be any Python, and Numba may fail on it in any way.
+            first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+            raise SimulationError(f"the joints cannot be compiled: {first}") from error
+        return self._stepped_stretch(one)
+
+    def reset(self) -> None:
+        """Joints as at the start of a run; the engine is somebody else's to put there."""
+        positions, velocities = self.engine.read()
+        count = len(self.drives)
+        rows: list[list[Any]] = []
+        for j, (drive, sensing) in enumerate(zip(self.drives, self._sensings, strict=True)):
+            row: list[Any] = [0.0] * len(PLACES)
+            gains = drive.derivative_gains
+            law = drive.link_damping
+            given = {
+                PREVIOUS: velocities[j], EFFORT: np.inf if drive.joint.effort is None else drive.joint.effort,
+                FASTEST: np.inf if drive.joint.velocity is None else drive.joint.velocity, DAMPING: drive.constant_damping,
+                BRAKE: drive.link_brake, SPRING: drive.passive_stiffness, REST: drive.joint.spring_reference, WEIGHT: 0.5,
+                LAG: drive.stepping.first_drift * self.substep, BASE: drive.constant_damping,
+                RATIO: law.ratio if law else 0.0, INERTIA: law.inertia if law else 0.0, GAIN_1: gains[0], GAIN_2: gains[1],
+            }  # fmt: skip
+            for place, value in given.items():
+                row[place] = float(value)
+            rings = [self._ring(j, i, positions[j], velocities[j]) for i in range(2)] if sensing else [[], []]
+            if self.compiled:
+                state = [float(number) for number in drive.initial_state]
+                row[STATE:] = [*state, *([0.0] * (STATE_NUMBERS - len(state))), *flatten(self._constants[j])]
+                row += [number for ring in rings for number in ring]
+            else:
+                row[STATE:] = [drive.initial_state, self._constants[j], *rings]
+            rows.append(row)
+        if self.compiled:
+            width = max(map(len, rows))
+            table = np.zeros((count + 1, width + 2 * count))
+            for j, row in enumerate(rows):
+                table[j, : len(row)] = row
+            if hasattr(self, "joints"):
+                table[:, -2 * count :] = self.joints[:, -2 * count :]
+                table[:, WEIGHT] = self.joints[:, WEIGHT]
+                self.joints[:] = table
+            else:
+                self.joints: Any = table
+            return
+        old = getattr(self, "joints", None)
+        for j, row in enumerate(rows):
+            row += [0.0] * (2 * count) if old is None else old[j][-2 * count :]
+            if old is not None:
+                row[WEIGHT] = old[j][WEIGHT]
+        if old is None:
+            self.joints = [*rows, [0, 0]]
+        else:
+            for j, row in enumerate(rows):
+                old[j][:] = row
+
+    def _ring(self, j: int, i: int, position: float, velocity: float) -> list[float]:
+        """What a sensor saw before the start: the start."""
+        state = self.drives[j].initial_state
+        sensing = self._sensings[j]
+        if sensing is None:
+            return []
+        x, v = (position, velocity) if sensing.on_link or len(state) < 4 * i + 4 else state[4 * i : 4 * i + 2]
+        return [x, v] * (sensing.delay + 1) + [0.0, x, v]
+
+    def refresh_response(self, k: int) -> None:
+        """Look at how the links' velocities answer torques, every :data:`REFRESH` substeps; at 0 also at what acts already."""
+        model = self.engine.model
+        if not self._damped or model is None or k % REFRESH:
+            return
+        count = len(self.drives)
+        positions, velocities = self.engine.read()
+        dampings = [row[DAMPING] + row[BRAKE] for row in self.joints[:count]]
+        found = mean_response(
+            model.mass_matrix(positions), dampings, self.substep, explicit=not self.stepping.staggered, coupled=self._coupled
+        )
+        self._coupled = found.coupled
+        bias = model.bias(positions, velocities) if k == 0 else ()
+        for j in range(count):
+            row = self.joints[j]
+            row[WEIGHT] = found.weight
+            if k == 0:
+                row[LAST_FORCE] = float(bias[j])
+            end = len(row)
+            for i in range(count):
+                row[end - 2 * count + i] = float(found.response[j, i])
+                row[end - count + i] = float(found.spread[j, i])
+
+    # -- running ----------------------------------------------------------------------------------------------------
+
+    def run(self, block: Block, start: int, end: int) -> Array:
+        """Substeps `start` to `end` of `block`; returns (n, joints, columns) raw records, columns as :data:`RAW`."""
+        rows = np.empty((end - start, len(self.drives), len(RAW)))
+        first = block.first
+        marks = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH))
+        if self.watch is not None:
+            marks |= set(range((-first) % self.every, end, self.every))
+        position = start
+        for mark in sorted(mark for mark in marks | {end} if start <= mark <= end):
             if mark > position:
-                self._smooth(block, position, mark, rows)
+                self._smooth(block, position, mark, rows[position - start : mark - start])
                 position = mark
-            if (block.first + mark) % REFRESH == 0:
-                self.refresh_response()
-            if mark in events:
-                rows[mark] = self._split(block, mark)
+            if mark == end:
+                break
+            if self.watch is not None and (first + mark) % self.every == 0:
+                self.watch(first + mark)
+            if first + mark:
+                self.refresh_response(first + mark)
+            if first + mark in block.events:
+                rows[mark - start] = self._split(block, mark)
                 position = mark + 1
         return rows
 
     def _smooth(self, block: Block, start: int, end: int, rows: Array) -> None:
-        """Substeps `start` to `end` of the block, none of which an input jumps in, into `rows`. The hot loop."""
-        engine = self.engine
-        read, apply, advance_engine = engine.read, engine.apply, engine.advance
-        constants = self.constants(self.substep / self.motor_substeps)
-        fixed = list(zip(self._advances, constants, self._efforts, self._brakes, strict=True))
-        states, dampings, correction = self.states, self._dampings, self.correction
-        now, before, previous = self._now, self._before, self.previous
-        response, lean, last_torque, last_mean = self.response, self.lean, self.last_torque, self.last_mean
-        slow = bool(self.before_step or any(self._laws))
-        every = self._correct_every
-        chunks: list[bytes] = []
-        out: list[float] = []
-        append = out.append
-        size = max(4, FLUSH // (len(states) * len(COLUMNS)))
-        for piece in range(start, end, size):
-            stop = min(piece + size, end)
-            inputs = zip(*(array[piece:stop].tolist() for array in block.goals), strict=True)
-            for k, (first, second, external) in enumerate(inputs, block.first + piece):
-                joints = read()
-                if slow:
-                    for hook in self.before_step:
-                        hook(k, joints, states)
-                    dampings = self._changed_dampings(joints, first, second)
-                if every and not k % every:
-                    self._correct_coriolis(joints)
-                forces = []
-                for j, (q, lagging, _, _) in enumerate(joints):
-                    advance, constant, limit, brake = fixed[j]
-                    past = previous[j]
-                    v = now * lagging + before * past
-                    previous[j] = lagging
-                    try:
-                        torque, states[j], record = advance(states[j], constant, q, v, first[j], second[j])
-                    except UNDEFINED as fault:
-                        raise NoValueError(self.drives[j].name, k, str(fault)) from fault
-                    append(q)
-                    append(lagging)
-                    append(torque)
-                    out += record
-                    if torque > limit:
-                        torque = limit
-                    elif torque < -limit:
-                        torque = -limit
-                    damping = dampings[j]
-                    if damping:
-                        was, last_torque[j] = last_torque[j], torque
-                        torque, last_mean[j] = damp(
-                            torque, v, lagging - past, limit, damping, brake, response[j], lean[j], was, last_mean[j]
-                        )
-                    forces.append(torque + external[j] - correction[j])
-                apply(forces=forces)
-                advance_engine()
-            chunks.append(pack(f"{len(out)}d", *out))
-            out.clear()
-        rows[start:end] = np.frombuffer(b"".join(chunks)).reshape(end - start, *rows.shape[1:])
+        """Substeps in which no input jumps, into `rows`."""
+        try:
+            self._stretch(start, end, rows, block)
+        except UNDEFINED as fault:
+            k, j = (int(number) for number in self.joints[len(self.drives)][:2])
+            raise NoValueError(self.drives[j].name, block.first + start + k, str(fault)) from fault
+
+    def _whole_stretch(self, kernel: EngineKernel, whole: Callable[..., Any]) -> Any:
+        joints, world = self.joints, kernel.world
+
+        def run(start: int, end: int, rows: Array, block: Block) -> None:
+            whole(0, end - start, joints, block.stacked[start:end], rows, block.wrenches[start:end], world)
+
+        return run
+
+    def _plain_stretch(self, laws: Step) -> Any:
+        joints, engine, count = self.joints, self.engine, len(self.drives)
+        states, advance, own, where = engine.states, engine.advance, joints[:count], joints[count]
+        size = max(4, FLUSH // (count * len(RAW)))
+
+        def run(start: int, end: int, rows: Array, block: Block) -> None:
+            pushed = block.wrenches.shape[1] > 0
+            for first in range(start, end, size):
+                stop = min(first + size, end)
+                inputs = block.stacked[first:stop].tolist()
+                record: list[list[Any]] = [[None] * count for _ in inputs]
+                try:
+                    for k in range(stop - first):
+                        if pushed:
+                            _push(engine, block.wrenches[first + k])
+                        laws(k, states(), joints, inputs, record)
+                        advance([row[FORCE] for row in own])
+                except UNDEFINED:
+                    where[0] += first - start
+                    raise
+                numbers = [number for rows_of_joints in record for row in rows_of_joints for number in row]
+                taken = np.frombuffer(pack(f"{len(numbers)}d", *numbers))
+                rows[first - start : stop - start] = taken.reshape(stop - first, *rows.shape[1:])
+
+        return run
+
+    def _stepped_stretch(self, one: Callable[..., Any]) -> Any:
+        joints, engine = self.joints, self.engine
+        states, advance = engine.states, engine.advance
+        step = getattr(one, "entry", one)
+
+        def run(start: int, end: int, rows: Array, block: Block) -> None:
+            inputs, pushed = block.stacked[start:end], block.wrenches.shape[1] > 0
+            for k in range(end - start):
+                if pushed:
+                    _push(engine, block.wrenches[start + k])
+                advance(step(k, states(), joints, inputs, rows))
+
+        run.owner = one  # type: ignore[attr-defined]
+        return run
 
     def _split(self, block: Block, index: int) -> Array:
         """One substep whose kick is cut in pieces, with the inputs of each; the first of a run has no piece before t = 0."""
         k = block.first + index
         pieces = block.events[k]
-        joints = self.engine.read()
-        for hook in self.before_step:
-            hook(k, joints, self.states)
-        velocities = [self._now * state[1] + self._before * u for state, u in zip(joints, self.previous, strict=True)]
-        if k == 0:
-            velocities = [state[1] for state in joints]
-        self.previous[:] = [state[1] for state in joints]
-        last = pieces[-1].rows
-        dampings = self._changed_dampings(joints, last[0], last[1]) if any(self._laws) else self._dampings
+        joints, count = self.joints, len(self.drives)
+        positions, lagging = self.engine.read()
+        _push(self.engine, block.wrenches[index])
         length = sum(piece.fraction for piece in pieces)
-        means = [0.0] * len(joints)
-        totals = [0.0] * len(joints)
-        rows: list[tuple[float, ...]] = []
-        sides = np.zeros((2, len(joints), len(COLUMNS) + 1))
+        velocities = [self._now * v + self._before * row[PREVIOUS] for v, row in zip(lagging, joints, strict=False)]
+        if k == 0:
+            velocities = list(lagging)
+        states = [_floats(memory.load(joints[j])) for j, memory in enumerate(self._memories)]
+        for j, measure in enumerate(self._measures):
+            if measure is not None:
+                measure(joints[j], states[j], block.stacked[index, j].tolist(), positions[j], velocities[j])
+        means = np.zeros((count, 3))
+        sides = np.zeros((2, count, len(RAW) + 1))
+        rows: list[list[float]] = []
         side = 0
         for piece in pieces:
             if piece.on_time:
-                rows = self._advance_all(piece, joints, velocities, 0.0)[1]
+                rows = self._advance_all(piece, k, positions, lagging, velocities, states, 0.0)
                 side = 1
-            torques, looked = self._advance_all(piece, joints, velocities, piece.fraction)
-            for j, torque in enumerate(torques):
-                sides[side, j] += 2.0 * piece.fraction * np.array([*looked[j][:2], torque, *looked[j][3:], piece.rows[2][j]])
-                means[j] += piece.fraction / length * torque
-                totals[j] += piece.fraction * (torque + piece.rows[2][j] - self.correction[j])
-        for j, mean in enumerate(means):
-            half = length * self.response[j]
-            drag = half * dampings[j]
-            v = (velocities[j] + half * (mean - self.last_torque[j]) + drag * self.last_mean[j]) / (1.0 + drag)
-            brake, limit = self._brakes[j], self._efforts[j]
-            braked = min(max(mean - brake * v, -limit), limit) - mean if brake else 0.0
-            sides[:, j, 2] += braked
-            totals[j] += length * (braked - (dampings[j] - brake) * v)
-            self.last_torque[j] = mean
-            self.last_mean[j] = v if k else velocities[j]
-        block.sides[k] = sides
-        self.engine.apply(forces=totals)
-        if k:
-            self.engine.advance()
-        else:
-            self.engine.half_advance()
+            looked = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
+            for j, row in enumerate(looked):
+                external = piece.rows[2][j]
+                sides[side, j] += 2.0 * piece.fraction * np.array([*row, external])
+                means[j] += piece.fraction / length * np.array([row[2], row[LINK_TORQUE], external])
+        for j, (torque, applied, external) in enumerate(means.tolist()):
+            row = joints[j]
+            self._memories[j].save(row, states[j])
+            law = make_damping_law(self.drives[j])
+            if law is not None:
+                row[DAMPING] = law(row, self._constants[j], positions[j], tuple(rows[j][5:]))
+            row[SPEED] = lagging[j] + row[WEIGHT] * (lagging[j] - row[PREVIOUS])
+            row[PREVIOUS] = lagging[j]
+            row[TORQUE] = torque
+            braked = row[BRAKE] != 0.0
+            row[FORCE] = (torque if braked else applied) + external + row[SPRING] * (row[REST] - positions[j])
+        if self._damped:
+            self._damp_split(rows, sides, length)
+        self.engine.advance([float(row[FORCE]) for row in joints[:count]], length if k == 0 else 1.0)
+        if k == 0:
             # The velocity half a step before the start, as if the first kick had been a whole one.
-            self.previous[:] = [2.0 * u - state[1] for u, state in zip(velocities, self.engine.read(), strict=True)]
+            for j, (start, after) in enumerate(zip(lagging, self.engine.read()[1], strict=True)):
+                joints[j][PREVIOUS] = 2.0 * start - after
+        block.sides[k] = sides
         return np.array(rows)
 
+    def _damp_split(self, rows: list[list[float]], sides: Array, length: float) -> None:
+        """Damping over a kick in pieces, which may be a part of a whole one."""
+        count = len(self.drives)
+        for row in self.joints[:count]:
+            for place in range(len(row) - 2 * count, len(row) - count):
+                row[place] = row[place] * length
+        before = [row[LINK_TORQUE] for row in rows]
+        self._damp(0, None, self.joints, None, [rows])
+        for row in self.joints[:count]:
+            for place in range(len(row) - 2 * count, len(row) - count):
+                row[place] = row[place] / length
+        for j, row in enumerate(rows):
+            sides[:, j, LINK_TORQUE] += row[LINK_TORQUE] - before[j]
+            sides[:, j, DAMPING_TORQUE] = row[DAMPING_TORQUE]
+
     def _advance_all(
-        self, piece: Piece, joints: Sequence[Any], velocities: Sequence[float], fraction: float
-    ) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Advance all joints by a fraction of a substep; fraction 0 only looks. Returns torques after the limit and rows."""
-        constants = self.constants(self.substep * fraction)
-        torques, rows = [], []
-        for j, state in enumerate(joints):
-            goals = piece.rows[0][j], piece.rows[1][j]
+        self,
+        piece: Piece,
+        k: int,
+        positions: Sequence[float],
+        lagging: Sequence[float],
+        velocities: Sequence[float],
+        states: list[Any],
+        fraction: float,
+    ) -> list[list[float]]:
+        """Advance all joints by a fraction of a substep, in `states`; fraction 0 only looks. Returns records."""
+        step = self.substep * fraction
+        if step not in self._cut_constants:
+            self._cut_constants[step] = [drive.constants(step) for drive in self.drives]
+        rows = []
+        for j, (drive, constants) in enumerate(zip(self.drives, self._cut_constants[step], strict=True)):
+            joint = self.joints[j]
+            sensed = self._sensings[j] is not None
+            state = lend(states[j], float(joint[PUSH_1]), float(joint[PUSH_2])) if sensed else states[j]
+            goals = piece.rows[0][j] - float(joint[READ_1]), piece.rows[1][j] - float(joint[READ_2])
             try:
-                torque, after, record = self._kinds[j](self.states[j], constants[j], state[0], velocities[j], *goals)
+                torque, after, record = self._kinds[j](state, constants, positions[j], velocities[j], *goals)
             except UNDEFINED as fault:
-                raise NoValueError(self.drives[j].name, piece.substep, str(fault)) from fault
+                raise NoValueError(drive.name, k, str(fault)) from fault
             if fraction:
-                self.states[j] = after
-            rows.append((state[0], state[1], torque, *record))
-            torques.append(min(max(torque, -self._efforts[j]), self._efforts[j]))
-        return torques, rows
+                states[j] = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            if self._cut and abs(lagging[j]) >= joint[FASTEST] and torque * lagging[j] > 0.0:
+                torque = 0.0
+            limit = float(joint[EFFORT])
+            applied = torque if joint[BRAKE] != 0.0 else min(max(torque, -limit), limit)
+            rows.append([positions[j], lagging[j], torque, applied, 0.0, *record])
+        return rows
 
-    def _correct_coriolis(self, joints: Sequence[Any]) -> None:
-        """The engine evaluates velocity torques at the lagging velocity; make up for it."""
-        positions, lagging, _, _ = zip(*joints, strict=True)
-        now, before = self._now, self._before
-        centred = [now * v + before * u for v, u in zip(lagging, self.previous, strict=True)]
-        difference = self.engine.bias_difference(positions, centred, lagging)
-        if difference is not None:
-            # Held for a while: its value in the middle of that time keeps the second order.
-            ahead = self._ahead
-            earlier = self._bias_difference or difference
-            self.correction[:] = [new + ahead * (new - old) for new, old in zip(difference, earlier, strict=True)]
-            self._bias_difference = difference
+    # -- state ------------------------------------------------------------------------------------------------------
 
-    def _changed_dampings(self, joints: Sequence[Any], first: Sequence[float], second: Sequence[float]) -> list[float]:
-        return [
-            damping if law is None else damping + law(joints[j][0], self.states[j], first[j], second[j])
-            for j, (damping, law) in enumerate(zip(self._dampings, self._laws, strict=True))
-        ]
+    def snapshot(self) -> Any:
+        """The joints' state, to be given to `restore`."""
+        if self.compiled:
+            return self.joints.copy()
+        return [[value[:] if isinstance(value, list) else value for value in row] for row in self.joints]
+
+    def restore(self, state: Any) -> None:
+        """Continue from a snapshot."""
+        if self.compiled:
+            self.joints[:] = state
+            return
+        for row, kept in zip(self.joints, state, strict=True):
+            row[:] = [value[:] if isinstance(value, list) else value for value in kept]
+
+    def take_drives(self, drives: Sequence[Drive]) -> None:
+        """Other numbers for the same kinds of joints; :meth:`reset` puts them to use."""
+        self.drives = tuple(drives)
+        self._constants = [d.constants(self.substep / n) for d, n in zip(drives, self._motor_substeps, strict=True)]
+        self._cut_constants = {}
+
+    def velocities(self) -> list[float]:
+        """rad/s (m/s) of the joints at the whole step."""
+        lagging = self.engine.read()[1]
+        return [float(self._now * v + self._before * row[PREVIOUS]) for v, row in zip(lagging, self.joints, strict=False)]
+
+    def motor_states(self) -> list[tuple[float, ...]]:
+        """State of each joint's law, as :mod:`asrsim.simulation.kernels` has it."""
+        return [_floats(memory.load(self.joints[j])) for j, memory in enumerate(self._memories)]
+
+
+def _floats(values: Any) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def _push(engine: Engine, wrenches: Array) -> None:
+    for index, values in enumerate(wrenches):
+        engine.apply_wrench(index, values.tolist())

@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.log.reader import concatenate
 from asrsim.metrics import JointSummary, measure, summarise
-from asrsim.samples import Array, JointInfo, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
 from asrsim.summary.claims import needs_of
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ class Collector:
 
     full_rate = True
     """It asks for every step, whatever the log takes."""
+    bodies: bool
+    """It asks for objects' poses and contacts at every step, too: claims are about them."""
 
     def __init__(self, joints: Sequence[JointInfo], *, samples: int, claims: Sequence[Expectation] = ()) -> None:
         """joints: those of the run's description. samples: how many will come, or more. claims: see :meth:`read`."""
@@ -41,10 +43,11 @@ class Collector:
         self._time = _Rows(thinned)
         self._positions = [_Rows(thinned) for _ in joints]
         self._references = [_Rows(thinned) for _ in joints]
-        wanted, self._world = needs_of(claims, joints)
+        wanted, self.bodies = needs_of(claims, joints)
         self._whole_time = _Rows(samples if wanted else 0)
         self._whole = {key: _Rows(samples) for key in wanted}
         self._bodies: list[Samples] = []
+        self._tip_errors = _Rows(0)
 
     def write(self, samples: Samples) -> None:
         """The next steps of the run."""
@@ -63,7 +66,9 @@ class Collector:
             self._whole_time.add(samples.time)
         for (quantity, joint), rows in self._whole.items():
             rows.add(samples.values[quantity][:, samples.joints.index(joint)])
-        if self._world:
+        if TIP in samples.bodies:
+            self._tip_errors.add(np.linalg.norm(samples.bodies[TIP][:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1))
+        if self.bodies:
             own = {"time": samples.time, "joints": (), "values": {}}
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 
@@ -82,6 +87,15 @@ class Collector:
             summary = _summary(time, self._positions[j].values, reference)
             found.append(replace(summary, peak_deflection=float(self._peaks[j])))
         return tuple(found)
+
+    @property
+    def tip(self) -> dict[str, float]:
+        """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
+        errors = self._tip_errors.values
+        if not len(errors):
+            return {}
+        tail = errors[-max(len(errors) // 10, 1) :]
+        return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
 
     def read(self, quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         """Every step of what the claims need, as :data:`asrsim.summary.claims.Reader` gives it."""

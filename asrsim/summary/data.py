@@ -93,6 +93,8 @@ class RunSummary:
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()
     """Results of the scenario's `expect:`; empty for a run that did not end."""
+    tip: Mapping[str, float] = field(default_factory=dict)
+    """Cartesian tasks: distance of the tip from its path in m, `largest`, `rms`, `last` (mean over the last tenth)."""
     warnings: tuple[Problem, ...] = ()
     files: Mapping[str, Path | tuple[Path, ...]] = field(default_factory=dict)
     """Kind (log, summary, plots, report) -> what was written."""
@@ -149,6 +151,7 @@ class RunSummary:
             "seed": self.seed,
             "joints": [joint.as_dict() for joint in self.joints],
             "expect": [_claim(claim) for claim in self.claims],
+            **({"tip": dict(self.tip)} if self.tip else {}),
             "warnings": [warning.as_dict() for warning in self.warnings],
             "files": {
                 kind: [str(path) for path in entry] if isinstance(entry, tuple) else str(entry)

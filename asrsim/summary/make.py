@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from asrsim.errors import Problem
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
-    from asrsim.metrics import ExpectationResult, JointSummary
+    from asrsim.metrics import ExpectationResult
     from asrsim.simulation.run import Run
+    from asrsim.summary.collect import Collector
+
+NEAR = 1e-2
+"""rad or m within which a joint rests on a stop, or at its reference."""
 
 
 def make_summary(
     run: Run,
-    measures: Sequence[JointSummary],
+    collector: Collector,
     *,
     samples: int,
     claims: tuple[ExpectationResult, ...] = (),
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run. measures: of the joints in the order of its description; samples: how many were logged of each."""
+    """Summary of a run. collector: saw its steps; samples: how many were logged."""
     scenario, info, counts = run.scenario, run.info, run.counts
+    measures = collector.measures(scenario.desired)
     # Counts come in the order of the robot's moving joints, the description in that of the arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
@@ -63,8 +70,23 @@ def make_summary(
         seed=scenario.seed,
         joints=joints,
         claims=claims,
-        warnings=run.warnings,
+        tip=collector.tip,
+        warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
         versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
     )
+
+
+def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
+    """Joints that end on a stop to which no reference sends them."""
+    for joint in joints:
+        limits = run.robot.joint(joint.name)
+        rest, error = joint.measures.steady_state, joint.measures.steady_state_error
+        stops = [stop for stop in (limits.lower, limits.upper) if stop is not None and abs(rest - stop) < NEAR]
+        if joint.stop and stops and limits.kind != "continuous" and not abs(error) < NEAR:
+            unit = "m" if joint.prismatic else "rad"
+            message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
+            message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
+            hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
+            yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")
