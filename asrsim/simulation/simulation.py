@@ -96,7 +96,7 @@ class Simulation:
             "sensings": [None if sensor is None else sensor.sensing for sensor in prepared.sensors],
             "cut": prepared.velocity_cutoff,
             "floating": not scenario.fixed_base,
-            "every": self.substeps * scenario.log_every,
+            "every": self.recording.every,
             "watch": self.recording.watch,
         }
         wanted = scenario.compiled if compiled is None else compiled
@@ -269,6 +269,7 @@ class Simulation:
             self._engine = varied.make_engine()
             self._engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
+        self.recording.take_over(varied, self._engine)
         if not (same and self._loop.take_drives(varied.drives)):
             self._loop = self._make_loop(self._loop.compiled, None)
 
