@@ -27,8 +27,9 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _gravity(scenario)
     yield from _effects(scenario)
     yield from _damping(scenario)
-    for before, block in zip(robot.actuators, changed.actuators, strict=True):
-        for doubt in block_doubts(block) if block != before else ():
+    given = {block.joint: block for block in robot.actuators}
+    for block in changed.actuators:
+        for doubt in block_doubts(block) if block != given.get(block.joint) else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
                 yield Problem(message=doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     signals = [
