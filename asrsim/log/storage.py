@@ -31,6 +31,8 @@ DATA_END = encode(DataEnd(data_section_crc=0))
 _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MAGIC
 """Ends a file without index: readers then go through it from the start."""
 _TRAILER = DATA_END + _OPEN_END
+_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""The first is of POSIX; the second, of Windows, keeps line ends as they are."""
 
 
 class McapStorage:
@@ -41,7 +43,7 @@ class McapStorage:
         head = MAGIC + encode(header) + body
         self._file = -1
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | _FLAGS, 0o666)
             self._write(head + _TRAILER, 0)
         except OSError as error:
             self.close()
@@ -89,7 +91,9 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            written = os.pwrite(self._file, rest, position)
+            # Not os.pwrite, which Windows does not have.
+            os.lseek(self._file, position, os.SEEK_SET)
+            written = os.write(self._file, rest)
             rest = rest[written:]
             position += written
 
