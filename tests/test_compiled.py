@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asrsim import compiling
 from asrsim.actuators import MODES
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import SimulationError
@@ -174,8 +175,14 @@ def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, mon
 
 def test_what_needs_the_plain_loop_says_so(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("qbmove",), 6)
-    with pytest.raises(SimulationError, match="stepping"):
-        simulate(make_scenario(robot, 6, compiled=True, stepping="toolbox"), robot)
+    with pytest.raises(SimulationError, match="the bench runs in plain Python"):
+        simulate(make_scenario(robot, 6, compiled=True, engine="bench"), robot)
+
+
+@pytest.mark.parametrize("mode", range(7))
+def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
+    robot = make_robot(tmp_path, ("qbmove", "sea"), mode)
+    assert_equal(*both(robot, make_scenario(robot, mode, stepping="toolbox")))
 
 
 def kernels() -> list[Path]:
