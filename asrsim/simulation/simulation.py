@@ -101,14 +101,17 @@ class Simulation:
         }
         wanted = scenario.compiled if compiled is None else compiled
         motor_steps = (self.last if expected is None else expected) * prepared.resolution.motor_substeps
-        if wanted or (wanted is None and pays(len(prepared.drives), motor_steps) and available()):
-            if not available():
-                raise SimulationError("the compiled loop needs Numba: pip install 'asrsim[fast]'")
+        self.slow_because = ""
+        """Why the plain loop runs where the compiled one would pay; empty where it does not."""
+        if wanted or (wanted is None and pays(len(prepared.drives), motor_steps)):
             try:
+                if not available():
+                    raise SimulationError("Numba is not installed")
                 return Loop(self._engine, prepared.drives, prepared.stepping, compiled=True, **options)
-            except SimulationError:
+            except SimulationError as error:
                 if wanted:
                     raise
+                self.slow_because = str(error)
         return Loop(self._engine, prepared.drives, prepared.stepping, compiled=False, **options)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
