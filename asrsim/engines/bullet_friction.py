@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from asrsim.engines import mujoco_stages as stages
-from asrsim.engines.mujoco import MujocoEngine, compile_stage, plain_stage
+from asrsim.engines.mujoco import MujocoEngine
+from asrsim.engines.mujoco_library import compile_stage, plain_stage
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
