@@ -230,7 +230,8 @@ class BulletEngine:
     def snapshot(self) -> Any:
         """The engine's whole state."""
         state = self._p.saveState(physicsClientId=self._client)
-        return _Saved(self._p, self._client, state, self._alive), [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        parts = [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        return _Saved(self._p, self._client, state, self._alive), parts
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
