@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_runs import random_run
 
 import asrsim
 from asrsim.engines import ENGINES
@@ -16,15 +17,31 @@ from asrsim.samples import Samples
 from asrsim.scenario import Scenario
 from asrsim.simulation.run import join
 from asrsim.simulation.simulation import Simulation
-from random_runs import random_run
 
 INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 WHOLE = (8192,)
 
 
+class Tape:
+    """A sink that keeps what comes."""
+
+    def __init__(self) -> None:
+        self.chunks: list[Samples] = []
+
+    def write(self, samples: Samples) -> None:
+        self.chunks.append(samples)
+
+    def of(self, simulation: Simulation, end: int | None = None) -> Samples:
+        """What `simulation` gives up to substep `end`, by default the scenario's, from now on."""
+        simulation.advance_to(simulation.last + 2 if end is None else end)
+        simulation.flush()
+        chunks, self.chunks = self.chunks, []
+        return join(chunks)
+
+
 def busy(folder: Path, engine: str, *, seed: int = 0, fixed: bool = True) -> Scenario:
     """Everything that acts at once: sensors, wrenches, damping by stiffness, jumps, friction of motors, limits of effort."""
-    run = random_run(seed, fixed=fixed, friction=True, moving=3)
+    run = random_run(seed, fixed=fixed, friction=True, moving=3, duration=0.2)
     keys = run.keys()
     keys["effects"] = {"sensors": {"*": {"delay": 0.003, "rate": 250, "noise": 1e-4, "quantum": 1e-5}}}
     last = re.findall(r'<child link="(\w+)"', run.urdf)[-1]
@@ -36,20 +53,15 @@ def busy(folder: Path, engine: str, *, seed: int = 0, fixed: bool = True) -> Sce
 
 def record(scenario: Scenario, sizes: Sequence[int], *, compiled: bool = False, flushed: bool = False) -> Samples:
     """sizes: of the blocks that are advanced by, in turns; flushed: after each."""
-    with Simulation(scenario, record=True, compiled=compiled) as simulation:
+    tape = Tape()
+    with Simulation(scenario, sinks=[tape], compiled=compiled) as simulation:
         total, turn = simulation.last + 2, 0
         while simulation.substep < total:
             simulation.advance_to(min(total, simulation.substep + sizes[turn % len(sizes)]))
             turn += 1
             if flushed:
                 simulation.flush()
-        return recorded(simulation)
-
-
-def recorded(simulation: Simulation) -> Samples:
-    simulation.flush()
-    assert simulation.kept
-    return join(simulation.kept)
+        return tape.of(simulation)
 
 
 def assert_same(first: Samples, second: Samples) -> None:
@@ -78,40 +90,35 @@ def test_however_time_is_cut(tmp_path: Path, engine: str, fixed: bool) -> None:
 def test_from_a_snapshot_and_after_a_reset(tmp_path: Path, engine: str, fixed: bool) -> None:
     scenario = busy(tmp_path, engine, seed=1, fixed=fixed)
     fresh = record(scenario, WHOLE)
-    with Simulation(scenario, record=True, compiled=False) as simulation:
-        total = simulation.last + 2
-        simulation.advance_to(total // 2 - 3)
+    tape = Tape()
+    with Simulation(scenario, sinks=[tape], compiled=False) as simulation:
+        half = simulation.last // 2 - 3
+        simulation.advance_to(half)
         middle = simulation.snapshot()
-        simulation.advance_to(total)
+        simulation.advance_to(simulation.last + 2)
         simulation.restore(middle)
-        again = simulation.kept = []
-        simulation.advance_to(total)
-        assert_same(fresh, recorded(simulation))
-        assert again
+        tape.chunks.clear()
+        assert_same(fresh, tape.of(simulation))
         simulation.reset()
-        simulation.kept = []
-        simulation.advance_to(total)
-        assert_same(fresh, recorded(simulation))
+        assert_same(fresh, tape.of(simulation))
         simulation.reset(initial={simulation.joints[0]: 0.1}, velocities={simulation.joints[1]: 2.0})
-        simulation.advance_to(total // 3)
+        simulation.advance_to(half)
         simulation.reset(initial={})
-        simulation.kept = []
-        simulation.advance_to(total)
-        assert_same(fresh, recorded(simulation))
+        tape.chunks.clear()
+        assert_same(fresh, tape.of(simulation))
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_reset_to_other_positions_is_a_fresh_start_there(tmp_path: Path, engine: str) -> None:
     scenario = busy(tmp_path, engine, seed=1)
-    with Simulation(scenario, record=True, compiled=False) as simulation:
-        total, joints = simulation.last + 2, simulation.joints
-        places = {name: 0.05 * j for j, name in enumerate(joints, 1)}
-        speeds = {name: -0.3 * j for j, name in enumerate(joints, 1)}
+    tape = Tape()
+    with Simulation(scenario, sinks=[tape], compiled=False) as simulation:
+        places = {name: 0.05 * j for j, name in enumerate(simulation.joints, 1)}
+        speeds = {name: -0.3 * j for j, name in enumerate(simulation.joints, 1)}
         simulation.advance_to(50)
         simulation.reset(initial=places, velocities=speeds)
-        simulation.kept = []
-        simulation.advance_to(total)
-        found = recorded(simulation)
+        tape.chunks.clear()
+        found = tape.of(simulation)
     moved = replace(scenario, initial_positions=places, initial_velocities=speeds)
     assert_same(record(moved, WHOLE), found)
 

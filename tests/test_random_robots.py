@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from independent_ode import solve
+from random_runs import RandomRun, random_run
 
 import asrsim
 from asrsim.engines import ENGINES
 from asrsim.samples import Samples
 from asrsim.simulation.run import simulate
-from independent_ode import solve
-from random_runs import RandomRun, random_run
 
 Array = np.ndarray
 INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
