@@ -71,6 +71,7 @@ def make_summary(
         samples=counter.samples,
         stepping=scenario.stepping,
         engine=scenario.engine,
+        loop="compiled" if run.compiled else "plain",
         seed=scenario.seed,
         joints=joints,
         claims=claims,
@@ -78,7 +79,7 @@ def make_summary(
         warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
-        versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
+        versions={name: info.metadata[name] for name in ("asrsim", "engine_version", "numpy") if name in info.metadata},
     )
 
 
