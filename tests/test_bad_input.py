@@ -17,10 +17,11 @@ from asrsim.actuators import ACTUATORS
 from asrsim.engines.bullet import BulletEngine
 from asrsim.engines.foreign import crashes
 from asrsim.errors import OutputError, Problem
-from asrsim.robot import engine_urdf, load_robot
+from asrsim.robot import load_robot
 from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.reader import MAX_MOVING
+from asrsim.scenario import Scenario
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 REFUSED = ("Traceback", "unexpected error")
@@ -120,9 +121,9 @@ def test_a_robot_on_one_line_keeps_its_numbers(padding: int, tmp_path: Path) -> 
     path = tmp_path / "line.urdf"
     path.write_text(text)
     robot = load_robot(path)
-    engine = BulletEngine(robot, engine_urdf(robot)[0], step=1e-3)
+    engine = BulletEngine(Scenario(name="line", robot=path), robot)
     try:
-        np.testing.assert_allclose(engine.mass_matrix([0.0] * 28), zero_pose_inertia(robot).matrix, rtol=1e-12)
+        np.testing.assert_allclose(engine.model.mass_matrix([0.0] * 28), zero_pose_inertia(robot).matrix, rtol=1e-12)
     finally:
         engine.close()
 

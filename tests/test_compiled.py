@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asrsim import compiling
 from asrsim.actuators import MODES
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import SimulationError
@@ -147,7 +148,7 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     scenario = make_scenario(robot, 6)
     with pytest.raises(SimulationError, match="cannot be compiled"):
         simulate(replace(scenario, compiled=True), robot)
-    monkeypatch.setattr("asrsim.simulation.run.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
     assert simulate(scenario, robot).status == "complete"
 
 
@@ -157,13 +158,19 @@ def test_it_is_chosen_when_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
     assert choice.pays(5, 100_000 * 11)
     # Without Numba nobody asks for it.
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert not choice.available()
+    assert not compiling.available()
 
 
 def test_what_needs_the_plain_loop_says_so(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("qbmove",), 6)
-    with pytest.raises(SimulationError, match="stepping"):
-        simulate(make_scenario(robot, 6, compiled=True, stepping="toolbox"), robot)
+    with pytest.raises(SimulationError, match="the bench runs in plain Python"):
+        simulate(make_scenario(robot, 6, compiled=True, engine="bench"), robot)
+
+
+@pytest.mark.parametrize("mode", range(7))
+def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
+    robot = make_robot(tmp_path, ("qbmove", "sea", "awas_ii"), mode)
+    assert_equal(*both(robot, make_scenario(robot, mode, stepping="toolbox")))
 
 
 def kernels() -> list[Path]:

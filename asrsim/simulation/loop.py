@@ -94,6 +94,7 @@ class Loop:
         sensings: Sequence[Sensing | None],
         cut: bool,
         compiled: bool,
+        floating: bool = False,
         every: int = 1,
         watch: Callable[[int], None] | None = None,
     ) -> None:
@@ -104,6 +105,7 @@ class Loop:
         self.stepping = stepping
         self.substep = substep
         self.compiled = compiled
+        self._floating = floating
         self._sensings = tuple(sensings)
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         count = len(self.drives)
@@ -259,7 +261,8 @@ class Loop:
             model.mass_matrix(positions), dampings, self.substep, explicit=not self.stepping.staggered, coupled=self._coupled
         )
         self._coupled = found.coupled
-        bias = model.bias(positions, velocities) if k == 0 else ()
+        # What a joint feels already, so that the first kick is no jump; on a free base gravity pulls all alike.
+        bias = np.zeros(count) if self._floating or k else model.bias(positions, velocities)
         for j in range(count):
             row = self.joints[j]
             row[WEIGHT] = found.weight

@@ -27,6 +27,8 @@ CHUNK = 4096
 CHUNK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
 SHORTEST_CHUNK = 256
+UNSTABLE = 2.0
+"""omega h from which no stepping is stable."""
 
 
 class Sink(Protocol):
@@ -144,6 +146,7 @@ class Simulation:
             "motor_substeps": prepared.resolution.motor_substeps,
             "sensings": [None if sensor is None else sensor.sensing for sensor in prepared.sensors],
             "cut": prepared.velocity_cutoff,
+            "floating": not scenario.fixed_base,
             "every": self.substeps * scenario.log_every,
             "watch": watch,
         }
@@ -254,8 +257,8 @@ class Simulation:
     def _energy_fault(self) -> DivergenceError | None:
         """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
         engine, meter, guard = self._engine, self.recorder.meter, self._guard
-        if guard is None or self.prepared.stepping.released:
-            # The released order of a step is not passive; that is no fault of the user's.
+        if guard is None or (self.prepared.stepping.released and self.prepared.resolution.omega_h < UNSTABLE):
+            # The released order of a step is not passive, which is no fault of the user's; springs beyond the step are.
             return None
         kinetic = 0.0
         if self._alone and engine.model is not None:
