@@ -169,7 +169,7 @@ def test_what_needs_the_plain_loop_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mode", range(7))
 def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
-    robot = make_robot(tmp_path, ("qbmove", "sea", "awas_ii"), mode)
+    robot = make_robot(tmp_path, ("qbmove", "sea"), mode)
     assert_equal(*both(robot, make_scenario(robot, mode, stepping="toolbox")))
 
 

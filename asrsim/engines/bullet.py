@@ -6,11 +6,9 @@ merged. Velocity torques, which Bullet takes at the lagging velocity, are correc
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,10 +16,11 @@ import numpy as np
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.bullet_coriolis import Coriolis, FixedBase, FloatingBase
 from asrsim.engines.bullet_friction import ExactFriction, without_stops
+from asrsim.engines.bullet_loading import load_body
 from asrsim.engines.bullet_model import BulletModel
 from asrsim.engines.bullet_world import BulletWorld
-from asrsim.engines.foreign import crashes, quiet
-from asrsim.errors import Problem, RobotError
+from asrsim.engines.foreign import quiet
+from asrsim.errors import Problem
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
@@ -60,7 +59,7 @@ class BulletEngine:
         shown = without_stops(merged.robot) if exact else merged.robot
         text, self.warnings = engine_urdf(shown, package_paths=scenario.package_paths)
         try:
-            self._body = self._load(text)
+            self._body = load_body(pybullet, self._client, text, scenario, robot)
             self._set_up(exact)
             links = {name: (self._link_index[place.body], place.pose) for name, place in merged.places.items()}
             self.model = BulletModel(
@@ -81,31 +80,6 @@ class BulletEngine:
         self.set_state(positions, [0.0] * len(positions))
 
     # -- setting up -------------------------------------------------------------------------------------------------
-
-    def _load(self, urdf: str) -> int:
-        p, scenario = self._p, self._scenario
-        with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
-            path = Path(folder) / "robot.urdf"
-            path.write_text(urdf, encoding="utf-8")
-            load = partial(
-                p.loadURDF,
-                str(path),
-                basePosition=scenario.base_position,
-                baseOrientation=p.getQuaternionFromEuler(scenario.base_rpy),
-                useFixedBase=scenario.fixed_base,
-                flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_IGNORE_VISUAL_SHAPES,
-                physicsClientId=self._client,
-            )
-            try:
-                with quiet():
-                    if "<mesh" in urdf and crashes(load):
-                        message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
-                        raise RobotError(Problem(message=message, file=self.robot.path, code="engine-crash"))
-                    return int(load())
-            except p.error as error:
-                raise RobotError(
-                    Problem(message=f"PyBullet cannot load this robot ({error})", file=self.robot.path, code="engine-load")
-                ) from error
 
     def _set_up(self, exact: bool) -> None:
         p, client, body = self._p, self._client, self._body
@@ -268,13 +242,12 @@ class BulletEngine:
     # -- what is around ---------------------------------------------------------------------------------------------
 
     def base_state(self) -> tuple[Array, Array, Array]:
-        """Of a floating base: origin (3,) m and rotation (3, 3) of its frame; linear velocity of the origin, angular velocity,
-        (6,)."""
-        place, rotation = self.model.frame_now(self.base)
+        """Of a floating base: centre of mass (3,) m, rotation (3, 3) of its frame; velocity of the centre and angular velocity
+        in the base's axes, (6,)."""
+        _, rotation = self.model.frame_now(self.base)
         linear, angular = self._p.getBaseVelocity(self._body, self._client)
         centre = self._p.getBasePositionAndOrientation(self._body, self._client)[0]
-        velocity = np.concatenate([np.array(linear) + np.cross(angular, place - np.array(centre)), angular])
-        return place, rotation, velocity
+        return np.array(centre), rotation, np.concatenate([linear, rotation.T @ np.array(angular)])
 
     def mechanical_energy(self) -> float | None:
         """Kinetic and gravitational energy of the robot's links in J; None with contacts or a free base."""

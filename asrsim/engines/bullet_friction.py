@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from asrsim.engines import mujoco_stages as stages
-from asrsim.engines.mujoco import MujocoEngine, compile_stage, plain_stage
+from asrsim.engines.mujoco import MujocoEngine
+from asrsim.engines.mujoco_library import compile_stage, plain_stage
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
@@ -58,7 +59,7 @@ class ExactFriction:
             place, rotation, velocity = engine.base_state()
             world.qpos[:3] = place
             self._engine.set_orientation(rotation)
-            world.qvel[:3], world.qvel[3:6] = velocity[:3], rotation.T @ velocity[3:]
+            world.qvel[:6] = velocity
         if self._fresh:
             world.previous[:] = world.qvel
             self._fresh = False
@@ -78,8 +79,7 @@ class ExactFriction:
         now = world.qvel.copy()
         now[world.joint_v] = velocities
         if world.free:
-            _, rotation, velocity = engine.base_state()
-            now[:3], now[3:6] = velocity[:3], rotation.T @ velocity[3:]
+            now[:6] = engine.base_state()[2]
         world.previous[:] = 2.0 * self._start - now
 
     def wrench(self, index: int, values: Sequence[float]) -> None:

@@ -6,22 +6,18 @@ for whole stretches; friction of joints and their stops are exact. With contacts
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Mapping, Sequence
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asrsim.compiling import compile_function
 from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
-from asrsim.engines.mujoco_build import build, link_body
+from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
+from asrsim.engines.mujoco_library import compile_stage, load, plain_stage, say_nothing, symbols
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.errors import Problem
-from asrsim.rebind import rebind
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import MergedRobot, merge_fixed
@@ -29,13 +25,6 @@ from asrsim.robot.model import Link, Robot
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
-
-LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
-"""File names of the library beside the package's bindings: Linux, macOS, Windows."""
-
-
-def _say_nothing(message: str) -> None:
-    """What MuJoCo warns of shows in the motion, which is checked."""
 
 
 def _unpack(states: tuple[Array, Array], j: int) -> tuple[float, float]:
@@ -50,7 +39,7 @@ class MujocoEngine:
 
         self._mujoco = mujoco
         # MuJoCo would write its warnings into a file of the working folder.
-        mujoco.set_mju_user_warning(_say_nothing)
+        mujoco.set_mju_user_warning(say_nothing)
         self.version = f"mujoco {mujoco.__version__}"
         self.robot = robot
         self._scenario = scenario
@@ -64,6 +53,7 @@ class MujocoEngine:
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self.base = "" if scenario.fixed_base else merged.robot.root.name
+        self._centre = base_centre(scenario, merged.robot)
         self._set_inertials(merged.robot.links)
         places = self._places(merged)
         self._home = self._m.qpos0.copy()
@@ -89,13 +79,21 @@ class MujocoEngine:
             self._mujoco.mju_mat2Quat(turn, rotation_matrix(rpy).ravel())
             m.body_mass[body] = link.mass or 0.0
             m.body_inertia[body] = moments
-            m.body_ipos[body] = link.centre_of_mass
+            m.body_ipos[body] = link.centre_of_mass - self._shift(link.name)
             m.body_iquat[body] = turn
         self._mujoco.mj_setConst(m, self._d)
 
+    def _shift(self, link: str) -> Array:
+        """(3,) m: origin of a link's body in the link's frame."""
+        return self._centre if link == self.base else np.zeros(3)
+
     def _places(self, merged: MergedRobot) -> dict[str, tuple[int, Array, Array]]:
         return {
-            name: (int(self._m.body(link_body(place.body)).id), place.pose.position, place.pose.rotation)
+            name: (
+                int(self._m.body(link_body(place.body)).id),
+                place.pose.position - self._shift(place.body),
+                place.pose.rotation,
+            )
             for name, place in merged.places.items()
         }
 
@@ -115,7 +113,8 @@ class MujocoEngine:
         return stages.World(
             model=m._address, data=d._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]),
             qpos=d.qpos, qvel=d.qvel,
-            positions=np.zeros(n), velocities=np.zeros(n), forces=np.zeros(n), joint_q=self._at_q, joint_v=self._at_v, free=int(bool(self.base)),
+            positions=np.zeros(n), velocities=np.zeros(n), forces=np.zeros(n), joint_q=self._at_q, joint_v=self._at_v,
+            free=int(bool(self.base)),
             friction=np.array([joint.friction for joint in moving]),
             lower=np.array([-np.inf if joint.lower is None else joint.lower for joint in moving]),
             upper=np.array([np.inf if joint.upper is None else joint.upper for joint in moving]),
@@ -203,14 +202,17 @@ class MujocoEngine:
         if self._contacts is not None:
             return None
         return EngineKernel(
-            look=stages.look, move=stages.move, world=self._world, compiled=_symbols(), load=_load, version=self.version
+            look=stages.look, move=stages.move, world=self._world, compiled=symbols(), load=load, version=self.version
         )
 
     def vary(self, robot: Robot) -> bool:
         """Take over inertials and friction."""
         if self._contacts is not None:
             return False
-        self._set_inertials(merge_fixed(robot).robot.links)
+        merged = merge_fixed(robot).robot
+        if not np.array_equal(self._centre, base_centre(self._scenario, merged)):
+            return False
+        self._set_inertials(merged.links)
         self._world.friction[:] = [joint.friction for joint in robot.moving_joints]
         self.model.forget()
         self.robot = robot
@@ -242,7 +244,12 @@ class MujocoEngine:
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
         """Poses of the world's objects, and of the base link if it floats."""
         qpos = self._world.qpos
-        poses = {self.base: (*qpos[:3].tolist(), *qpos[4:7].tolist(), float(qpos[3]))} if self.base else {}
+        poses: dict[str, tuple[float, ...]] = {}
+        if self.base:
+            turn = np.zeros(9)
+            self._mujoco.mju_quat2Mat(turn, qpos[3:7])
+            origin = qpos[:3] - turn.reshape(3, 3) @ self._centre
+            poses[self.base] = (*origin.tolist(), *qpos[4:7].tolist(), float(qpos[3]))
         return poses | (self._contacts.poses() if self._contacts is not None else {})
 
     def contacts(self) -> Mapping[str, tuple[float, float, float]]:
@@ -251,52 +258,6 @@ class MujocoEngine:
 
     def close(self) -> None:
         """Nothing that Python does not release."""
-
-
-@cache
-def _library() -> Any:
-    """The library that the bindings use, through ctypes."""
-    import mujoco
-
-    folder = Path(mujoco.__file__).parent
-    path = next(path for pattern in LIBRARY for path in sorted(folder.glob(pattern)))
-    library = ctypes.CDLL(str(path))
-    kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int, "d": ctypes.c_double}
-    for name, arguments in stages.ROUTINES.items():
-        function = getattr(library, name)
-        function.argtypes, function.restype = [kinds[kind] for kind in arguments], None
-    return library
-
-
-@cache
-def plain_stage(function: Any) -> Any:
-    """A stage that calls the library through ctypes."""
-    return rebind(function, names={name: getattr(_library(), name) for name in stages.ROUTINES})
-
-
-@cache
-def _symbols() -> dict[str, Any]:
-    """The routines for code that Numba compiles: called by their names, so that kept code finds them in every process."""
-    from numba import types
-
-    kinds = {"m": types.intp, "i": types.intc, "d": types.float64}
-    return {
-        name: types.ExternalFunction(name, types.void(*(kinds[kind] for kind in arguments)))
-        for name, arguments in stages.ROUTINES.items()
-    }
-
-
-@cache
-def _load() -> None:
-    from llvmlite import binding
-
-    binding.load_library_permanently(_library()._name)
-
-
-def compile_stage(function: Any, world: stages.World, version: str) -> Any:
-    """A stage through Numba."""
-    _load()
-    return compile_function(function, (world,), names=_symbols(), version=version)
 
 
 def make_mujoco(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:

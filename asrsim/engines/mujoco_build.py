@@ -6,8 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from asrsim.errors import Problem, RobotError, SimulationError
 from asrsim.robot.model import Joint, Robot, Shape
+from asrsim.robot.poses import rotation_matrix
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World, WorldObject
 
 GROUND = "ground"
@@ -54,15 +58,23 @@ def link_body(name: str) -> str:
     return f"link/{name}"
 
 
+def base_centre(scenario: Scenario, robot: Robot) -> Array:
+    """(3,) m in the root link's frame: origin of its body, the centre of mass where the base floats.
+
+    So linear velocities of the base are those of its centre, as PyBullet has them: the engines then take the same steps.
+    """
+    return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
+
+
 def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
     carried: dict[str, list[Joint]] = {}
     for joint in robot.joints:
         carried.setdefault(joint.parent, []).append(joint)
     kinds = mujoco.mjtJoint
-    root = spec.worldbody.add_body(
-        name=link_body(robot.root.name), pos=list(scenario.base_position), quat=quaternion(scenario.base_rpy)
-    )
+    centre = base_centre(scenario, robot)
+    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
+    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion(scenario.base_rpy))
     if not scenario.fixed_base:
         root.add_freejoint()
     waiting = [(root, robot.root.name)]
@@ -70,16 +82,18 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bo
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
         body.simple = mujoco.mjtLimited.mjLIMITED_FALSE
+        shift = centre if body is root else np.zeros(3)
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            _collision(mujoco, spec, body, f"link/{name}/{index}", shape)
+            _collision(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
         for joint in carried.get(name, ()):
-            child = body.add_body(name=link_body(joint.child), pos=list(joint.origin), quat=quaternion(joint.rpy))
+            origin = (np.array(joint.origin) - shift).tolist()
+            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
             child.add_joint(name=joint.name, type=kind, axis=list(joint.axis), limited=mujoco.mjtLimited.mjLIMITED_FALSE)
             waiting.append((child, joint.child))
 
 
-def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> None:
+def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> None:
     kinds = mujoco.mjtGeom
     half = [0.5 * length for length in shape.size[1:]]
     extra: dict[str, str] = {}
@@ -94,7 +108,7 @@ def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> No
         kind = kinds.mjGEOM_CYLINDER if shape.kind == "cylinder" else kinds.mjGEOM_CAPSULE
         size = [shape.size[0], *half, 0.0]
     body.add_geom(
-        name=name, type=kind, size=size, pos=list(shape.origin), quat=quaternion(shape.rpy), contype=ROBOT_BIT,
+        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion(shape.rpy), contype=ROBOT_BIT,
         conaffinity=WORLD_BIT, **extra,
     )  # fmt: skip
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.engines.exact_friction import STOP_SHARE
 from asrsim.engines.mujoco_build import GROUND, HARD
-from asrsim.engines.mujoco_stages import BEFORE, FRACTION, NOW, STEP, STOP_SHARE
+from asrsim.engines.mujoco_stages import BEFORE, FRACTION, NOW, STEP
 from asrsim.engines.mujoco_stages import World as State
 from asrsim.scenario.data import World
 

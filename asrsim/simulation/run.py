@@ -16,7 +16,8 @@ from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.recorder import Counts
-from asrsim.simulation.simulation import Simulation, Sink
+from asrsim.simulation.recording import Sink
+from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substeps import COARSE, TARGET, Resolution
 
 
@@ -113,19 +114,19 @@ def _finish(simulation: Simulation, *, progress: Callable[[float], None] | None,
     except DivergenceError as caught:
         status, error = "diverged", caught
     wall = clock.perf_counter() - began
-    recorder = simulation.recorder
+    recording = simulation.recording
     run = Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
         info=prepared.info,
         status=status,
         resolution=prepared.resolution,
-        counts=recorder.counts,
+        counts=recording.recorder.counts,
         wall_time=wall,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
-        samples=join(simulation.kept) if simulation.kept else None,
+        samples=join(recording.kept) if recording.kept else None,
         message=str(error) if error is not None else "",
-        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, recorder.counts)),
+        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, recording.recorder.counts)),
         compiled=simulation.compiled,
     )
     if error is not None:

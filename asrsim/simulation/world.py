@@ -16,8 +16,6 @@ class WorldRecorder:
     """Keeps poses and contacts until the samples of their rows come."""
 
     engine: Engine
-    every: int
-    """Substeps between logged rows."""
     last: int
     bodies: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
     contacts: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
