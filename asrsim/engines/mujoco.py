@@ -123,6 +123,7 @@ class MujocoEngine:
             xpos=d.xpos, xmat=d.xmat, wrench=np.zeros((len(wrenches), 6)),
             wrench_body=np.array([place[0] for place in self._wrenches], dtype=np.int64),
             wrench_point=np.array(points).reshape(len(wrenches), 3),
+            wrench_turn=np.array([turn for _, _, turn in self._wrenches]).reshape(len(wrenches), 3, 3),
             wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
             at_qpos=d.qpos.ctypes.data, at_qvel=d.qvel.ctypes.data, **arrays, **addresses,
         )  # fmt: skip

@@ -108,8 +108,8 @@ def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift
         kind = kinds.mjGEOM_CYLINDER if shape.kind == "cylinder" else kinds.mjGEOM_CAPSULE
         size = [shape.size[0], *half, 0.0]
     body.add_geom(
-        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion(shape.rpy), contype=ROBOT_BIT,
-        conaffinity=WORLD_BIT, **extra,
+        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion(shape.rpy),
+        contype=ROBOT_BIT, conaffinity=WORLD_BIT, **extra,
     )  # fmt: skip
 
 
