@@ -45,7 +45,11 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         if contacts:
             _furnish(mujoco, spec, scenario.world)
             _pair(spec, scenario)
-        return spec.compile()
+        model = spec.compile()
+        for item in scenario.world.objects:
+            if item.shape == "mesh" and item.mass and item.inertia is None:
+                _box_inertia(mujoco, model, item)
+        return model
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
         raise RobotError(
@@ -134,8 +138,22 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
             name=f"object/{item.name}", type=kind, size=size, mass=item.mass, contype=WORLD_BIT,
             conaffinity=ROBOT_BIT | WORLD_BIT, **extra,
         )  # fmt: skip
-        if item.inertia is not None and item.mass:
-            body.mass, body.inertia, body.explicitinertial = item.mass, list(item.inertia), True
+        if item.mass and (item.inertia is not None or item.shape == "mesh"):
+            body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
+            body.inertia = list(item.inertia or (1.0, 1.0, 1.0))
+
+
+def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
+    """A mesh's inertia is that of its bounding box, its centre of mass its origin, as PyBullet has them."""
+    geom = model.geom(f"object/{item.name}")
+    mesh = int(geom.dataid[0])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    # MuJoCo moves a mesh's vertices into the axes of its inertia.
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+    vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
+    x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
+    model.body_inertia[int(geom.bodyid[0])] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
 
 
 def _shape(mujoco: Any, spec: Any, item: WorldObject) -> tuple[Any, list[float], dict[str, str]]:
