@@ -210,12 +210,13 @@ class MujocoEngine:
         """Take over inertials and friction."""
         if self._contacts is not None:
             return False
-        merged = merge_fixed(robot).robot
-        if not np.array_equal(self._centre, base_centre(self._scenario, merged)):
-            return False
-        self._set_inertials(merged.links)
+        if robot.links != self.robot.links:
+            merged = merge_fixed(robot).robot
+            if not np.array_equal(self._centre, base_centre(self._scenario, merged)):
+                return False
+            self._set_inertials(merged.links)
+            self.model.forget()
         self._world.friction[:] = [joint.friction for joint in robot.moving_joints]
-        self.model.forget()
         self.robot = robot
         return True
 

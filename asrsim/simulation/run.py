@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from asrsim.compiling import available
 from asrsim.errors import DivergenceError, Problem, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import RunInfo, Samples
@@ -126,13 +127,21 @@ def _finish(simulation: Simulation, *, progress: Callable[[float], None] | None,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
         samples=join(recording.kept) if recording.kept else None,
         message=str(error) if error is not None else "",
-        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, recording.recorder.counts)),
+        warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, recording.recorder.counts)),
         compiled=simulation.compiled,
     )
     if error is not None:
         error.run = run
         raise error
     return run
+
+
+def _slow(simulation: Simulation) -> Iterator[Problem]:
+    """The plain loop where the compiled one would pay."""
+    if simulation.slow_because:
+        message = f"the loop ran in plain Python, several times slower than compiled: {simulation.slow_because}"
+        missing = not available()
+        yield Problem(message=message, hint="pip install numba" if missing else "", code="slow-loop")
 
 
 def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:

@@ -96,19 +96,22 @@ class Simulation:
             "sensings": [None if sensor is None else sensor.sensing for sensor in prepared.sensors],
             "cut": prepared.velocity_cutoff,
             "floating": not scenario.fixed_base,
-            "every": self.substeps * scenario.log_every,
+            "every": self.recording.every,
             "watch": self.recording.watch,
         }
         wanted = scenario.compiled if compiled is None else compiled
         motor_steps = (self.last if expected is None else expected) * prepared.resolution.motor_substeps
-        if wanted or (wanted is None and pays(len(prepared.drives), motor_steps) and available()):
-            if not available():
-                raise SimulationError("the compiled loop needs Numba: pip install 'asrsim[fast]'")
+        self.slow_because = ""
+        """Why the plain loop runs where the compiled one would pay; empty where it does not."""
+        if wanted or (wanted is None and pays(len(prepared.drives), motor_steps)):
             try:
+                if not available():
+                    raise SimulationError("Numba is not installed")
                 return Loop(self._engine, prepared.drives, prepared.stepping, compiled=True, **options)
-            except SimulationError:
+            except SimulationError as error:
                 if wanted:
                     raise
+                self.slow_because = str(error)
         return Loop(self._engine, prepared.drives, prepared.stepping, compiled=False, **options)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
@@ -269,6 +272,7 @@ class Simulation:
             self._engine = varied.make_engine()
             self._engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
+        self.recording.take_over(varied, self._engine)
         if not (same and self._loop.take_drives(varied.drives)):
             self._loop = self._make_loop(self._loop.compiled, None)
 

@@ -12,7 +12,7 @@ from asrsim.scenario import Scenario
 from asrsim.scenario.data import World, WorldObject, Wrench
 from asrsim.signals import Constant, Ramp, Sinusoid
 from asrsim.simulation.run import Run, simulate
-from validation.check import Check
+from validation.check import Check, engine
 from validation.models import Body, chain, column, run
 
 FRICTION = 0.23
@@ -20,6 +20,8 @@ FRICTION = 0.23
 EDGE = 0.2
 MASS = 2.0
 WEIGHT = MASS * 9.81
+STOPPING = {"bullet": {0.3: 1.0, 2.4: 1.0}, "mujoco": {0.3: 1.0, 2.4: 1.0}}
+"""Bounds by engine and speed in m/s: what the engines reach at a step of 1 ms."""
 
 
 def box(x: float = 0.0, y: float = 0.0) -> WorldObject:
@@ -33,7 +35,7 @@ def slide(tilt: float, *, duration: float = 1.0) -> Run:
     """A box on the ground under gravity with a sideways share `tilt`; a robot far away."""
     robot = chain(Body())
     scenario = Scenario(
-        name="slide", robot=robot.path, gravity=(9.81 * tilt, 0.0, -9.81), duration=duration, base_position=(10.0, 0.0, 5.0),
+        name="slide", robot=robot.path, gravity=(9.81 * tilt, 0.0, -9.81), duration=duration, base_position=(10.0, 0.0, 5.0), engine=engine(),
         world=World(ground=True, objects=(box(),)),
     )  # fmt: skip
     return simulate(scenario, robot)
@@ -60,23 +62,60 @@ def sliding() -> Iterator[Check]:
     )  # fmt: skip
 
 
-def pusher() -> Any:
-    """A slide along x with a ball at its tip, passive."""
+def pusher(reach: float = 1.0) -> Any:
+    """A slide along x with a ball at its tip, passive; `reach` m to its stop."""
     ball = '<collision><origin xyz="0 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>'
-    return chain(Body(mass=1.0, reach=0.0, inertia=1e-3, axis="1 0 0", prismatic=True, limits=LIMITS, collision=ball))
+    limits = f'<limit lower="-1" upper="{reach!r}" effort="1000" velocity="100"/>'
+    return chain(Body(mass=1.0, reach=0.0, inertia=1e-3, axis="1 0 0", prismatic=True, limits=limits, collision=ball))
 
 
-LIMITS = '<limit lower="-1" upper="1" effort="1000" velocity="100"/>'
-
-
-def push(force: Any, *, duration: float) -> Run:
-    """A ball at the height of the box's middle pushes it along x with `force`, a signal in N."""
-    robot = pusher()
+def push(force: Any, *, duration: float, reach: float = 1.0, **fields: Any) -> Run:
+    """A ball at the height of the box's middle pushes it along x with `force`, a signal in N, as far as `reach` m."""
+    robot = pusher(reach)
     scenario = Scenario(
         name="push", robot=robot.path, duration=duration, base_position=(-0.5 * EDGE - 0.0201, 0.0, 0.5 * EDGE),
-        external_torques={"joint_1": force}, world=World(ground=True, objects=(box(),)),
+        external_torques={"joint_1": force}, world=World(ground=True, objects=(box(),)), engine=engine(), **fields,
     )  # fmt: skip
     return simulate(scenario, robot)
+
+
+def stopping() -> Iterator[Check]:
+    """A box that a ball has set in motion, and no longer touches, slides until friction has taken its energy."""
+    for speed, reach in ((0.3, 0.05), (2.4, 0.5)):
+        force = 0.5 * (MASS + 1.0) * speed**2 / reach + FRICTION * WEIGHT
+        duration = 2.0 * reach / speed + speed / (FRICTION * 9.81) + 0.3
+        for step in (1e-3, 2e-4):
+            result = push(Constant(value=force), duration=duration, reach=reach, step=step)
+            if result.samples is None:
+                return
+            x = box_positions(result)[:, 0]
+            pushed = np.linalg.norm(result.samples.contacts["box/robot"], axis=1) > 0.0
+            free = int(np.flatnonzero(pushed)[-1]) + round(0.01 / step)
+            found = (x[free + 1] - x[free]) / step
+            distance = x[-1] - 0.5 * (x[free] + x[free + 1])
+            error = abs(float(distance * 2.0 * FRICTION * 9.81 / found**2) - 1.0)
+            yield Check(
+                name=f"stopping distance of a box at {found:.2g} m/s, step {1e3 * step:g} ms", figure=error,
+                bound=STOPPING[engine()][speed], source="v^2 / (2 mu g)",
+            )  # fmt: skip
+
+
+def resting() -> Iterator[Check]:
+    """A box on a box on the ground: forces and places at rest."""
+    robot = chain(Body())
+    small = WorldObject(name="small", shape="box", size=(0.1, 0.1, 0.1), mass=1.0, position=(0.02, 0.0, EDGE + 0.05))
+    scenario = Scenario(
+        name="rest", robot=robot.path, duration=1.0, base_position=(10.0, 0.0, 5.0), engine=engine(),
+        world=World(ground=True, objects=(box(), small)),
+    )  # fmt: skip
+    samples = simulate(scenario, robot).samples
+    if samples is None:
+        return
+    for pair, weight in (("box/ground", (MASS + 1.0) * 9.81), ("small/box", 9.81), ("box/small", -9.81)):
+        error = float(np.max(np.abs(samples.contacts[pair][-100:] - [0.0, 0.0, weight])))
+        yield Check(name=f"force on {pair.replace('/', ' by ')} at rest", figure=error, bound=1e-2, unit="N", source="weights")
+    sunk = float(np.max(np.abs(samples.bodies["small"][-1, :3] - small.position)))
+    yield Check(name="box on a box, way from where it was put", figure=sunk, bound=1e-4, unit="m", source="0")
 
 
 def slip_threshold() -> Iterator[Check]:
