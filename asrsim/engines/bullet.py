@@ -86,7 +86,6 @@ class BulletEngine:
         p, client, body = self._p, self._client, self._body
         p.setGravity(*self._scenario.gravity, physicsClientId=client)
         self.base = p.getBodyInfo(body, client)[0].decode()
-        """Name of the root link."""
         self._link_index = {self.base: -1}
         index_of = {}
         for index in range(p.getNumJoints(body, client)):
