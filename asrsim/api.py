@@ -15,6 +15,8 @@ from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.scenario import Scenario, load_scenario
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.crosscheck import cross_check as run_cross_check
+from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
@@ -171,6 +173,7 @@ def run(
     overwrite: bool = False,
     keep: bool = True,
     certify: bool = False,
+    cross_check: bool = False,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Result:
@@ -185,7 +188,9 @@ def run(
         out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
         overwrite: Replace the results of another run there.
         keep: Keep all samples in memory; without (and with `out`), they are read from the log when asked for.
-        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`.
+        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`. Where another engine
+            is installed, `cross_check` too.
+        cross_check: Run again in another engine; the differences are in `.summary.cross_check`.
         progress: Told the simulated time in s.
         stop: Asked about every 2000 substeps; True ends the run cleanly.
 
@@ -205,7 +210,10 @@ def run(
         message = "the scenario has several variants"
         raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
     given = None if robot is None or isinstance(robot, str | Path) else robot
-    return _run_one(loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop)
+    return _run_one(
+        loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check, progress=progress,
+        stop=stop,
+    )  # fmt: skip
 
 
 def run_variants(
@@ -250,18 +258,21 @@ def _load(
 
 def _run_one(
     scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
-    progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+    cross_check: bool = False, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
     if out is not None:
         with owned(Path(out)):
             executed: Executed = execute(
-                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop
-            )
+                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
+                progress=progress, stop=stop,
+            )  # fmt: skip
             executed = write_summary(executed)
         if executed.error is not None:
             raise executed.error
         return Result(executed.run, executed.summary, executed.log)
 
+    if cross_check:
+        require_other_engine(scenario)
     collectors: list[Collector] = []
 
     def collect(info: RunInfo) -> Sequence[Sink]:
@@ -279,4 +290,6 @@ def _run_one(
         from asrsim.simulation.certify import certify as certify_run
 
         summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
+    if done.samples is not None and done.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
+        summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
     return Result(done, summary)

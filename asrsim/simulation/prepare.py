@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError, did_you_mean
+from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, RunInfo
@@ -162,10 +162,15 @@ def prepare(
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, at its step."""
+    """The scenario's engine, at its step. Raises SimulationError if it is not installed."""
     from asrsim.engines import ENGINES
 
-    return ENGINES.get(scenario.engine).make(scenario, robot)
+    entry = ENGINES.get(scenario.engine)
+    if not entry.available:
+        here = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
+        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {here}"
+        raise SimulationError(message)
+    return entry.make(scenario, robot)
 
 
 def _resolve(
