@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import Problem, ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.runs.execute import Executed, execute, with_plugins, write_summary
-from asrsim.runs.simulated import simulated
+from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write_summary
+from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.scenario import Scenario, load_scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.run import Run, Sink
-from asrsim.summary import RunSummary, claim_results, make_summary
+from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
 
 if TYPE_CHECKING:
@@ -253,24 +253,28 @@ def _run_one(
     progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
     if out is not None:
-        executed: Executed = execute(
-            scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop
-        )
-        executed = write_summary(executed)
+        with owned(Path(out)):
+            executed: Executed = execute(
+                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop
+            )
+            executed = write_summary(executed)
         if executed.error is not None:
             raise executed.error
         return Result(executed.run, executed.summary, executed.log)
 
-    def check(info: RunInfo) -> Sequence[Sink]:
-        check_claims(scenario.expect, info.joints, file=scenario.path)
-        return ()
+    collectors: list[Collector] = []
 
-    done = simulated(scenario, robot, sinks=check, keep=True, progress=progress, stop=stop)
-    chunks = [done.samples] if done.samples is not None else []
+    def collect(info: RunInfo) -> Sequence[Sink]:
+        check_claims(scenario.expect, info.joints, file=scenario.path)
+        collectors.append(Collector(info.joints, samples=steps_of(scenario) + 1, claims=scenario.expect))
+        return collectors
+
+    done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
     claims: tuple[ExpectationResult, ...] = ()
-    if done.status == "complete" and scenario.expect:
-        claims = claim_results(scenario.expect, done.info.joints, lambda *_: chunks[0], file=scenario.path)
-    summary = make_summary(done, chunks, claims=claims)
+    if done.status == "complete":
+        claims = claim_results(scenario.expect, done.info.joints, collectors[0].read, file=scenario.path)
+    samples = len(done.samples.time) if done.samples is not None else 0
+    summary = make_summary(done, collectors[0], samples=samples, claims=claims)
     if certify and done.status == "complete":
         from asrsim.simulation.certify import certify as certify_run
 

@@ -209,7 +209,7 @@ def test_bad_requests_say_what_there_is(tmp_path: Path):
     with pytest.raises(InputError, match="png, pdf, svg"):
         draw_runs([log], tmp_path, formats=["bmp"])
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be made"):
+    with pytest.raises(OutputError, match="cannot make the folder"):
         draw_run(log, tmp_path / "file")
 
 

@@ -44,9 +44,9 @@ def actuators(
             typer.echo(block_text(joint, chosen[0].name, mode))
         return
     if json:
-        import json as writer
+        from asrsim.cli.console import say_json
 
-        typer.echo(writer.dumps([_as_dict(actuator) for actuator in chosen], indent=2, ensure_ascii=False))
+        say_json([_as_dict(actuator) for actuator in chosen])
         return
     from asrsim.cli.tables import print_actuator, print_actuators
 

@@ -54,8 +54,9 @@ app = typer.Typer(
 def _version(wanted: bool) -> None:
     if wanted:
         from asrsim import __version__
+        from asrsim.cli.console import say
 
-        typer.echo(f"asrsim {__version__}")
+        say(f"asrsim {__version__}")
         raise typer.Exit
 
 
@@ -95,36 +96,40 @@ def main() -> None:
 
 
 def _call() -> int:
+    from asrsim.cli.console import complain, error_lines
+    from asrsim.cli.interrupt import like_an_interruption
     from asrsim.errors import AsrsimError
 
     try:
-        app()
+        with like_an_interruption():
+            app()
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
         from asrsim.cli.interrupt import INTERRUPTED
 
-        sys.stderr.write("asrsim: aborted\n")
+        complain("asrsim: aborted")
         return INTERRUPTED
     except AsrsimError as error:
         if _debugging():
             raise
-        from asrsim.cli.console import error_lines
-
         for line in (*error_lines(error), *getattr(error, "__notes__", ())):
-            sys.stderr.write(f"asrsim: {line}\n")
+            complain(f"asrsim: {line}")
         return 1
+    except BrokenPipeError:
+        # Whoever read our output has gone: there is nobody to tell.
+        return 0
     except OSError as error:
         if _debugging():
             raise
         what = f"{error.filename}: " if error.filename else ""
-        sys.stderr.write(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}\n")
+        complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
         return 1
     except Exception as error:
         if _debugging():
             raise
-        sys.stderr.write(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}\n")
-        sys.stderr.write("asrsim: run with ASRSIM_DEBUG=1 to see where it came from\n")
+        complain(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}")
+        complain("asrsim: run with ASRSIM_DEBUG=1 to see where it came from")
         return 1
     return 0
 

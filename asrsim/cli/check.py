@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -70,7 +70,9 @@ def _check_actuator(name: str, as_json: bool) -> None:
     if as_json:
         from dataclasses import asdict
 
-        _print_json({**asdict(report), "passed": report.passed})
+        from asrsim.cli.console import say_json
+
+        say_json({**asdict(report), "passed": report.passed})
     else:
         from asrsim.cli.tables import print_check_report
 
@@ -81,14 +83,10 @@ def _check_actuator(name: str, as_json: bool) -> None:
 
 def _print(reports: list[FileReport], *, json: bool, quiet: bool) -> None:
     if json:
-        _print_json({"ok": not any(report.errors for report in reports), "files": [report.as_dict() for report in reports]})
+        from asrsim.cli.console import say_json
+
+        say_json({"ok": not any(report.errors for report in reports), "files": [report.as_dict() for report in reports]})
         return
     from asrsim.cli.tables import print_reports
 
     print_reports(reports, quiet=quiet)
-
-
-def _print_json(data: dict[str, Any]) -> None:
-    import json
-
-    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))

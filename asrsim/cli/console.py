@@ -16,6 +16,9 @@ STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
 }  # fmt: skip
 """Name -> ANSI code."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What a terminal obeys instead of showing it, and halves of characters; newlines and tabs are none."""
+_STYLE = re.compile(rf"\x1b\[(?:0|{'|'.join(STYLES.values())})m")
 MOST = 40
 """Lines of an error that are shown."""
 SHOWN = 6
@@ -75,9 +78,11 @@ def complain(text: str, style: str = "") -> None:
     _write(sys.stderr, styled(text, style, sys.stderr))
 
 
-def say_json(data: Mapping[str, Any]) -> None:
+def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     """One JSON document on stdout. Numbers that JSON has not must be gone."""
-    _write(sys.stdout, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    # JSON has escapes for what a terminal obeys, and for halves of characters.
+    _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int = 2) -> None:
@@ -163,7 +168,16 @@ def _unicode() -> bool:
     return (getattr(sys.stdout, "encoding", None) or "").lower().replace("-", "") in ("utf8", "utf16", "utf32")
 
 
+def shown(text: str, *, styles: bool = False) -> str:
+    """The text as a terminal may have it: control characters, which files may hold, as their codes. styles: ours stay."""
+    parts = _STYLE.split(text) if styles else [text]
+    ours = [*_STYLE.findall(text), ""] if styles else [""]
+    clean = (_CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", part) for part in parts)
+    return "".join(part + style for part, style in zip(clean, ours, strict=True))
+
+
 def _write(stream: IO[str], text: str) -> None:
+    text = shown(text, styles=is_terminal(stream))
     try:
         stream.write(text + "\n")
     except UnicodeEncodeError:

@@ -79,10 +79,10 @@ def init(
         robot, out, mode=mode, actuators=given, force=overwrite, schema=schema, arguments=arguments, packages=packages
     )
     if not quiet:
-        from asrsim.cli.console import say_problems
+        from asrsim.cli.console import say, say_problems
 
         say_problems(notes, "warning", "yellow")
-        typer.echo(f"wrote {', '.join(map(str, written))}; run it: asrsim run {shlex.quote(str(out))}")
+        say(f"wrote {', '.join(map(str, written))}; run it: asrsim run {shlex.quote(str(out))}")
 
 
 def _print(made: Written, out: Path) -> None:
@@ -96,4 +96,4 @@ def _print(made: Written, out: Path) -> None:
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
     command = f"asrsim run {shlex.quote(str(out))}"
-    typer.echo(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {command}")
+    say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {command}")

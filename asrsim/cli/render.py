@@ -44,7 +44,7 @@ def render(
 
     with json_errors(json):
         from asrsim.cli.fraction import FractionProgress
-        from asrsim.plots.output import make_folder
+        from asrsim.outfile import make_folder
         from asrsim.render import Film, share_view, write_gif, write_mp4, write_strip
         from asrsim.runs.folder import find_logs
 

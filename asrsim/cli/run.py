@@ -66,12 +66,15 @@ def _run(
     path: Path, variant: str | None, overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
     report: bool, certify: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
 ) -> int:  # fmt: skip
+    import sys
+
     from asrsim.cli.console import error_as_dict, say_json
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import execute, with_plugins, write_summary
     from asrsim.runs.folder import default_folder
+    from asrsim.runs.lock import owned
     from asrsim.scenario import load_scenario
 
     load_plugins(plugins)
@@ -87,23 +90,26 @@ def _run(
             try:
                 from asrsim.cli.progress import RunProgress
 
-                with RunProgress(title, one.duration, show=not quiet) as progress:
-                    executed = execute(
-                        one, folder, overwrite=overwrite, certify=certify, started=progress.start,
-                        progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
-                    )  # fmt: skip
-                # Told and written at once, so that nothing is lost if drawing fails.
-                done.append(executed)
-                done[-1] = write_summary(done[-1])
-                if plot and executed.run.status != "interrupted":
-                    done[-1] = write_summary(_drawn(done[-1]))
-                if report and executed.run.status != "interrupted":
-                    done[-1] = write_summary(_reported(done[-1]))
+                with owned(folder):
+                    with RunProgress(title, one.duration, show=not quiet) as progress:
+                        executed = execute(
+                            one, folder, overwrite=overwrite, certify=certify, started=progress.start,
+                            progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
+                        )  # fmt: skip
+                    # Told and written at once, so that nothing is lost if drawing fails.
+                    done.append(executed)
+                    done[-1] = write_summary(done[-1])
+                    if plot and executed.run.status != "interrupted":
+                        done[-1] = write_summary(_drawn(done[-1]))
+                    if report and executed.run.status != "interrupted":
+                        done[-1] = write_summary(_reported(done[-1]))
             except AsrsimError as error:
                 # Nothing of this variant could be built or written: the others would most likely fail alike.
                 failure = (title, error)
             if len(done) > before:
                 print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, told=told)
+                # Whoever reads along sees it now, and is missed at once when he goes.
+                sys.stdout.flush()
             if failure is not None:
                 break
             if interruption.requested:

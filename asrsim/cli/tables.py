@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from rich import markup
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.actuators.checker import CheckReport
-from asrsim.cli.console import SHOWN, problem_lines
+from asrsim.cli.console import SHOWN, problem_lines, shown
 from asrsim.cli.findings import FileReport
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
 from asrsim.robot.tags import parameter_tags
+
+
+def escape(text: str) -> str:
+    """A text of a file, with nothing in it that rich or a terminal obeys."""
+    return markup.escape(shown(text))
 
 
 def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None:

@@ -49,6 +49,7 @@ class BulletEngine:
             import pybullet
 
             self._p = pybullet
+            self._alive = [True]
             self._client = pybullet.connect(pybullet.DIRECT)
         self.version = f"pybullet {version('pybullet')}"
         self.robot = robot
@@ -85,7 +86,6 @@ class BulletEngine:
         p, client, body = self._p, self._client, self._body
         p.setGravity(*self._scenario.gravity, physicsClientId=client)
         self.base = p.getBodyInfo(body, client)[0].decode()
-        """Name of the root link."""
         self._link_index = {self.base: -1}
         index_of = {}
         for index in range(p.getNumJoints(body, client)):
@@ -229,7 +229,8 @@ class BulletEngine:
     def snapshot(self) -> Any:
         """The engine's whole state."""
         state = self._p.saveState(physicsClientId=self._client)
-        return _Saved(self._p, self._client, state), [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        parts = [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        return _Saved(self._p, self._client, state, self._alive), parts
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
@@ -267,19 +268,21 @@ class BulletEngine:
 
     def close(self) -> None:
         """Disconnect the physics client."""
+        self._alive[0] = False
         with suppress(self._p.error), quiet():
             self._p.disconnect(self._client)
 
 
 class _Saved:
-    """A state that Bullet keeps in memory until nobody wants it."""
+    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
 
-    def __init__(self, p: Any, client: int, number: int) -> None:
-        self._p, self._client, self.number = p, client, number
+    def __init__(self, p: Any, client: int, number: int, alive: list[bool]) -> None:
+        self._p, self._client, self.number, self._alive = p, client, number, alive
 
     def __del__(self) -> None:
-        with suppress(Exception):
-            self._p.removeState(self.number, physicsClientId=self._client)
+        if self._alive[0]:
+            with suppress(Exception):
+                self._p.removeState(self.number, physicsClientId=self._client)
 
 
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:

@@ -200,9 +200,10 @@ class MujocoEngine:
         """Take over inertials and friction."""
         if self._contacts is not None:
             return False
-        self._set_inertials(merge_fixed(robot).robot.links)
+        if robot.links != self.robot.links:
+            self._set_inertials(merge_fixed(robot).robot.links)
+            self.model.forget()
         self._world.friction[:] = [joint.friction for joint in robot.moving_joints]
-        self.model.forget()
         self.robot = robot
         return True
 

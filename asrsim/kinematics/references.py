@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.compensation import drive_of
 from asrsim.kinematics.plan import PlannedReferences, plan
 from asrsim.scenario.data import for_joint
+from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -25,11 +28,14 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     """
     if scenario.task is None:
         return scenario
-    planned = plan_task(scenario, robot).signals()
+    planned = plan_task(scenario, robot)
     references = dict(scenario.references)
-    for joint, signals in planned.items():
+    for joint, signals in planned.signals().items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    return replace(scenario, references=references)
+    names = [joint.name for joint in robot.moving_joints]
+    path = zip(names, planned.path.positions.T, strict=True)
+    desired = {name: Sampled(times=planned.time, samples=np.ascontiguousarray(column)) for name, column in path}
+    return replace(scenario, references=references, desired={**desired, **scenario.desired})
 
 
 def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:

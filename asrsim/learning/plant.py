@@ -58,7 +58,9 @@ class Plant:
             name = MODES[drive.mode].references[0]
             signal = Sampled(times=self.time, samples=np.ascontiguousarray(inputs[:, column]))
             references[joint] = {**self.scenario.references_of(joint), name: signal}
-        return replace(self.scenario, references=references, log_every=log_every)
+        trajectory = self.scenario.learning["trajectory"]
+        # What the scenario claims is about its own references.
+        return replace(self.scenario, references=references, desired=trajectory, expect=(), log_every=log_every)
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
         """One run with these inputs; every sample kept."""

@@ -9,7 +9,7 @@ from typing import Any
 from asrsim.actuators import MODES
 from asrsim.learning.plant import Plant
 from asrsim.learning.settings import LearningSettings
-from asrsim.textfile import write_text
+from asrsim.outfile import write_text
 
 
 def playback_data(plant: Plant, settings: LearningSettings, inputs: Path, folder: Path) -> dict[str, Any]:
@@ -22,8 +22,11 @@ def playback_data(plant: Plant, settings: LearningSettings, inputs: Path, folder
     data: dict[str, Any] = _renamed(dict(scenario.resolved), files)
     robot = os.path.relpath(scenario.robot, folder)
     data["robot"] = {**data["robot"], "file": robot} if isinstance(data.get("robot"), dict) else robot
-    for key in ("ilc", "name", "variant"):
+    learned = data.pop("ilc", {})
+    for key in ("name", "variant"):
         data.pop(key, None)
+    # The error of a replay is that against what was to be learned.
+    data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}
     for joint, drive in zip(plant.joints, plant.drives, strict=True):
         name = MODES[drive.mode].references[0]
@@ -48,7 +51,7 @@ def write_playback(path: Path, plant: Plant, settings: LearningSettings, inputs:
 
     text = f"# Plays what `asrsim ilc` learned; the inputs are in {inputs.name}.\n"
     text += yaml.safe_dump(playback_data(plant, settings, inputs, path.parent), sort_keys=False, allow_unicode=True)
-    write_text(path, text)
+    write_text(path, text, "learned scenario")
 
 
 def _renamed(value: Any, files: dict[str, str]) -> Any:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from asrsim.errors import OutputError
 from asrsim.learning.figure import write_figure, write_transfer_figure
 from asrsim.learning.folder import INPUTS, LOG, NUMBERS, PICTURE, PLAYBACK, STATE, TRANSFER, Earlier, clear, open_folder
 from asrsim.learning.iterate import LearningResult, Trial, learn
@@ -18,6 +19,7 @@ from asrsim.learning.playback import write_playback
 from asrsim.learning.report import result_data, transfer_data, write_json
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
+from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -63,15 +65,34 @@ def run_session(
     replaced anyway. keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
     Raises InputError, SimulationError or OutputError.
     """
+    with owned(folder):
+        return _session(
+            plant, folder, on_start=on_start, on_trial=on_trial, resume=resume, overwrite=overwrite, keep_logs=keep_logs,
+            with_transfer=with_transfer, draws=draws, processes=processes, plugins=plugins, picture=picture,
+        )  # fmt: skip
+
+
+def _session(
+    plant: Plant, folder: Path, *, on_start: Callable[[Prepared], None] | None, on_trial: Callable[[Trial], None] | None,
+    resume: bool, overwrite: bool, keep_logs: KeepLogs | None, with_transfer: bool, draws: int | None, processes: int,
+    plugins: Sequence[Path], picture: bool,
+) -> Session:  # fmt: skip
     earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
     block = plant.scenario.learning
     keep = keep_logs or block.get("keep_logs", "last")
     with learning_model(plant) as model, Workers(processes, plugins) as workers:
         prepared = prepare_learning(plant, model)
-        clear(earlier)
         if on_start is not None:
             on_start(prepared)
         logger = _Logger(folder, keep == "all")
+
+        def told(trial: Trial) -> None:
+            # Its state is written: there is something in the place of the earlier run.
+            if trial.number == 0:
+                clear(earlier, but=(folder / STATE, *logger.written))
+            if on_trial is not None:
+                on_trial(trial)
+
         plants = block.get("plants")
         if plants:
             set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
@@ -87,7 +108,7 @@ def run_session(
             prepared.problem,
             simulate,
             prepared.settings,
-            on_trial,
+            told,
             predict=prepared.predict,
             state=folder / STATE,
             resume=resume,
@@ -161,6 +182,7 @@ class _Logger:
         self.folder = folder
         self.everything = everything
         self.count = 0
+        self.written: list[Path] = []
 
     def run(self, plant: Plant, inputs: Array) -> Array:
         """Outputs of a trial, logged if all trials are."""
@@ -172,15 +194,25 @@ class _Logger:
     def write(self, plant: Plant, inputs: Array, name: str) -> Array:
         """Outputs of a run that is logged to a file of that name."""
         from asrsim.log import LogWriter
+        from asrsim.runs.described import as_run
 
         writers: list[LogWriter] = []
+        path, aside = self.folder / name, self.folder / f"{name}.part"
 
         def sinks(info: RunInfo) -> list[LogWriter]:
-            writers.append(LogWriter(self.folder / name, info))
+            writers.append(LogWriter(aside, as_run(info, plant.with_inputs(inputs), plant.robot)))
             return writers
 
         try:
-            return plant.outputs(inputs, sinks)
+            outputs = plant.outputs(inputs, sinks)
+            for writer in writers:
+                writer.close()
+                aside.replace(path)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be replaced: {error.strerror or error}") from error
         finally:
             for writer in writers:
                 writer.close()
+                aside.unlink(missing_ok=True)
+        self.written.append(path)
+        return outputs

@@ -15,8 +15,12 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer, Header, McapRecord
 
 from asrsim.errors import OutputError
+from asrsim.outfile import check_output, is_special
 
 MAGIC = b"\x89MCAP0\r\n"
+
+
+_FLAGS = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
 
 
 def encode(record: McapRecord) -> bytes:
@@ -31,8 +35,13 @@ DATA_END = encode(DataEnd(data_section_crc=0))
 _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MAGIC
 """Ends a file without index: readers then go through it from the start."""
 _TRAILER = DATA_END + _OPEN_END
-_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""The first is of POSIX; the second, of Windows, keeps line ends as they are."""
+
+
+def _pwrite(file: int, data: memoryview, position: int) -> int:
+    if hasattr(os, "pwrite"):
+        return os.pwrite(file, data, position)
+    os.lseek(file, position, os.SEEK_SET)
+    return os.write(file, data)
 
 
 class McapStorage:
@@ -42,11 +51,17 @@ class McapStorage:
         self.path = path
         head = MAGIC + encode(header) + body
         self._file = -1
+        new = not path.exists()
+        check_output(path, "log")
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | _FLAGS, 0o666)
+            flags = _FLAGS | (0 if is_special(path) else getattr(os, "O_NOFOLLOW", 0))
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | flags, 0o666)
             self._write(head + _TRAILER, 0)
         except OSError as error:
             self.close()
+            if new:
+                with suppress(OSError):
+                    path.unlink()
             raise self._error(error) from error
         self.size = len(head)
         """Bytes up to the trailer: where the next record goes."""
@@ -91,9 +106,7 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            # Not os.pwrite, which Windows does not have.
-            os.lseek(self._file, position, os.SEEK_SET)
-            written = os.write(self._file, rest)
+            written = _pwrite(self._file, rest, position)
             rest = rest[written:]
             position += written
 

@@ -9,20 +9,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from asrsim import __version__
 from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
 from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.outfile import make_folder, write_text
 from asrsim.plots.bode import bode_pages
 from asrsim.plots.claims import judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
-from asrsim.plots.output import check_formats, make_folder, save_figure, styled
+from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import LAYOUTS, comparison_pages
 from asrsim.plots.pairing import RunComparison, assign, compare_run
 from asrsim.plots.responses import OUTPUT, Experiment, Response, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
-from asrsim.textfile import write_text
 
 RECORDED = "recorded.json"
 """The recorded curves of a comparison."""
@@ -279,5 +280,6 @@ def _write_recorded(path: Path, result: PlotResult) -> Path:
         }
         for one in result.compared for pair in one.pairs.values()
     ]  # fmt: skip
-    write_text(path, json.dumps({"curves": curves}, separators=(",", ":"), allow_nan=False))
+    data = {"generator": f"asrsim {__version__}", "curves": curves}
+    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False), "json")
     return path

@@ -6,9 +6,10 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from asrsim.outfile import make_folder
 from asrsim.plots.curves import Progress, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
-from asrsim.plots.output import check_formats, make_folder, save_figure, styled
+from asrsim.plots.output import check_formats, save_figure, styled
 
 
 def draw_run(

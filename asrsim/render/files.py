@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.errors import InputError, OutputError, Problem
+from asrsim.outfile import is_ours, written
 from asrsim.render.motion import Film, Frame, even_times, telling_times
 
 if TYPE_CHECKING:
@@ -68,6 +69,8 @@ def _font(size: int) -> FreeTypeFont:
 
 def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress | None = None) -> Path:
     """A film strip as PNG, its frames closer together where more happens. Raises OutputError."""
+    from PIL.PngImagePlugin import PngInfo
+
     frames = []
     for number, time in enumerate(telling_times([film], count), 1):
         frames.append(film.frame(time))
@@ -75,10 +78,10 @@ def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress 
             progress(number / count)
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
     strip = film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
-    try:
-        strip.save(path, format="PNG", compress_level=4)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    mark = PngInfo()
+    mark.add_text("Software", "asrsim")
+    with written(path, "picture") as stream:
+        strip.save(stream, format="PNG", compress_level=4, pnginfo=mark)
     return path
 
 
@@ -96,13 +99,11 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
-    try:
+    with written(path, "picture") as stream:
         indexed[0].save(
-            path, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
-            optimize=False,
+            stream, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
+            optimize=False, comment=b"asrsim",
         )  # fmt: skip
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 
 
@@ -116,22 +117,23 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
                     code="no-video")
         ) from None  # fmt: skip
     times = _times(film, speed, fps)
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2, ffmpeg_log_level="error"
-    )
-    try:
-        writer.send(None)
-        for number, frame in enumerate(film.frames(times), 1):
-            writer.send(np.ascontiguousarray(frame.image))
-            if progress is not None:
-                progress(number / len(times))
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error}") from None
-    finally:
-        with suppress(OSError):
-            writer.close()
-    if not path.is_file() or not path.stat().st_size:
-        raise OutputError(f"{path}: cannot be written: ffmpeg made no file")
+    with written(path, "picture") as stream:
+        writer = imageio_ffmpeg.write_frames(
+            stream.name, (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2,
+            ffmpeg_log_level="error", output_params=["-metadata", "comment=asrsim", "-f", "mp4"],
+        )  # fmt: skip
+        try:
+            writer.send(None)
+            for number, frame in enumerate(film.frames(times), 1):
+                writer.send(np.ascontiguousarray(frame.image))
+                if progress is not None:
+                    progress(number / len(times))
+        finally:
+            with suppress(OSError):
+                writer.close()
+        # Without its index, which comes last, a video is none: ffmpeg tells nobody that the disk was full.
+        if not is_ours(Path(stream.name), "picture") or not Path(stream.name).stat().st_size:
+            raise OutputError(f"{path}: cannot be written: ffmpeg could not finish it")
     return path
 
 

@@ -18,6 +18,7 @@ from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import MetricRow, summarise
+from asrsim.plain import Shape, misfit
 from asrsim.plots.job import RECORDED
 from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
@@ -26,6 +27,26 @@ STRIPS = 12
 """Runs of which film strips are drawn."""
 PICTURES = 4
 """Pictures of comparisons."""
+
+
+_NUMBER = (float, None)
+_SUMMARY_SHAPE: Shape = {
+    "robot": str, "variant": str, "total_substeps?": int, "speed?": _NUMBER, "simulated_time?": float,
+    "joints": [
+        {
+            "name": str, "actuator": str, "mode?": (int, None), "prismatic?": bool, "limits?": {"*": int},
+            **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?", "frequency?"), _NUMBER),
+            "peak_deflection?": _NUMBER,
+        }
+    ],
+    "expect": [{"text": str, "holds": bool}],
+    "warnings?": [{"message?": str, "file?": (str, None), "line?": (int, None), "key?": (str, None), "hint?": (str, None)}],
+    "certificate?": {"joints?": {"*": {"*": _NUMBER}}, "warnings?": [str], "step?": _NUMBER, "scheme_order?": int},
+}  # fmt: skip
+"""What the page takes of a `summary.json`; one of another shape was edited, and is worked out anew."""
+_METRICS_SHAPE: Shape = {
+    "metrics": [{"source": str, "joint": str, "quantity": str, "measure": str, "unit": str, "value": _NUMBER}],
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +130,11 @@ def find_comparison(folder: Path) -> Compared | None:
     pictures: list[Path] = []
     first: Path | None = None
     for place in _compared_folders(folder):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            rows = json.loads((place / "metrics.json").read_text(encoding="utf-8"))["metrics"]
+        with suppress(OSError, ValueError, RecursionError):
+            data = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
+            if misfit(data, _METRICS_SHAPE):
+                continue
+            rows = data["metrics"]
             metrics += [MetricRow(**{**row, "value": math.nan if row["value"] is None else row["value"]}) for row in rows]
             pictures += sorted(path for pattern in ("comparison*.png", "bode*.png") for path in place.glob(pattern))
             first = first or place
@@ -194,10 +218,11 @@ def picture(path: Path, *, most: int = 200_000) -> str | None:
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
     """The summary beside a log, if it is that log's."""
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, RecursionError):
         data = json.loads((log.parent / SUMMARY).read_text(encoding="utf-8"))
-        if isinstance(data, dict) and data.get("variant") == info.variant and data.get("robot") == info.robot:
-            return data
+        fits = not misfit(data, _SUMMARY_SHAPE)
+        if fits and data.get("variant") == info.variant and data.get("robot") == info.robot:
+            return dict(data)
     return None
 
 

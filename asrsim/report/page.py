@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -10,9 +9,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from asrsim import __version__
 from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, Films, RunContent, picture
-from asrsim.report.html import badge, bullets, number, section, share, table
+from asrsim.report.html import badge, bullets, number, script_json, section, share, table
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -53,6 +53,7 @@ def build_page(
             '<html lang="en"><head><meta charset="utf-8">',
             f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)} · asrsim</title>",
             # An empty icon: browsers would ask for one.
             '<link rel="icon" href="data:,">',
@@ -106,9 +107,7 @@ def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
 
 
 def _packed(name: str, data: Mapping[str, Any]) -> str:
-    # A script's text must not hold the end of a script.
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
-    return f'<script type="application/json" id="{name}">{text}</script>'
+    return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
 
 
 def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> str:

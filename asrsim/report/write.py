@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from asrsim.errors import OutputError
+from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots import style
 from asrsim.plots.curves import distinct_labels, read_curves
 from asrsim.report.content import Films, RunContent, find_comparison, read_content, read_films, recorded_curves
@@ -14,7 +14,6 @@ from asrsim.report.page import build_page
 from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
 from asrsim.runs.folder import find_logs
-from asrsim.textfile import write_text
 
 PAGE = "report.html"
 
@@ -45,6 +44,7 @@ def write_report(
     page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
     tell = progress or (lambda what, fraction: None)
     logs = find_logs(place)
+    check_output(page, "page", inputs=logs)
     tell("reading", 0.1)
     grid, runs = read_runs(logs, quantities=QUANTITIES)
     labels = [run.label for run in distinct_labels([run.curves for run in runs])]
@@ -62,11 +62,8 @@ def write_report(
     tell("film strip", 0.9)
     films = read_films(logs, labels) if film else Films(strips={})
     text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside), thinned=grid.thinned)
-    try:
-        page.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{page}: cannot be written: {error.strerror or error}") from error
-    write_text(page, text)
+    make_folder(page.parent)
+    write_text(page, text, "page")
     return page
 
 

@@ -32,6 +32,7 @@ def page(reproductions: Sequence[Reproduction], *, version: str, seconds: float)
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="asrsim {escape(version)}">
 <title>asrsim reproduce: figures {escape(numbers)}</title>
 <link rel="icon" href="data:,">
 <style>

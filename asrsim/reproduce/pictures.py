@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from asrsim.reproduce.figure import Picture
 
@@ -35,9 +35,10 @@ def render(figure: Figure, kind: str) -> bytes:
     import matplotlib
 
     stream = io.BytesIO()
-    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": "asrsim"}
+    from asrsim.plots.output import METADATA
+
     with matplotlib.rc_context({"svg.fonttype": "path"}):
-        figure.savefig(stream, format=kind, metadata=metadata, dpi=DPI)
+        figure.savefig(stream, format=kind, metadata=METADATA[kind], dpi=DPI)
     return stream.getvalue()
 
 

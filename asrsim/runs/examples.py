@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from asrsim.errors import InputError, OutputError, Problem
+from asrsim.outfile import make_folder, write_text
 
 PLACES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[2] / "examples")
 """In an installed package; in a checkout."""
@@ -35,15 +36,12 @@ def copy_examples(out: Path, *, overwrite: bool = False) -> tuple[Path, ...]:
         for path in sorted(source.rglob("*"))
         if path.is_file() and "__pycache__" not in path.parts and not path.is_relative_to(out.absolute())
     }
-    try:
-        taken = [place for path, place in pairs.items() if place.exists() and place.read_bytes() != path.read_bytes()]
-        if taken and not overwrite:
-            more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
-            raise OutputError(f"{taken[0]}{more} differ from the example; use --overwrite to replace, or --out for elsewhere")
-        for path, place in pairs.items():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            if not place.exists() or not place.samefile(path):
-                place.write_bytes(path.read_bytes())
-    except OSError as error:
-        raise OutputError(f"{error.filename} cannot be written: {error.strerror}") from None
+    taken = [place for path, place in pairs.items() if place.exists() and place.read_bytes() != path.read_bytes()]
+    if taken and not overwrite:
+        more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
+        raise OutputError(f"{taken[0]}{more} differ from the example; use --overwrite to replace, or --out for elsewhere")
+    for path, place in pairs.items():
+        if not place.exists() or place in taken:
+            make_folder(place.parent)
+            write_text(place, path.read_bytes().decode(), "schema", replace=True)
     return tuple(pairs.values())

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import AsrsimError, OutputError, RecordingError
+from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
 from asrsim.robot import load_robot, with_overrides
@@ -78,6 +79,8 @@ def write_from_recording(
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    for path in (out, *(out.parent / name for name in extracted)):
+        check_output(path, "schema", inputs=[robot, experiment], replace=True)
     text_with = partial(recording_text, plan, names, mode=mode, mapping=tuple(mapping), rate=rate)
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)

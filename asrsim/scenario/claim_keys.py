@@ -54,7 +54,7 @@ class Expectation:
     measure: str = declare(Text(noun="name of a measure"), doc="how, such as steady_state, overshoot, maximum, rmse")
     comparison: str = declare(Choice(COMPARISONS), default="==", doc="how it compares; `==` within the tolerance")
     value: float = declare(NUMBER, unit="measure's", doc="the number to compare with")
-    tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="how far it may be off")
+    tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="how far `==` may be off")
     variant: str | None = declare(
         Optional(Text(noun="name of a variant")), default=None, doc="the variant of which it is claimed", shown="all"
     )

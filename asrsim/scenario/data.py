@@ -179,6 +179,13 @@ class Scenario:
         default={},
         doc="the actuators' references, by the names of their mode; absent ones rest at their start",
     )
+    desired: Mapping[str, Signal] = declare(
+        SIGNALS_BY_JOINT,
+        default={},
+        unit="rad",
+        shown="the reference",
+        doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
+    )
     external_torques: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"
     )

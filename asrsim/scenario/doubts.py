@@ -27,8 +27,8 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _gravity(scenario)
     yield from _effects(scenario)
     yield from _damping(scenario)
-    for before, block in zip(robot.actuators, changed.actuators, strict=True):
-        for doubt in block_doubts(block) if block != before else ():
+    for block in changed.actuators:
+        for doubt in block_doubts(block) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
                 yield Problem(message=doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     signals = [

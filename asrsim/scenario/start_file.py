@@ -9,6 +9,7 @@ from pathlib import Path
 
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import OutputError, Problem, ScenarioError
+from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.robot import Robot, load_robot, with_actuators, with_overrides
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import scenario_from_data
@@ -66,6 +67,7 @@ def write_starter(
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    check_output(out, "schema", inputs=[robot], replace=True)
     write_new(out, text, force=force)
     if not schema:
         return (out,), notes
@@ -82,14 +84,10 @@ def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
 
 def write_new(path: Path, text: str, *, force: bool) -> None:
     """Write a text file with the folders above it; OutputError if it is there (unless `force`) or cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise OutputError(f"{path} is there already; use --overwrite to replace it, or --out for another file") from None
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+    if path.exists() and not force:
+        raise OutputError(f"{path} is there already; use --overwrite to replace it, or --out for another file")
+    make_folder(path.parent)
+    write_text(path, text, "schema", replace=force)
 
 
 def relative_path(target: Path, folder: Path) -> str:

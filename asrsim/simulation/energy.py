@@ -6,6 +6,7 @@ not resolved it does not, and that is how divergence shows before any number ove
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -47,6 +48,13 @@ class EnergyMeter:
         """J that vanished in each actuator, at the last row; negative where a spring gave more than it held."""
         self.given = np.zeros(joints)
         """J: work of actuators and external torques on the links, less what their damping took, up to the last row."""
+
+    def __deepcopy__(self, memo: Any) -> EnergyMeter:
+        """A meter that goes on from here: what never changes is shared."""
+        twin = copy.copy(self)
+        twin.turnover, twin.residual, twin.given = self.turnover.copy(), self.residual.copy(), self.given.copy()
+        twin._springs = [springs.twin() for springs in self._springs]
+        return twin
 
     @staticmethod
     def quantities(drive: Drive) -> tuple[str, ...]:
@@ -147,6 +155,12 @@ class _Springs:
         self._motors = [
             tuple(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES) for index in range(1, group.motors + 1)
         ]
+
+    def twin(self) -> _Springs:
+        """The same, going on from here."""
+        twin = copy.copy(self)
+        twin._held = list(self._held)
+        return twin
 
     def balance(self, raw: Array, mean: Mean, moved: Array, released: Array, cut: Array) -> tuple[Array, Array, Array, Array]:
         """Work of the motors and losses over the steps, energy in springs and motors at their starts, all in J.

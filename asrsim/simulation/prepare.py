@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import InputError, Problem, RobotError, did_you_mean
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, RunInfo
@@ -68,6 +68,20 @@ class Prepared:
         """Least and largest value that may be set from outside; everything where none is declared."""
         given = {**self.ranges.get("*", {}), **self.ranges.get(joint, {})}
         return given.get(reference, (-math.inf, math.inf))
+
+    def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
+        """Number of the joint, and 0 or 1 for the reference of that name in its mode; raises InputError."""
+        names = tuple(drive.name for drive in self.drives)
+        if joint not in names:
+            hint = did_you_mean(joint, names)
+            raise InputError(Problem(message=f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint"))
+        j = names.index(joint)
+        mode = self.drives[j].mode
+        known = mode.references if mode else ()
+        if reference not in known:
+            message = f"joint '{joint}' has no reference '{reference}'"
+            raise InputError(Problem(message=message, choices=known, code="unknown-reference"))
+        return j, known.index(reference)
 
     def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
         """The same with other numbers, without reading or checking files again; substeps stay as they are.

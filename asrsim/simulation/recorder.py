@@ -5,6 +5,7 @@ What a row becomes does not depend on where blocks begin.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -101,6 +102,13 @@ class Recorder:
         self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
         self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
         self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
+
+    def __deepcopy__(self, memo: Any) -> Recorder:
+        """A recorder that goes on from here: what never changes is shared."""
+        twin = copy.copy(self)
+        twin.counts, twin.meter = copy.deepcopy(self.counts, memo), copy.deepcopy(self.meter, memo)
+        twin._sides = dict(self._sides)
+        return twin
 
     def add(self, inputs: Sequence[Array], raw: Array, sides: Mapping[int, Array]) -> Samples | None:
         """Samples of the rows that `raw` (n, joints, columns) completes, or None where there are none.

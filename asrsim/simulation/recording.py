@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,12 +18,16 @@ from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.recorder import Recorder
 from asrsim.simulation.world import WorldRecorder
 
+if TYPE_CHECKING:
+    from asrsim.kinematics.tip import TipPoses
+
 UNSTABLE = 2.0
 """omega h from which no stepping is stable."""
 
 
 class Sink(Protocol):
-    """Takes samples as they come: logged ones, or those of every step if it has `full_rate = True`."""
+    """Takes samples as they come: logged ones, or those of every step if it has `full_rate = True`; with `bodies = True` too,
+    objects' poses and contacts are in every one of those."""
 
     def write(self, samples: Samples) -> None:
         """The next chunk."""
@@ -47,10 +51,16 @@ class Recording:
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
         self.recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=last)
+        self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
+        self._tip = _tip_of(prepared) if self.active else None
+        closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
+        self._look_every = 1 if self._whole and closely else scenario.log_every
+        self.every = substeps * self._look_every
+        """Substeps between looks at the world."""
         self._world = WorldRecorder(engine, last)
         watched = self.active and not (scenario.world.empty and scenario.fixed_base)
         self.watch: Callable[[int], None] | None = self._world.look if watched else None
-        """Told of a substep where a row is logged, before it."""
+        """Told of a substep where the world is looked at, before it."""
         energy = engine.mechanical_energy()
         self._alone = energy is not None and not scenario.wrenches
         self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
@@ -82,7 +92,15 @@ class Recording:
     def _hand_on(self, samples: Samples) -> None:
         step, every = self._prepared.scenario.step, self._prepared.scenario.log_every
         first = round(float(samples.time[0]) / step)
-        logged = self._world.add_to(samples if every == 1 else _part(samples, slice((-first) % every, None, every)))
+        if self._look_every == 1:
+            samples = self._world.add_to(samples)
+        if self._whole and self._tip is not None:
+            samples = self._tip.added(samples)
+        logged = samples if every == 1 else _part(samples, slice((-first) % every, None, every))
+        if self._look_every != 1:
+            logged = self._world.add_to(logged)
+        if self._tip is not None and not self._whole:
+            logged = self._tip.added(logged)
         if self.kept is not None and len(logged.time):
             self.kept.append(logged)
         for sink in self._sinks:
@@ -115,6 +133,12 @@ class Recording:
         joint, what = fault
         return runaway(joint, min(substep, self._last) * self._prepared.substep, what, resolution.omega_h)
 
+    def take_over(self, varied: Prepared, engine: Engine) -> None:
+        """Go on with other numbers, and maybe another engine."""
+        self._prepared, self._engine = varied, engine
+        self._world.engine = engine
+        self._tip = _tip_of(varied) if self.active else None
+
     def state(self) -> Any:
         """A copy of what decides how the recording goes on; None where nothing is recorded."""
         if not self.active:
@@ -129,5 +153,17 @@ class Recording:
 
 
 def _part(samples: Samples, rows: slice) -> Samples:
-    values: Mapping[str, Array] = {name: values[rows] for name, values in samples.values.items()}
-    return replace(samples, time=samples.time[rows], values=values)
+    def cut(table: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: values[rows] for name, values in table.items()}
+
+    return replace(
+        samples, time=samples.time[rows], values=cut(samples.values), bodies=cut(samples.bodies), contacts=cut(samples.contacts)
+    )
+
+
+def _tip_of(prepared: Prepared) -> TipPoses | None:
+    if prepared.scenario.task is None:
+        return None
+    from asrsim.kinematics.tip import TipPoses
+
+    return TipPoses(prepared.scenario, prepared.robot)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
-from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
+from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.choice import pays
@@ -96,7 +96,7 @@ class Simulation:
             "sensings": [None if sensor is None else sensor.sensing for sensor in prepared.sensors],
             "cut": prepared.velocity_cutoff,
             "floating": not scenario.fixed_base,
-            "every": self.substeps * scenario.log_every,
+            "every": self.recording.every,
             "watch": self.recording.watch,
         }
         wanted = scenario.compiled if compiled is None else compiled
@@ -193,7 +193,7 @@ class Simulation:
         Returns what is held: values beyond the declared range are clamped to it. Raises InputError for unknown names and
         values that are not finite.
         """
-        j, slot = self._slot(joint, reference)
+        j, slot = self.prepared.slot_of(joint, reference)
         if value is None:
             self._inputs.held.pop((j, slot), None)
         else:
@@ -206,21 +206,6 @@ class Simulation:
             self._inputs.held[j, slot] = value
         self._block = None
         return value
-
-    def _slot(self, joint: str, reference: str) -> tuple[int, int]:
-        if joint not in self.joints:
-            hint = did_you_mean(joint, self.joints)
-            raise InputError(
-                Problem(message=f"no joint is called '{joint}'", choices=self.joints, hint=hint, code="unknown-joint")
-            )
-        j = self.joints.index(joint)
-        mode = self.prepared.drives[j].mode
-        names = mode.references if mode else ()
-        if reference not in names:
-            raise InputError(
-                Problem(message=f"joint '{joint}' has no reference '{reference}'", choices=names, code="unknown-reference")
-            )
-        return j, names.index(reference)
 
     def observe(self) -> Observation:
         """The state now."""
@@ -287,6 +272,7 @@ class Simulation:
             self._engine = varied.make_engine()
             self._engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
+        self.recording.take_over(varied, self._engine)
         if not (same and self._loop.take_drives(varied.drives)):
             self._loop = self._make_loop(self._loop.compiled, None)
 

@@ -1,4 +1,4 @@
-"""Poses and contact forces of the world's objects, looked up where a row is logged."""
+"""Poses and contact forces of the world's objects, looked up where a sample is handed on."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class WorldRecorder:
         contacts = {name: np.array(rows[:n]) for name, rows in self.contacts.items()}
         for rows in (*self.bodies.values(), *self.contacts.values()):
             del rows[:n]
-        return replace(samples, bodies=bodies, contacts=contacts)
+        return replace(samples, bodies={**bodies, **samples.bodies}, contacts=contacts)
 
     def kept(self) -> Any:
         """What waits for its samples."""

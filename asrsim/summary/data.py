@@ -126,6 +126,7 @@ class RunSummary:
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; undefined numbers are null."""
         return {
+            "generator": f"asrsim {self.versions.get('asrsim', '')}",
             "format": FORMAT,
             "ok": self.ok,
             "scenario": self.scenario,

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from asrsim.errors import Problem
-from asrsim.samples import TIP, TIP_GOAL, Array, Samples
-from asrsim.summary.collect import joint_measures
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
     from asrsim.simulation.run import Run
+    from asrsim.summary.collect import Collector
 
 NEAR = 1e-2
 """rad or m within which a joint rests on a stop, or at its reference."""
@@ -24,17 +21,16 @@ NEAR = 1e-2
 
 def make_summary(
     run: Run,
-    chunks: Iterable[Samples],
+    collector: Collector,
     *,
+    samples: int,
     claims: tuple[ExpectationResult, ...] = (),
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run whose samples are `chunks`: those of its log, or those that it kept."""
+    """Summary of a run. collector: saw its steps; samples: how many were logged."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    expected = math.floor(scenario.duration / (scenario.step * scenario.log_every)) + 2
-    counter = _Counter(chunks)
-    measures = joint_measures(counter, info.joints, samples=expected)
+    measures = collector.measures(scenario.desired)
     # Counts come in the order of the robot's moving joints, the description in that of the arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
@@ -68,13 +64,13 @@ def make_summary(
         substeps=run.resolution.substeps,
         motor_substeps=run.resolution.motor_substeps,
         total_substeps=counts.substeps,
-        samples=counter.samples,
+        samples=samples,
         stepping=scenario.stepping,
         engine=scenario.engine,
         seed=scenario.seed,
         joints=joints,
         claims=claims,
-        tip=counter.tip,
+        tip=collector.tip,
         warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
@@ -94,28 +90,3 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
             hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
             yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")
-
-
-class _Counter:
-    """Counts samples as they pass, and how far the tip of a Cartesian task is from its path."""
-
-    def __init__(self, chunks: Iterable[Samples]) -> None:
-        self._chunks = chunks
-        self.samples = 0
-        self._errors: list[Array] = []
-
-    def __iter__(self) -> Iterator[Samples]:
-        for chunk in self._chunks:
-            self.samples += len(chunk.time)
-            if TIP in chunk.bodies:
-                self._errors.append(np.linalg.norm(chunk.bodies[TIP][:, :3] - chunk.bodies[TIP_GOAL][:, :3], axis=1))
-            yield chunk
-
-    @property
-    def tip(self) -> dict[str, float]:
-        """m: `largest`, `rms`, and `last`, the mean over the last tenth; nothing without a tip."""
-        if not self._errors:
-            return {}
-        errors = np.concatenate(self._errors)
-        tail = errors[-max(len(errors) // 10, 1) :]
-        return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
