@@ -13,7 +13,7 @@ from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write_summary
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
-from asrsim.scenario import Scenario, load_scenario
+from asrsim.scenario import Scenario, load_scenario, only_variant
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
@@ -203,15 +203,10 @@ def run(
         OutputError: `out` cannot be written.
     """
     loaded = _load(scenario, variant, overrides, plugins, robot)
-    if len(loaded) != 1:
-        names = tuple(one.variant for one in loaded)
-        hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
-        message = "the scenario has several variants"
-        raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
     given = None if robot is None or isinstance(robot, str | Path) else robot
     return _run_one(
-        loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check, progress=progress,
-        stop=stop,
+        only_variant(loaded), given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
+        progress=progress, stop=stop,
     )  # fmt: skip
 
 

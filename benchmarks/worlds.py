@@ -28,8 +28,15 @@ def chain(folder: Path, joints: int, *, actuator: str = "qbmove", friction: floa
         parts.append(_LINK.format(name=f"link_{i}", centre=0.08 * share, mass=0.5 * share, inertia=1e-3))
         parts.append(
             _JOINT.format(
-                name=f"joint_{i}", kind="revolute", origin=f"0 0 {0.1 * share}", parent=f"link_{i - 1}" if i else "base",
-                child=f"link_{i}", axis="0 0 1" if i % 2 else "0 1 0", lower=-3, upper=3, friction=friction,
+                name=f"joint_{i}",
+                kind="revolute",
+                origin=f"0 0 {0.1 * share}",
+                parent=f"link_{i - 1}" if i else "base",
+                child=f"link_{i}",
+                axis="0 0 1" if i % 2 else "0 1 0",
+                lower=-3,
+                upper=3,
+                friction=friction,
             )  # fmt: skip
         )
         parts.append(_PLUGIN.format(i=i, actuator=actuator))
@@ -49,8 +56,15 @@ def humanoid(folder: Path, joints: int, links: int, *, reach: float = 2.0) -> Pa
         axis = ("0 1 0", "1 0 0", "0 0 1")[i // 2 % 3]
         parts.append(
             _JOINT.format(
-                name=f"joint_{i}", kind="revolute", origin=f"0 {0.15 * side if i < 2 else 0} -0.08", parent=parent,
-                child=f"link_{i}", axis=axis, lower=-reach, upper=reach, friction=0.05,
+                name=f"joint_{i}",
+                kind="revolute",
+                origin=f"0 {0.15 * side if i < 2 else 0} -0.08",
+                parent=parent,
+                child=f"link_{i}",
+                axis=axis,
+                lower=-reach,
+                upper=reach,
+                friction=0.05,
             )  # fmt: skip
         )
         parts.append(_PLUGIN.format(i=i, actuator="qbmove"))
@@ -59,8 +73,15 @@ def humanoid(folder: Path, joints: int, links: int, *, reach: float = 2.0) -> Pa
         parts.append(_LINK.format(name=f"shell_{k}", centre=0.0, mass=0.05, inertia=1e-5))
         parts.append(
             _JOINT.format(
-                name=f"fixed_{k}", kind="fixed", origin="0 0.02 -0.03", parent=f"link_{k % joints}", child=f"shell_{k}",
-                axis="0 0 1", lower=0, upper=0, friction=0,
+                name=f"fixed_{k}",
+                kind="fixed",
+                origin="0 0.02 -0.03",
+                parent=f"link_{k % joints}",
+                child=f"shell_{k}",
+                axis="0 0 1",
+                lower=0,
+                upper=0,
+                friction=0,
             )  # fmt: skip
         )
     return _write(folder / f"humanoid_{joints}_{reach:g}.urdf", parts)

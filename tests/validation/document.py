@@ -53,7 +53,7 @@ def document(results: Sequence[tuple[Section, Results]]) -> str:
 def row(name: str, checks: Mapping[str, Check | None]) -> str:
     """A line of a table."""
     source = next(check.source for check in checks.values() if check is not None)
-    cells = " | ".join(_cell(check, " | " if not engine else " ") for engine, check in checks.items())
+    cells = " | ".join(_cell(check, " " if engine else " | ") for engine, check in checks.items())
     return f"| {name} | {cells} | {source} |\n"
 
 
