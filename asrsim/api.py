@@ -53,8 +53,7 @@ class JointSeries(Mapping[str, Array]):
         try:
             return self[quantity]
         except KeyError:
-            message = f"joint '{self.info.name}' has no quantity '{quantity}'"
-            raise AttributeError(message, name=quantity, obj=self) from None
+            raise AttributeError(f"no quantity '{quantity}'", name=quantity, obj=self) from None
 
     def __iter__(self) -> Iterator[str]:
         yield from self.info.quantities
