@@ -11,7 +11,8 @@ _LINK = """<link name="{name}"><inertial><origin xyz="0 0 {centre}"/><mass value
 <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
 """
 _JOINT = """<joint name="{name}" type="{kind}"><origin xyz="{origin}"/><parent link="{parent}"/><child link="{child}"/>
-<axis xyz="{axis}"/><limit lower="{lower}" upper="{upper}" effort="100" velocity="100"/><dynamics friction="{friction}"/></joint>
+<axis xyz="{axis}"/><limit lower="{lower}" upper="{upper}" effort="100" velocity="100"/>
+<dynamics friction="{friction}"/></joint>
 """
 _PLUGIN = """<gazebo><plugin name="plugin_{i}" filename="lib{actuator}_plugin.so"><joint>joint_{i}</joint>
 <operation_mode>6</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>
@@ -37,7 +38,7 @@ def chain(folder: Path, joints: int, *, actuator: str = "qbmove", friction: floa
                 lower=-3,
                 upper=3,
                 friction=friction,
-            )  # fmt: skip
+            )
         )
         parts.append(_PLUGIN.format(i=i, actuator=actuator))
     return _write(folder / f"chain_{joints}_{actuator}_{friction:g}.urdf", parts)
@@ -65,7 +66,7 @@ def humanoid(folder: Path, joints: int, links: int, *, reach: float = 2.0) -> Pa
                 lower=-reach,
                 upper=reach,
                 friction=0.05,
-            )  # fmt: skip
+            )
         )
         parts.append(_PLUGIN.format(i=i, actuator="qbmove"))
         made += 1
@@ -82,7 +83,7 @@ def humanoid(folder: Path, joints: int, links: int, *, reach: float = 2.0) -> Pa
                 lower=0,
                 upper=0,
                 friction=0,
-            )  # fmt: skip
+            )
         )
     return _write(folder / f"humanoid_{joints}_{reach:g}.urdf", parts)
 

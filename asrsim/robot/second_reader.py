@@ -21,9 +21,7 @@ def second_reading(robot: Robot) -> tuple[Problem, ...]:
     from yourdfpy import URDF
 
     try:
-        other = URDF.load(
-            BytesIO(robot.text.encode()), build_scene_graph=True, load_meshes=False, load_collision_meshes=False
-        )
+        other = URDF.load(BytesIO(robot.text.encode()), build_scene_graph=True, load_meshes=False, load_collision_meshes=False)
     except Exception as error:
         # A reader of strangers' files may fail in any way.
         return (_difference(robot, "", f"yourdfpy cannot read this robot: {type(error).__name__}: {error}"),)
@@ -39,7 +37,7 @@ def second_reading(robot: Robot) -> tuple[Problem, ...]:
             found.append(_difference(robot, link.name, f"yourdfpy reads a mass of {mass:g} kg, asrsim {link.mass or 0.0:g}"))
     moving = {joint.name for joint in robot.moving_joints}
     theirs = {joint.name.strip() for joint in other.robot.joints if joint.type in ("revolute", "continuous", "prismatic")}
-    found += [_difference(robot, name, "one of the readers takes this joint as moving only") for name in sorted(moving ^ theirs)]
+    found += [_difference(robot, name, "only one of the readers moves this joint") for name in sorted(moving ^ theirs)]
     if found:
         return tuple(found)
     still = {joint.name: 0.0 for joint in other.robot.joints if joint.name in other.actuated_joint_names}
