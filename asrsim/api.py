@@ -278,5 +278,6 @@ def _run_one(
     if certify and done.status == "complete":
         from asrsim.simulation.certify import certify as certify_run
 
-        summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
+        certificate = certify_run(scenario, done, robot, stop=stop)
+        summary = summary if certificate is None else replace(summary, certificate=certificate.as_dict())
     return Result(done, summary)
