@@ -279,7 +279,8 @@ def _run_one(
     if certify and complete:
         from asrsim.simulation.certify import certify as certify_run
 
-        summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
+        certificate = certify_run(scenario, done, robot, stop=stop)
+        summary = summary if certificate is None else replace(summary, certificate=certificate.as_dict())
     if done.samples is not None and complete and (cross_check or (certify and other_engine(scenario.engine))):
         summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
     return Result(done, summary)
