@@ -30,8 +30,9 @@ def spring(joint: JointSpec, q: float, first: float, second: float) -> tuple[flo
     if joint.actuator == "sea":
         return p["spring_stiffness"] * clip(first - q, p["max_deflection"]), 0.0
     if joint.actuator == "awas_ii":
-        arm = p["lever_length"] / p["pulley_radius"] * second / (p["lever_length"] - second)
-        gain = 2.0 * p["spring_stiffness"] * arm**2
+        gain = (
+            2.0 * p["spring_stiffness"] * (p["lever_length"] / p["pulley_radius"] * second / (p["lever_length"] - second)) ** 2
+        )
         d = clip(first - q, 0.3)
         return gain * np.sin(d) * np.cos(d), 0.0
     if joint.actuator == "qbmove":
