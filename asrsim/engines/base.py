@@ -58,6 +58,8 @@ class EngineKernel:
     """Makes the symbols that compiled code calls known to the process."""
     version: str
     """Of what is called: part of a kept kernel's name."""
+    inline: tuple[str, ...] = ()
+    """Modules whose functions become part of their callers."""
 
 
 class Engine(Protocol):

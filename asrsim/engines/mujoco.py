@@ -15,7 +15,7 @@ from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
-from asrsim.engines.mujoco_library import compile_stage, load, plain_stage, say_nothing, symbols
+from asrsim.engines.mujoco_library import INLINE, compile_stage, load, plain_stage, say_nothing, symbols
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.errors import Problem
 from asrsim.robot.engine_text import usable_shapes
@@ -203,7 +203,8 @@ class MujocoEngine:
         if self._contacts is not None:
             return None
         return EngineKernel(
-            look=stages.look, move=stages.move, world=self._world, compiled=symbols(), load=load, version=self.version
+            look=stages.look, move=stages.move, world=self._world, compiled=symbols(), load=load, version=self.version,
+            inline=INLINE,
         )
 
     def vary(self, robot: Robot) -> bool:
