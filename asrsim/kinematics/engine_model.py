@@ -54,6 +54,18 @@ class EngineModel:
         """(n, n) kg m^2."""
         return self._engine.mass_matrix([float(value) for value in positions])
 
+    def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
+        """(k, n) N m that move the rigid robot so, undamped; all arguments (k, n), one posture a row."""
+        torques = np.empty_like(positions)
+        still = [0.0] * len(self.joints)
+        for row, (q, v, a) in enumerate(zip(positions, velocities, accelerations, strict=True)):
+            torques[row] = self.gravity_torques(q)
+            if a.any():
+                torques[row] += self.mass_matrix(q) @ a
+            if v.any() and (bias := self._engine.bias_difference(q.tolist(), v.tolist(), still)) is not None:
+                torques[row] += bias
+        return torques
+
 
 @contextmanager
 def model_of(scenario: Scenario, robot: Robot) -> Iterator[EngineModel]:
