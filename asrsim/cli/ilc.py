@@ -11,8 +11,8 @@ import typer
 from asrsim.cli.options import Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
-    from asrsim.learning.iterate import Trial
-    from asrsim.learning.plant import Prepared
+    from asrsim.learning.trial import Trial
+    from asrsim.learning.prepared import Prepared
     from asrsim.learning.session import Session
     from asrsim.learning.transfer import TransferReport
     from asrsim.scenario.data import Scenario
@@ -134,7 +134,7 @@ class _Table:
 
         gains = ", ".join(f"{gain:.3g}" for gain in prepared.settings.gains)
         advice = ", ".join(f"{gain:.3g}" for gain in prepared.gain_advice())
-        say(f"gains {gains}; from the model {advice}; errors shrink below {prepared.learnable():.2g} Hz")
+        say(f"gains {gains}; from the model {advice}; errors shrink below {prepared.reach:.2g} Hz")
         say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
         headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
         self._widths = [max(len(heading), 7) for heading in headings]

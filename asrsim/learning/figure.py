@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.errors import OutputError
-from asrsim.learning.iterate import LearningProblem, LearningResult
+from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
 from asrsim.samples import Array

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from asrsim.learning.iterate import LearningResult, Trial
+from asrsim.learning.trial import LearningResult, Trial
 from asrsim.learning.transfer import TransferReport
 from asrsim.textfile import write_text
 

@@ -11,13 +11,16 @@ import numpy as np
 
 from asrsim.learning.figure import write_figure, write_transfer_figure
 from asrsim.learning.folder import INPUTS, LOG, NUMBERS, PICTURE, PLAYBACK, STATE, TRANSFER, Earlier, clear, open_folder
-from asrsim.learning.iterate import LearningResult, Trial, learn
+from asrsim.learning.arm import learning_model
+from asrsim.learning.iterate import learn
 from asrsim.learning.perturb import Workers
-from asrsim.learning.plant import Plant, Prepared, learning_model, prepare_learning
+from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
+from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.report import result_data, transfer_data, write_json
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
+from asrsim.learning.trial import LearningResult, Trial
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -88,7 +91,7 @@ def run_session(
             simulate,
             prepared.settings,
             on_trial,
-            predict=prepared.predict,
+            law=prepared.law,
             state=folder / STATE,
             resume=resume,
         )
@@ -98,7 +101,7 @@ def run_session(
         if with_transfer and block.get("transfer"):
             report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
             if plants:
-                alone = learn(prepared.problem, plant.outputs, prepared.settings)
+                alone = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
                 nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
     session = Session(
         prepared=prepared,

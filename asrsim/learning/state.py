@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.errors import InputError, OutputError, Problem
 
 if TYPE_CHECKING:
-    from asrsim.learning.iterate import LearningProblem, Trial
+    from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.learning.settings import LearningSettings
 
 FORMAT = "asrsim learning state 1"
@@ -76,7 +76,7 @@ def state_origin(path: Path) -> tuple[str, int] | None:
 
 def load_state(path: Path, mark: str) -> list[Trial]:
     """The trials of a state file. Raises InputError if it is unreadable or of another problem."""
-    from asrsim.learning.iterate import Trial
+    from asrsim.learning.trial import Trial
 
     try:
         with np.load(path, allow_pickle=False) as stored:

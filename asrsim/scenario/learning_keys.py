@@ -72,6 +72,11 @@ LEARNING: Block[Keys] = Block(
     keys=(
         Key(name="trajectory", kind=SIGNALS_BY_JOINT, unit="rad", doc="desired link positions"),
         Key(
+            name="law", kind=Choice(("auto", "paper", "filtered")), default="auto",
+            doc="auto: norm-optimal, needs no tuning; paper: equation 13; filtered: equation 13 within the band in which errors "
+            "shrink",
+        ),
+        Key(
             name="gain", kind=Gain(), default=0.5, unit="1",
             doc="K of K exp(-n / gain_decay), the weight of the last error; `model`: from the linearised joint",
         ),
@@ -81,17 +86,21 @@ LEARNING: Block[Keys] = Block(
         ),
         Key(name="joint_gains", kind=MapOf(of=Gain(), star=False), default={}, unit="1", doc="gains that replace `gain`"),
         Key(name="derivative", kind=NOT_NEGATIVE, default=0.0, unit="s", doc="weight of the error's rate, times the gain"),
-        Key(name="filter", kind=Optional(FILTER), default=None, doc="zero-phase filter on what is learned", shown="none"),
+        Key(
+            name="filter", kind=Optional(FILTER), default=None, doc="zero-phase filter on what is learned",
+            shown="law filtered, or gain model: safe by the model; else none",
+        ),
         Key(name="forgetting", kind=SHARE, default=0.0, unit="1", doc="share of the learned input that each iteration forgets"),
         Key(
-            name="first_guess", kind=Choice(("zero", "reference", "gravity")), default="zero",
-            doc="first input: zero, the trajectory, or the trajectory plus the springs' deflection under gravity",
+            name="first_guess", kind=Optional(Choice(("zero", "reference", "gravity", "inverse_dynamics"))), default=None,
+            doc="first input: zero, the trajectory, the trajectory plus the springs' deflection under gravity, or inverse "
+            "dynamics through the springs", shown="law auto: inverse_dynamics; else zero",
         ),
         Key(name="tolerance", kind=POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it"),
         Key(name="max_iterations", kind=Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many"),
         Key(
             name="patience", kind=Integer(minimum=1), default=3,
-            doc="stop when the error has grown for so many iterations in a row",
+            doc="stop when the error has grown, or there was no progress, for so many iterations in a row",
         ),
         Key(
             name="keep_logs", kind=Choice(("none", "last", "all")), default="last",

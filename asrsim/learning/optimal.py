@@ -1,0 +1,101 @@
+"""Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
+
+With lifted models G_i of masses and springs that are nominal, heavier and softer, lighter and stiffer, the change du = B c of the
+best trial's input follows from its error e over the whole time,
+
+    c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
+
+A trial that is no better goes back to the best one with ten times rho; one that is better goes on with a third. So the error of the
+best trial never grows, however wrong the models are, and a step that is small enough helps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from asrsim.learning.lifted import EVERY, Band, lift
+from asrsim.learning.linear import Linearised
+from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
+from asrsim.samples import Array
+
+MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
+"""Factors of mass and stiffness."""
+RHO = 0.1
+"""Weight of the input's change against the error, at least."""
+RHO_UP, RHO_DOWN = 10.0, 3.0
+PROGRESS = 0.99
+"""Share of the best error below which a trial counts as progress."""
+
+
+class NormOptimal:
+    """The law; `linear`: the joints along the desired motion, delays: of each joint's command in s."""
+
+    def __init__(self, problem: LearningProblem, linear: Linearised, delays: Sequence[float] = ()) -> None:
+        self.problem = problem
+        self.band = Band.over(float(linear.time[-1]))
+        self._rows = linear.time[EVERY::EVERY]
+        joints = len(linear.drives)
+        spline = self.band.at(self._rows).toarray()
+        self._effort = np.kron(spline.T @ spline, np.eye(joints))
+        self._basis = self.band.at(problem.time)
+        self._normal = np.zeros_like(self._effort)
+        for index, (mass, stiffness) in enumerate(MODELS):
+            lifted = lift(linear.scaled(mass, stiffness), self.band, delays)
+            flat = lifted.reshape(-1, lifted.shape[2])
+            self._normal += flat.T @ flat / len(MODELS)
+            if index == 0:
+                self._nominal, self._mean = flat, flat / len(MODELS)
+            else:
+                self._mean = self._mean + flat / len(MODELS)
+
+    def change(self, error: Array, rho: float) -> tuple[Array, Array]:
+        """(n, joints) change of the inputs for an error (n, joints), and the change of the outputs that the nominal model expects."""
+        from scipy.linalg import solve
+
+        seen = averaged(self.problem.time, error, self._rows)
+        found = solve(self._normal + rho * self._effort, self._mean.T @ seen.ravel(), assume_a="pos")
+        moved = (self._nominal @ found).reshape(seen.shape)
+        times = np.concatenate([[0.0], self._rows])
+        expected = [np.interp(self.problem.time, times, np.concatenate([[0.0], column])) for column in moved.T]
+        return np.asarray(self._basis @ found.reshape(self.band.count, -1)), np.column_stack(expected)
+
+    def propose(self, trials: Sequence[Trial]) -> Proposal:
+        """The best trial's input, corrected by its error."""
+        best, rho, _ = standing(trials)
+        change, expected = self.change(self.problem.reference - best.outputs, rho)
+        return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
+
+    def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
+        """Gives up when `patience` trials in a row brought no progress."""
+        best, _, failed = standing(trials)
+        if not np.isfinite(best.total):
+            return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
+        if failed <= patience:
+            return None
+        return "stalled", (
+            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad off "
+            f"({worst_place(self.problem, best)})"
+        )
+
+
+def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
+    """The best trial by its error over the whole time, rho for the next update, and the trials since there was progress."""
+    best, rho, failed = trials[0], RHO, 0
+    for trial in trials[1:]:
+        better = np.isfinite(trial.total) and not trial.total >= best.total
+        failed = 0 if better and trial.total <= PROGRESS * best.total else failed + 1
+        rho = max(RHO, rho / RHO_DOWN) if better else RHO_UP * rho
+        best = trial if better else best
+    return best, rho, failed
+
+
+def averaged(time: Array, values: Array, rows: Array) -> Array:
+    """(rows, joints) means of `values` (n, joints) around the times `rows`, which are equidistant: noise averages out."""
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    half = 0.5 * float(rows[1] - rows[0])
+    step = float(time[1] - time[0])
+    first = np.clip(np.round((rows - half) / step).astype(int), 0, len(time) - 1)
+    last = np.clip(np.round((rows + half) / step).astype(int), first + 1, len(time))
+    return np.asarray((total[last] - total[first]) / (last - first)[:, None])
