@@ -24,10 +24,12 @@ from asrsim.kinematics.drive_inverse import reference_map
 from asrsim.kinematics.model import DynamicModel
 from asrsim.samples import Array
 
-POSTURES = 201
+POSTURES = 101
 """Postures of a motion at which the rigid robot is linearised; between, straight lines."""
 NUDGE = 1e-6
 """rad and rad/s, for slopes by central differences."""
+SWEEPS = 30
+"""Sweeps over the joints, at most, in which friction is found."""
 CLIP = 0.98
 """Share of the deflection limit at which springs beyond it are linearised: at the limit they have no slope."""
 
@@ -109,16 +111,65 @@ class Linearised:
             b[:, own, joint] = _rho(drive)[motor]
         return a, b
 
-    def response(self, change: Array) -> Array:
-        """(n, m) change of the positions for a change (n, m) of the inputs."""
+    @cached_property
+    def pushed(self) -> Array:
+        """(n - 1, s, m): the states for torques on the links during each step."""
+        step, m = float(self.time[1] - self.time[0]), len(self.drives)
+        change = 0.5 * (self.continuous[0][1:] + self.continuous[0][:-1])
+        torques = np.zeros((*change.shape[:2], m))
+        torques[:, m : 2 * m] = np.linalg.inv(0.5 * (self.mass[1:] + self.mass[:-1]))
+        return np.asarray(np.linalg.solve(np.eye(change.shape[1]) - 0.5 * step * change, step * torques))
+
+    def response(self, change: Array, friction: Friction | None = None) -> Array:
+        """(n, m) change of the positions for a change (n, m) of the inputs; with what friction makes of it."""
         states, inputs = self.steps
         pushes = np.einsum("nij,nj->ni", inputs, 0.5 * (change[1:] + change[:-1]))
+        m = len(self.drives)
         state = np.zeros(states.shape[1])
-        found = np.zeros((len(self.time), len(self.drives)))
+        found = np.zeros((len(self.time), m))
+        if friction is None or not friction.level.any():
+            for index in range(len(states)):
+                state = states[index] @ state + pushes[index]
+                found[index + 1] = state[:m]
+            return found
+        effect = self.pushed
+        slips = 0.5 * effect[:, m : 2 * m]
+        alone = 1.0 / np.diagonal(slips, axis1=1, axis2=2)
+        force = friction.torques[0]
         for index in range(len(states)):
-            state = states[index] @ state + pushes[index]
-            found[index + 1] = state[: len(self.drives)]
+            free = states[index] @ state + pushes[index]
+            before = friction.torques[index]
+            sliding = friction.velocities[index] + 0.5 * (state + free)[m : 2 * m]
+            force = friction.hold(sliding, slips[index], alone[index], before, force)
+            state = free - effect[index] @ (force - before)
+            found[index + 1] = state[:m]
         return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Coulomb friction of the joints in a motion about which they are linearised."""
+
+    level: Array
+    """(m,) N m."""
+    velocities: Array
+    """(n - 1, m) rad/s, of the motion, in the middle of each step."""
+    torques: Array
+    """(n - 1, m) N m against the motion, within the level: what friction did in it."""
+
+    def hold(self, sliding: Array, slips: Array, alone: Array, before: Array, start: Array) -> Array:
+        """(m,) N m of friction after which the velocities `sliding` - slips (force - before) are 0, or as large as it can be.
+
+        alone: the inverse of the diagonal of slips; start: a guess.
+        """
+        force = start
+        for _ in range(SWEEPS):
+            left = sliding - slips @ (force - before)
+            following = np.minimum(np.maximum(force + alone * left, -self.level), self.level)
+            if abs(following - force).max() < 1e-9:
+                break
+            force = following
+        return force
 
 
 def _moving_motors(drive: JointDrive) -> int:
@@ -133,12 +184,12 @@ def linearise_along(
     model: DynamicModel,
     drives: Sequence[JointDrive],
     motion: DesiredMotion,
-    motors: Sequence[Array],
+    springs: Array,
     damping: Sequence[float],
 ) -> Linearised:
     """The joints of `drives` along `motion` (columns in the model's order); the model's other joints are held to it.
 
-    motors: (n, 2) rad of each drive, what its springs' law takes; damping: N m s/rad of each link.
+    springs: (n, joints, 2) N m/rad, slopes of each drive's springs; damping: N m s/rad of each link.
     """
     index = [model.joints.index(drive.joint) for drive in drives]
     rows = np.unique(np.linspace(0, len(motion.time) - 1, POSTURES).round().astype(int))
@@ -161,10 +212,6 @@ def linearise_along(
         [(model.inverse_dynamics(q, still, still + np.sign(nudge)) - weight)[:, index] for nudge in small], axis=2
     )
     rates = slope(1) + np.diag(damping)
-    springs = np.zeros((len(motion.time), len(drives), 2))
-    for column, (drive, joint) in enumerate(zip(drives, index, strict=True)):
-        if MODES[drive.mode].spring:
-            springs[:, column] = spring_slopes(drive, motion.positions[:, joint], motors[column])
     between = _interpolated(motion.time[rows], motion.time)
     return Linearised(
         time=motion.time, drives=tuple(drives), mass=between(mass), rates=between(rates), slopes=between(slope(0)), springs=springs
@@ -178,17 +225,25 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
-def spring_slopes(drive: JointDrive, position: Array, motors: Array) -> Array:
-    """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2), within the deflection limit; 0 for an adjuster."""
+def spring_slopes(drive: JointDrive, position: Array, motors: Array, limit: float = CLIP) -> Array:
+    """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2); 0 for an adjuster.
+
+    limit: share of the deflection limit at which springs beyond it are taken, since at the limit they have no slope.
+    """
+    most = limit * drive.max_deflection
+    deflections = np.clip(motors - position[:, None], -most, most)
+    return chords(drive, position, motors, deflections - NUDGE, deflections + NUDGE)
+
+
+def chords(drive: JointDrive, position: Array, motors: Array, one: Array, other: Array) -> Array:
+    """(n, 2) N m/rad: mean slope of each spring between deflections `one` and `other` (n, 2), its other motor where it is."""
     law = over_arrays(drive.actuator.elastic_torques)
-    limit = CLIP * drive.max_deflection
-    inside = motors.copy()
-    for motor in range(drive.actuator.motors):
-        inside[:, motor] = position + np.clip(motors[:, motor] - position, -limit, limit)
     found = np.zeros_like(motors)
     for motor in range(drive.actuator.motors):
-        nudge = NUDGE * np.eye(2)[motor]
-        ahead, behind = inside + nudge, inside - nudge
-        rise = law(position, ahead[:, 0], ahead[:, 1], drive.spring) - law(position, behind[:, 0], behind[:, 1], drive.spring)
-        found[:, motor] = rise.sum(axis=0) / (2.0 * NUDGE)
+        ends = []
+        for deflection in (one, other):
+            at = motors.copy()
+            at[:, motor] = position + deflection[:, motor]
+            ends.append(law(position, at[:, 0], at[:, 1], drive.spring).sum(axis=0))
+        found[:, motor] = (ends[1] - ends[0]) / (other - one)[:, motor]
     return found

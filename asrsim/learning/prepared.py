@@ -71,10 +71,10 @@ class Prepared:
         if not isinstance(self.law, FixedGain) or not np.isfinite(first.norm):
             return norms
         inputs, outputs = first.inputs, first.outputs
+        friction = self.model.friction(self.model.state(inputs, outputs))
         for update in range(min(self.settings.max_iterations, FORESEEN)):
-            following = self.law.after(inputs, outputs, update)
-            outputs = outputs + self.model.expected(self.linear, following - inputs)
-            inputs = following
+            inputs = self.law.after(inputs, outputs, update)
+            outputs = first.outputs + self.model.expected(self.linear, inputs - first.inputs, friction)
             norms.append(float(np.linalg.norm(self.problem.reference - outputs, axis=1).max()))
             if norms[-1] > 10.0 * norms[0]:
                 break
