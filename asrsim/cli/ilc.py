@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 
+MOST_DEMANDS = 5
+"""Demands out of reach that are printed."""
+
+
 class KeepLogs(StrEnum):
     """Whose logs are kept."""
 
@@ -111,6 +115,7 @@ def _learn(
         folder,
         on_start=None if silent else table.start,
         on_trial=None if silent else table.row,
+        on_foresight=None if silent else table.foresight,
         resume=resume,
         overwrite=overwrite,
         keep_logs=keep_logs.value if keep_logs else None,
@@ -120,6 +125,24 @@ def _learn(
         plugins=plugins,
         picture=plot,
     )
+
+
+def before_trials(prepared: Prepared) -> list[str]:
+    """What the model says before the first trial, a line each."""
+    settings = prepared.settings
+    if settings.law == "auto":
+        lines = ["law auto: norm-optimal over three models, from inverse dynamics"]
+    else:
+        gains, advice = (", ".join(f"{gain:.3g}" for gain in values) for values in (settings.gains, prepared.gain_advice()))
+        cutoff = "no filter" if settings.filter_cutoff is None else f"filter {settings.filter_cutoff:.3g} Hz"
+        lines = [f"law {settings.law}: gains {gains} (the model's {advice}), {cutoff}; errors shrink below {prepared.reach:.2g} Hz"]
+    lines += prepared.notes
+    if prepared.out_of_reach:
+        return [*lines, *(f"out of reach: {demand}" for demand in prepared.out_of_reach[:MOST_DEMANDS])]
+    if prepared.inverse.demands:
+        worst = prepared.inverse.demands[0]
+        lines.append(f"within reach; the most that is asked is {100 * worst.score:.0f} %: {worst}")
+    return lines
 
 
 class _Table:
@@ -132,13 +155,25 @@ class _Table:
         """What the model says beforehand, and the headings."""
         from asrsim.cli.console import say
 
-        gains = ", ".join(f"{gain:.3g}" for gain in prepared.settings.gains)
-        advice = ", ".join(f"{gain:.3g}" for gain in prepared.gain_advice())
-        say(f"gains {gains}; from the model {advice}; errors shrink below {prepared.reach:.2g} Hz")
+        for line in before_trials(prepared):
+            say(line, "yellow" if line.startswith("out of reach") else "")
         say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
         headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
         self._widths = [max(len(heading), 7) for heading in headings]
         self._say(headings, "bold")
+
+    def foresight(self, prepared: Prepared, norms: list[float]) -> None:
+        """What the model foretells of a law of a fixed gain."""
+        from asrsim.cli.console import say
+        from asrsim.learning.prepared import turning
+
+        turn = turning(norms, prepared.settings.tolerance)
+        if turn is not None:
+            say(
+                f"foretold: errors fall to a 2-norm of {norms[turn]:.3g} rad in trial {turn} and then grow; "
+                "law: auto does not turn",
+                "yellow",
+            )
 
     def row(self, trial: Trial) -> None:
         """A trial."""

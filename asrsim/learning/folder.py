@@ -15,9 +15,10 @@ from asrsim.errors import OutputError
 from asrsim.learning.state import state_origin
 from asrsim.scenario.data import Scenario
 
-STATE, INPUTS, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
-    "state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png", "transfer.png", "learned.mcap",
+STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
+    "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png", "transfer.png", "learned.mcap",
 )  # fmt: skip
+GUESS, GUESS_PLAYBACK = "guess.csv", "guess.yaml"
 TRIALS = "trial_*.mcap"
 
 
@@ -54,7 +55,7 @@ def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overw
         raise OutputError(f"cannot make the folder {folder}: {error.strerror}") from error
     if resume:
         return Earlier()
-    names = (STATE, INPUTS, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG)
+    names = (STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG)
     files = (*(folder / name for name in names if (folder / name).is_file()), *sorted(folder.glob(TRIALS)))
     origin, trials = state_origin(folder / STATE) or (_recorded_origin(folder / NUMBERS), 0)
     if files and not overwrite and origin != origin_of(scenario):

@@ -44,10 +44,12 @@ class FixedGain:
         run = [trial.worst for trial in trials[-patience - 1 :]]
         if len(run) <= patience or run[-1] < CREEP * run[0] or any(later <= earlier for earlier, later in pairwise(run)):
             return None
+        helps = "law: auto goes on from the best trial"
+        if self.settings.filter_cutoff is None:
+            helps += "; law: filtered learns only in the band in which errors shrink"
         return "growing", (
             f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to {run[-1]:.4g} rad "
-            f"(now {worst_place(self.problem, last)}); law: auto does not, law: filtered bounds what is learned to the band in "
-            f"which errors shrink"
+            f"(now {worst_place(self.problem, last)}); {helps}"
         )
 
 

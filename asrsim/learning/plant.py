@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +34,30 @@ class Plant:
     reference: Array = field(repr=False)
     """(n, joints) rad."""
     drives: tuple[JointDrive, ...] = field(repr=False)
+    presets: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    """Joint -> (n,) second reference that was chosen before learning; it stands in `scenario` too."""
+
+    def with_presets(self, time: Array, presets: Mapping[str, Array]) -> Plant:
+        """The plant with second references (k,) at `time` (k,), by joint."""
+        references, sampled = dict(self.scenario.references), {}
+        for joint, drive in zip(self.joints, self.drives, strict=True):
+            if joint in presets:
+                sampled[joint] = np.interp(self.time, time, presets[joint])
+                signal = Sampled(times=self.time, samples=sampled[joint])
+                references[joint] = {**self.scenario.references_of(joint), MODES[drive.mode].references[1]: signal}
+        return replace(self, scenario=replace(self.scenario, references=references), presets=sampled)
+
+    def table(self, inputs: Array) -> tuple[tuple[str, ...], Array]:
+        """Headings and values (n, columns) of all that is to be played: inputs (n, joints), and presets if they were chosen."""
+        headings = [f"{joint} [{self.unit(joint)}]" for joint in self.joints]
+        for joint in self.presets:
+            drive = self.drives[self.joints.index(joint)]
+            headings.append(f"{joint}.{MODES[drive.mode].references[1]} [{drive.actuator.reference_2_unit}]")
+        return tuple(headings), np.column_stack([inputs, *self.presets.values()])
+
+    def unit(self, joint: str) -> str:
+        """Of a joint's position."""
+        return "m" if self.robot.joint(joint).kind == "prismatic" else "rad"
 
     def with_inputs(self, inputs: Array, log_every: int = 1) -> Scenario:
         """The scenario that plays `inputs` (n, joints)."""

@@ -20,6 +20,7 @@ from asrsim.learning.law import FixedGain
 from asrsim.learning.linear import Linearised
 from asrsim.learning.optimal import NormOptimal
 from asrsim.learning.plant import Plant
+from asrsim.learning.presets import ChosenPreset, choose_presets
 from asrsim.learning.settings import (
     OF_FIXED_GAIN, LearningSettings, parse_settings, wants_model_gains, wants_safe_filter,
 )  # fmt: skip
@@ -46,7 +47,7 @@ class Prepared:
     linear: Linearised = field(repr=False)
     """The joints along the desired motion."""
     notes: tuple[str, ...] = ()
-    """What of the settings has no effect."""
+    """For people: presets that were chosen, settings without effect."""
 
     @property
     def out_of_reach(self) -> tuple[Demand, ...]:
@@ -89,13 +90,21 @@ def turning(norms: list[float], tolerance: float) -> int | None:
     return least
 
 
-def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
+def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) -> Prepared:
     """The learning problem of a plant; `model` (see `learning_model`) must stay open while it is solved.
 
+    Presets are chosen first, if the scenario asks for it: the plant of the result has them. lawless: nothing will be learned.
     Raises ScenarioError where gravity is to be compensated and cannot be.
     """
     block = plant.scenario.learning
     inverse = model.inverse(plant.reference)
+    notes: list[str] = []
+    if block.get("presets", "given") != "given":
+        chosen = choose_presets(model, inverse, block["tolerance"], block["presets"])
+        plant = plant.with_presets(inverse.motion.time, {item.joint: item.values for item in chosen})
+        model = model.of(plant)
+        inverse = model.inverse(plant.reference)
+        notes += [_preset_note(item) for item in chosen]
     linear = model.linear(inverse)
     gains = choose_gains(linear) if wants_model_gains(block, plant.joints) else None
     settings = parse_settings(block, plant.joints, gains)
@@ -115,14 +124,23 @@ def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
         identity=identity_of(plant),
         origin=origin_of(plant.scenario),
     )
-    law: Law = (
-        NormOptimal(problem, linear, model.delays) if settings.law == "auto" else FixedGain(problem, settings, model.expect)
-    )
-    idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in block]
-    notes = (f"{', '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect with law: auto",) if idle else ()
+    law: Law = FixedGain(problem, settings, model.expect)
+    if settings.law == "auto" and not lawless:
+        law = NormOptimal(problem, linear, model.delays)
+    raw = plant.scenario.resolved.get("ilc") or {}
+    idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
+    if idle:
+        notes.append(f"{', '.join(idle)}: of no effect with law auto")
     return Prepared(
-        plant=plant, model=model, problem=problem, settings=settings, law=law, inverse=inverse, linear=linear, notes=notes
+        plant=plant, model=model, problem=problem, settings=settings, law=law, inverse=inverse, linear=linear, notes=tuple(notes)
     )
+
+
+def _preset_note(item: ChosenPreset) -> str:
+    low, high = float(item.values.min()), float(item.values.max())
+    text = f"{low:.3g}" if high - low < 1e-9 else f"{low:.3g} to {high:.3g}"
+    unheld = "" if item.score <= 1.0 else f", the best there is, but it exceeds limits or tolerance {item.score:.2g} times"
+    return f"preset of {item.joint}: {text}{unheld}"
 
 
 def compensated_guess(plant: Plant, model: ArmModel) -> Array:

@@ -7,8 +7,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from asrsim.learning.trial import LearningResult, Trial
+from asrsim.kinematics.inverse import Demand
 from asrsim.learning.transfer import TransferReport
+from asrsim.learning.trial import LearningResult, Trial
 from asrsim.textfile import write_text
 
 
@@ -34,6 +35,20 @@ def result_data(result: LearningResult, joints: tuple[str, ...]) -> dict[str, An
         "iterations": result.iterations,
         "best": result.best,
         "trials": [trial_data(trial, joints) for trial in result.trials],
+    }
+
+
+def demand_data(demand: Demand) -> dict[str, Any]:
+    """What the motion asks of one part of a joint."""
+    return {
+        "joint": demand.joint,
+        "what": demand.what,
+        "motor": demand.motor or None,
+        "needed": _plain(demand.needed),
+        "limit": _plain(demand.limit),
+        "unit": demand.unit,
+        "time": demand.time,
+        "score": _plain(demand.score),
     }
 
 

@@ -96,6 +96,10 @@ LEARNING: Block[Keys] = Block(
             doc="first input: zero, the trajectory, the trajectory plus the springs' deflection under gravity, or inverse "
             "dynamics through the springs", shown="law auto: inverse_dynamics; else zero",
         ),
+        Key(
+            name="presets", kind=Choice(("given", "constant", "over_time")), default="given",
+            doc="second references: those of `references`, or the lowest that hold limits and tolerance, chosen before learning",
+        ),
         Key(name="tolerance", kind=POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it"),
         Key(name="max_iterations", kind=Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many"),
         Key(
