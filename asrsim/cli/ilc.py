@@ -211,11 +211,15 @@ def _say_transfer(report: TransferReport, title: str) -> None:
     from asrsim.cli.console import say
 
     low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
+    least, most = (f"{100 * value:.0f}" for value in report.within_interval)
     say(
-        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad; "
-        f"largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
+        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad (95 %: {least} to "
+        f"{most} %); largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
     )
     if report.influences:
-        ranked = sorted(report.influences[:3], key=lambda item: -abs(item.rank_correlation))
-        strongest = ", ".join(f"{item.factor} ({item.rank_correlation:+.2f})" for item in ranked)
-        say(f"  what matters most (rank correlation with the error): {strongest}")
+        strongest = ", ".join(
+            f"{item.factor} {item.rank_correlation:+.2f} ({item.interval[0]:+.2f} to {item.interval[1]:+.2f})"
+            for item in report.telling[:3]
+        )
+        none = f"none of {len(report.influences)} factors stands out of the noise of {len(report.draws)} plants"
+        say(f"  what matters most (rank correlation with the error, 95 %): {strongest or none}")

@@ -95,8 +95,3 @@ class SoftArm:
             {joint: self.losses(joint) for joint in joints},
             external,
         )
-
-    def inputs(self, time: Array, joints: Sequence[str], positions: Array) -> Array:
-        """(n, joints) those inputs at `time`, ahead by the commands' delays."""
-        found = self.inverse(time, joints, positions)
-        return found.inputs_at(time, [self.delay(joint) for joint in joints])

@@ -66,7 +66,8 @@ class Plant:
             name = MODES[drive.mode].references[0]
             signal = Sampled(times=self.time, samples=np.ascontiguousarray(inputs[:, column]))
             references[joint] = {**self.scenario.references_of(joint), name: signal}
-        return replace(self.scenario, references=references, log_every=log_every)
+        computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
+        return replace(self.scenario, references=references, inverse_dynamics=computed, log_every=log_every)
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
         """One run with these inputs; every sample kept."""

@@ -58,11 +58,14 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
         "draws": len(report.draws),
         "tolerance": report.tolerance,
         "within_tolerance": report.within,
+        "within_tolerance_95": list(report.within_interval),
         "largest_error_quantiles": {f"{share:g}": _plain(value) for share, value in report.quantiles().items()},
         "influences": [
             {
                 "factor": item.factor,
                 "rank_correlation": item.rank_correlation,
+                "rank_correlation_95": list(item.interval),
+                "tells": item.tells,
                 "regression_on_size": item.regression,
                 "regression": item.signed_regression,
             }

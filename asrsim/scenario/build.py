@@ -13,6 +13,7 @@ from asrsim.errors import InputError
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.keys import LOCKED, SCENARIO
 from asrsim.scenario.manager import Manager, read_manager
+from asrsim.scenario.task_keys import INVERSE_DYNAMICS
 from asrsim.signals.constant import Constant
 
 MAX_STEPS = 10**10
@@ -74,7 +75,13 @@ def build_scenario(
         parameters=keys["parameters"],
         joint_order=manager.joints,
         namespace=manager.namespace,
-        references=keys["references"],
+        references={
+            joint: {name: signal for name, signal in items.items() if name != INVERSE_DYNAMICS}
+            for joint, items in keys["references"].items()
+        },
+        inverse_dynamics={
+            joint: items[INVERSE_DYNAMICS] for joint, items in keys["references"].items() if INVERSE_DYNAMICS in items
+        },
         external_torques=keys["external_torques"],
         wrenches=keys["wrenches"],
         command_effects=keys["effects"]["commands"],

@@ -203,6 +203,8 @@ class Scenario:
     """Replaces the blocks' namespace (manager YAML)."""
     references: Mapping[str, Mapping[str, Signal]] = field(default_factory=dict)
     """Joint or "*" -> reference by the mode's name (see asrsim.actuators.MODES) -> signal. Absent ones rest at their start."""
+    inverse_dynamics: Mapping[str, bool] = field(default_factory=dict)
+    """Joint or "*" -> whether its first reference is a desired motion of the link, whose input is computed."""
     external_torques: Mapping[str, Signal] = field(default_factory=dict)
     wrenches: tuple[Wrench, ...] = ()
     command_effects: Mapping[str, Effects] = field(default_factory=dict)

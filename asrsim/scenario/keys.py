@@ -10,7 +10,7 @@ from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Option
 from asrsim.scenario.data import Effects, LinkDamping, World
 from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Keys
 from asrsim.scenario.learning_keys import LEARNING
-from asrsim.scenario.task_keys import EXPECTATION, TASK
+from asrsim.scenario.task_keys import EXPECTATION, TASK, JointReferences
 from asrsim.scenario.world_keys import WORLD, WRENCH
 from asrsim.signals.parse import SIGNAL
 
@@ -149,8 +149,9 @@ KEYS: tuple[Key, ...] = (
         doc="the toolbox's manager file: order of the joints in robot-level arrays, and namespace",
     ),
     Key(
-        name="references", kind=MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)), default={},
-        doc="the actuators' references, by the names of their mode",
+        name="references", kind=MapOf(of=JointReferences()), default={},
+        doc="the actuators' references, by the names of their mode; beside them `inverse_dynamics: true` makes the first a "
+        "desired motion of the link, whose input is computed",
     ),
     Key(name="external_torques", kind=SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"),
     Key(name="wrenches", kind=ListOf(of=WRENCH), default=(), doc="forces and torques on links"),

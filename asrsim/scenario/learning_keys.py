@@ -39,6 +39,11 @@ SPREAD: Block[Keys] = Block(
         Key(name="mass", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the links' masses and inertias"),
         Key(name="damping", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' damping"),
         Key(name="friction", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' and motors' friction"),
+        Key(
+            name="added_friction", kind=_SPREAD, default=0.0, unit="N m",
+            doc="most that is added to the joints' friction, which a relative spread cannot give to one without",
+        ),
+        Key(name="added_damping", kind=_SPREAD, default=0.0, unit="N m s/rad", doc="most that is added to the joints' damping"),
         Key(name="delay", kind=_SPREAD, default=0.0, unit="s", doc="largest delay of the commands"),
     ),
     build=dict,

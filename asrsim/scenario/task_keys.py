@@ -8,12 +8,13 @@ from typing import Any
 
 from asrsim.document.block import Block, Key
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping, is_scalar
-from asrsim.document.kinds import Boolean, Choice, File, Kind, Number, Optional, Schema, Text
+from asrsim.document.kinds import Boolean, Choice, File, Kind, Number, Optional, Schema, Text, attempt
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading
+from asrsim.document.reading import KeyPath, Reading, Rejected
 from asrsim.errors import Problem, ScenarioError
 from asrsim.scenario.data import CartesianPose, CartesianTask, Expectation
 from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY
+from asrsim.signals.parse import SIGNAL
 
 POSE = Block(
     keys=(
@@ -70,6 +71,36 @@ TASK = Block(
     build=_task,
     noun="Cartesian task",
 )  # fmt: skip
+
+INVERSE_DYNAMICS = "inverse_dynamics"
+"""Word under a joint's references that makes its first one a desired motion of the link."""
+
+
+class JointReferences(Kind[dict[str, Any]]):
+    """Signals by name, and whether the first is a desired motion: a :class:`bool` under :data:`INVERSE_DYNAMICS`."""
+
+    _signals = MapOf(of=SIGNAL, noun="reference", star=False)
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
+        if not isinstance(node.value, dict) or INVERSE_DYNAMICS not in node.value:
+            return dict(self._signals.read(node, path, reading))
+        rest = {name: item for name, item in node.value.items() if name != INVERSE_DYNAMICS}
+        wanted = attempt(Boolean(), node.value[INVERSE_DYNAMICS], (*path, INVERSE_DYNAMICS), reading)
+        signals = self._signals.read(Node(rest, node.line, node.key_lines, node.file), path, reading)
+        if wanted is None:
+            raise Rejected
+        return {**signals, INVERSE_DYNAMICS: wanted[0]}
+
+    def schema(self) -> Schema:
+        return {**self._signals.schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}
+
+    @property
+    def text(self) -> str:
+        return self._signals.text
+
+    def merge(self, base: Node, over: Node) -> Node:
+        return self._signals.merge(base, over)
+
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 
