@@ -194,8 +194,9 @@ def demands_of(
         add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
     if MODES[drive.mode].spring:
         add("spring torque", torque, item.holdable, "N m")
-        for motor in range(drive.actuator.motors):
-            add("spring deflection", item.motors[:, motor] - position, drive.max_deflection, "rad", motor + 1)
+        # Of two springs the one that is deflected less still yields when the other is at its limit.
+        deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
+        add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
     add("joint effort", torque, loss.effort, "N m")
     above, below = position - loss.upper, loss.lower - position
     worst = int(np.argmax(np.maximum(above, below)))

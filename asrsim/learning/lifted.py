@@ -31,9 +31,10 @@ class Band:
     """With the repeated ends."""
 
     @classmethod
-    def over(cls, duration: float) -> Band:
-        """For a motion of `duration` s."""
-        inner = np.linspace(0.0, duration, max(round(duration / knot_distance(duration)), 4) + 1)
+    def over(cls, duration: float, tail: float = 0.0) -> Band:
+        """For a motion of `duration` s, and `tail` s behind it."""
+        pieces = max(round((duration + tail) / knot_distance(duration)), 4)
+        inner = np.linspace(0.0, duration + tail, pieces + 1)
         return cls(knots=np.concatenate([np.zeros(3), inner, np.full(3, inner[-1])]))
 
     @property

@@ -57,6 +57,19 @@ class Linearised:
             springs=stiffness * self.springs,
         )  # fmt: skip
 
+    def held(self, tail: float) -> Linearised:
+        """The same joints, standing for `tail` s more where the motion ends."""
+        step = float(self.time[1] - self.time[0])
+        more = max(round(tail / step), 1)
+
+        def longer(values: Array) -> Array:
+            return np.concatenate([values, np.repeat(values[-1:], more, axis=0)])
+
+        return Linearised(
+            time=np.concatenate([self.time, self.time[-1] + step * np.arange(1, more + 1)]), drives=self.drives,
+            mass=longer(self.mass), rates=longer(self.rates), slopes=longer(self.slopes), springs=longer(self.springs),
+        )  # fmt: skip
+
     @cached_property
     def steps(self) -> tuple[Array, Array]:
         """State matrices (n - 1, s, s) and inputs' (n - 1, s, m) of one step each; the joints' positions come first."""

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from asrsim.kinematics.desired import knot_distance
 from asrsim.learning.lifted import EVERY, Band, lift
 from asrsim.learning.linear import Linearised
 from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
@@ -24,6 +25,8 @@ MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
 """Factors of mass and stiffness."""
 RHO = 0.1
 """Weight of the input's change against the error, at least."""
+TAIL = 20
+"""Knots behind the end of the motion through which its last error is taken to stand: what the last inputs do shows there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
 PROGRESS = 0.99
 """Share of the best error below which a trial counts as progress."""
@@ -34,7 +37,10 @@ class NormOptimal:
 
     def __init__(self, problem: LearningProblem, linear: Linearised, delays: Sequence[float] = ()) -> None:
         self.problem = problem
-        self.band = Band.over(float(linear.time[-1]))
+        duration = float(linear.time[-1])
+        tail = TAIL * knot_distance(duration)
+        self.band = Band.over(duration, tail)
+        linear = linear.held(tail)
         self._rows = linear.time[EVERY::EVERY]
         joints = len(linear.drives)
         spline = self.band.at(self._rows).toarray()
@@ -92,10 +98,12 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:
-    """(rows, joints) means of `values` (n, joints) around the times `rows`, which are equidistant: noise averages out."""
+    """(rows, joints) means of `values` (n, joints) around the equidistant times `rows`, so that noise averages out."""
     total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     half = 0.5 * float(rows[1] - rows[0])
     step = float(time[1] - time[0])
-    first = np.clip(np.round((rows - half) / step).astype(int), 0, len(time) - 1)
+    wide = max(round(2.0 * half / step), 1)
+    # Behind the end its last mean stands.
+    first = np.clip(np.round((rows - half) / step).astype(int), 0, len(time) - wide)
     last = np.clip(np.round((rows + half) / step).astype(int), first + 1, len(time))
     return np.asarray((total[last] - total[first]) / (last - first)[:, None])
