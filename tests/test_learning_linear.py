@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from asrsim.learning.prediction import predictor
 
 from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics import JointDrive
 from asrsim.learning import LearningProblem, LearningSettings, choose_gains, learn, linearise
-from asrsim.learning.prediction import predictor
 
 MASS, LENGTH, GRAVITY = 0.5, 0.08, 9.81
 INERTIA = MASS * LENGTH**2

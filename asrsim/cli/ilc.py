@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.options import Overrides, Plugins, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
-    from asrsim.learning.trial import Trial
     from asrsim.learning.prepared import Prepared
     from asrsim.learning.session import Session
     from asrsim.learning.transfer import TransferReport
+    from asrsim.learning.trial import Trial
+    from asrsim.recordings.align import LagChoice
     from asrsim.scenario.data import Scenario
 
 
@@ -37,6 +38,25 @@ def ilc(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")
     ] = None,
+    trajectory: Annotated[
+        str | None, typer.Option(help="Learn this one of `ilc.trajectories`.", show_default="all, one after the other")
+    ] = None,
+    guess_only: Annotated[
+        bool, typer.Option("--guess-only", help="Write the input of inverse dynamics (guess.csv, guess.yaml); learn nothing.")
+    ] = False,
+    recording: Annotated[
+        Path | None,
+        typer.Option(
+            "--next", metavar="RECORDING", help="Learn on the robot: from this trial on it to its next input (next.csv)."
+        ),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
+    ] = None,
+    align: Annotated[
+        str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
+    ] = "off",
     resume: Annotated[bool, typer.Option("--resume", help="Go on after an interruption, exactly where it was.")] = False,
     transfer: Annotated[
         bool, typer.Option("--transfer", help="Play what was learned to plants that differ, as `ilc.transfer` says.")
@@ -61,27 +81,109 @@ def ilc(
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
-    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.gain=model --transfer
+    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.law=auto --transfer
+
+    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --next trial_7.mcap
     """
-    from asrsim.cli.console import complain, json_errors
+    from asrsim.cli.console import complain, json_errors, say, say_json
     from asrsim.cli.interrupt import INTERRUPTED
 
     folder: Path | None = None
+    converged = True
     try:
         with json_errors(json):
             chosen = _choose(scenario, variant, overrides or [], plugin or [])
-            folder = out or Path("out") / chosen.name / "ilc"
-            session = _learn(
-                chosen, folder, resume=resume, with_transfer=transfer, draws=draws, keep_logs=keep_logs,
-                processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
-            )  # fmt: skip
+            found = []
+            for name, one in _trajectories(chosen, trajectory).items():
+                folder = (out or Path("out") / chosen.name / "ilc") / name
+                if name and not json:
+                    say(f"trajectory {name}", "bold")
+                if guess_only:
+                    found.append(_guess(one, folder, overwrite=overwrite, silent=json))
+                    continue
+                if recording is not None:
+                    step = _next(one, folder, recording, mapping_of(mapping), lag_of(align), silent=json)
+                    found.append(step)
+                    converged = converged and bool(step["converged"] or not step["outcome"])
+                    continue
+                session = _learn(
+                    one, folder, resume=resume, with_transfer=transfer, draws=draws, keep_logs=keep_logs,
+                    processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
+                )  # fmt: skip
+                converged = converged and session.result.converged
+                found.append(_report(session, folder, silent=json))
     except KeyboardInterrupt:
         where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
         complain(f"\nasrsim: interrupted{where}")
         raise typer.Exit(INTERRUPTED) from None
-    _report(session, folder, json=json)
-    if not session.result.converged:
+    if json:
+        say_json(found[0] if len(found) == 1 else {"ok": converged, "trajectories": found})
+    if not converged:
         raise typer.Exit(1)
+
+
+def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
+    """Those to be learned, by name."""
+    from asrsim.errors import Problem, ScenarioError, did_you_mean
+    from asrsim.learning.plant import trajectories
+
+    known = trajectories(scenario)
+    if name is None:
+        return known
+    if name not in known:
+        names = tuple(filter(None, known))
+        hint = did_you_mean(name, names)
+        raise ScenarioError(
+            Problem(message=f"has no trajectory '{name}'", file=scenario.path, key="ilc.trajectories", choices=names, hint=hint)
+        )
+    return {name: known[name]}
+
+
+def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -> dict[str, Any]:
+    from asrsim.cli.console import say
+    from asrsim.learning.folder import GUESS, GUESS_PLAYBACK
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.report import demand_data
+    from asrsim.learning.session import write_guess
+
+    prepared = write_guess(make_plant(scenario), folder, overwrite=overwrite)
+    if not silent:
+        for line in (*prepared.notes, *reach_of(prepared)):
+            say(line, "yellow" if line.startswith("out of reach") else "")
+        say(f"inverse dynamics in {folder / GUESS}; play it with: asrsim run {folder / GUESS_PLAYBACK}")
+    demands = [demand_data(demand) for demand in prepared.inverse.demands]
+    return {"ok": True, "folder": str(folder), "demands": demands}
+
+
+def _next(
+    scenario: Scenario, folder: Path, recording: Path, mapping: tuple[str, ...] | Path | None, lag: LagChoice, *, silent: bool
+) -> dict[str, Any]:
+    from asrsim.cli.console import say
+    from asrsim.learning.hardware import NEXT, next_input
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.report import trial_data
+
+    step = next_input(make_plant(scenario), folder, recording, mapping=mapping, lag=lag)
+    last = step.trials[-1]
+    if not silent:
+        table = _Table()
+        table.headings(step.prepared)
+        for trial in step.trials:
+            table.row(trial)
+        if step.identified is not None:
+            found = step.identified
+            say(
+                f"stalled: a model was identified from the best trial; it explains it to {found.residual:.2g} rad, {found.before:.2g} before"
+            )
+        if step.outcome:
+            say(step.outcome, "green" if step.converged else "red")
+            say(f"the best input is in {folder / NEXT}")
+        else:
+            say(f"play {folder / NEXT} on the robot, record it, and give the recording to --next again")
+    return {
+        "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.lag,
+        "trial": trial_data(last, step.prepared.plant.joints),
+    }  # fmt: skip
 
 
 def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list[Path]) -> Scenario:
@@ -135,14 +237,18 @@ def before_trials(prepared: Prepared) -> list[str]:
     else:
         gains, advice = (", ".join(f"{gain:.3g}" for gain in values) for values in (settings.gains, prepared.gain_advice()))
         cutoff = "no filter" if settings.filter_cutoff is None else f"filter {settings.filter_cutoff:.3g} Hz"
-        lines = [f"law {settings.law}: gains {gains} (the model's {advice}), {cutoff}; errors shrink below {prepared.reach:.2g} Hz"]
-    lines += prepared.notes
+        lines = [
+            f"law {settings.law}: gains {gains} (the model's {advice}), {cutoff}; errors shrink below {prepared.reach:.2g} Hz"
+        ]
+    return [*lines, *prepared.notes, *reach_of(prepared)]
+
+
+def reach_of(prepared: Prepared) -> list[str]:
+    """What the motion asks of the joints, a line each."""
     if prepared.out_of_reach:
-        return [*lines, *(f"out of reach: {demand}" for demand in prepared.out_of_reach[:MOST_DEMANDS])]
-    if prepared.inverse.demands:
-        worst = prepared.inverse.demands[0]
-        lines.append(f"within reach; the most that is asked is {100 * worst.score:.0f} %: {worst}")
-    return lines
+        return [f"out of reach: {demand}" for demand in prepared.out_of_reach[:MOST_DEMANDS]]
+    worst = prepared.inverse.demands[:1]
+    return [f"within reach; the most that is asked is {100 * demand.score:.0f} %: {demand}" for demand in worst]
 
 
 class _Table:
@@ -157,6 +263,12 @@ class _Table:
 
         for line in before_trials(prepared):
             say(line, "yellow" if line.startswith("out of reach") else "")
+        self.headings(prepared)
+
+    def headings(self, prepared: Prepared) -> None:
+        """Above the trials."""
+        from asrsim.cli.console import say
+
         say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
         headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
         self._widths = [max(len(heading), 7) for heading in headings]
@@ -190,13 +302,13 @@ class _Table:
         sys.stdout.flush()
 
 
-def _report(session: Session, folder: Path, *, json: bool) -> None:
-    from asrsim.cli.console import say, say_json
+def _report(session: Session, folder: Path, *, silent: bool) -> dict[str, Any]:
+    from asrsim.cli.console import say
     from asrsim.learning.session import session_data
 
-    if json:
-        say_json({"ok": session.result.converged, "folder": str(folder), **session_data(session)})
-        return
+    data = {"ok": session.result.converged, "folder": str(folder), **session_data(session)}
+    if silent:
+        return data
     say(session.result.reason, "green" if session.result.converged else "red")
     if session.transfer is not None:
         _say_transfer(session.transfer, "transfer")
@@ -205,6 +317,7 @@ def _report(session: Session, folder: Path, *, json: bool) -> None:
     if session.replaced is not None:
         say(str(session.replaced))
     say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
+    return data
 
 
 def _say_transfer(report: TransferReport, title: str) -> None:

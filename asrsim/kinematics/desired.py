@@ -56,6 +56,4 @@ def smooth_motion(time: Array, samples: Array) -> DesiredMotion:
     inner = np.linspace(time[0], time[-1], pieces + 1)
     knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
     spline = make_lsq_spline(time, samples, knots, k=5)
-    return DesiredMotion(
-        time=time, positions=spline(time), velocities=spline(time, nu=1), accelerations=spline(time, nu=2)
-    )
+    return DesiredMotion(time=time, positions=spline(time), velocities=spline(time, nu=1), accelerations=spline(time, nu=2))

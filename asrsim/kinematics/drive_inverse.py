@@ -124,7 +124,14 @@ def controller_error(output: Array, proportional: float, integral: float, step: 
 
 
 def _distance(
-    drive: JointDrive, time: Array, s: Array, d: Array, law: Callable[[Array, Array], Array], rho: Array, across: Array, commanded: Array
+    drive: JointDrive,
+    time: Array,
+    s: Array,
+    d: Array,
+    law: Callable[[Array, Array], Array],
+    rho: Array,
+    across: Array,
+    commanded: Array,
 ) -> Array:
     """(n,) d of the next round: sum nu_i (theta_i + lag_i) = nu c, with the springs' slope at the present one."""
     gain = np.array(drive.proportional)

@@ -1,6 +1,6 @@
 """Inverse dynamics through the springs: the input that moves soft joints as wanted, and whether they can.
 
-    tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then each joint's drive backwards
+tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then each joint's drive backwards
 """
 
 from __future__ import annotations

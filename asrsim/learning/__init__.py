@@ -6,7 +6,7 @@ from asrsim.learning.contraction import choose_gains, factors, learnable, safe_f
 from asrsim.learning.iterate import learn
 from asrsim.learning.law import FixedGain, updated, zero_phase
 from asrsim.learning.linear import Linearised, linearise_along
-from asrsim.learning.optimal import NormOptimal
+from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.settings import LearningSettings, parse_settings, wants_model_gains
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
@@ -18,6 +18,7 @@ __all__ = [
     "LearningProblem",
     "LearningResult",
     "LearningSettings",
+    "Lifted",
     "Linearised",
     "NormOptimal",
     "Proposal",

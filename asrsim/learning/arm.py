@@ -68,7 +68,9 @@ class ArmModel:
 
     def _springs(self, positions: Array, motors: Array, limit: float = CLIP) -> Array:
         """(n, joints, 2) slopes of the springs at motors (n, joints, 2)."""
-        return self._each(lambda drive, column: spring_slopes(drive, positions[:, column], motors[:, column], limit), len(positions))
+        return self._each(
+            lambda drive, column: spring_slopes(drive, positions[:, column], motors[:, column], limit), len(positions)
+        )
 
     def _each(self, slopes: Callable[[JointDrive, int], Array], count: int) -> Array:
         """(n, joints, 2) something of each joint with springs; zeros for the others."""
@@ -102,7 +104,8 @@ class ArmModel:
             one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
             other = np.where(np.abs(other - one) < LEAST, one + LEAST, other)
             springs = self._each(
-                lambda drive, j: chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j]), len(base.positions)
+                lambda drive, j: chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j]),
+                len(base.positions),
             )
             known = float(np.abs(outputs - trial.outputs).max())
             half = self.arm.motion(self.plant.time, self.plant.joints, 0.5 * (trial.outputs + outputs))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.errors import OutputError
-from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
+from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.samples import Array
 
 if TYPE_CHECKING:

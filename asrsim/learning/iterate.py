@@ -12,7 +12,15 @@ from asrsim.learning.law import FixedGain
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.trial import (
-    Law, LearningProblem, LearningResult, Outcome, Proposal, Simulate, Trial, trial_of, worst_place,
+    Law,
+    LearningProblem,
+    LearningResult,
+    Outcome,
+    Proposal,
+    Simulate,
+    Trial,
+    trial_of,
+    worst_place,
 )  # fmt: skip
 
 
@@ -59,9 +67,7 @@ def best_of(trials: list[Trial]) -> int:
     return min(range(len(trials)), key=lambda index: trials[index].worst if np.isfinite(trials[index].worst) else np.inf)
 
 
-def verdict(
-    problem: LearningProblem, trials: list[Trial], settings: LearningSettings, law: Law
-) -> tuple[Outcome, str] | None:
+def verdict(problem: LearningProblem, trials: list[Trial], settings: LearningSettings, law: Law) -> tuple[Outcome, str] | None:
     """Why to stop after the last trial, or None to go on."""
     last = trials[-1]
     if last.worst <= settings.tolerance:

@@ -213,7 +213,9 @@ def linearise_along(
         columns = []
         for nudge in small:
             ahead, behind = (
-                model.inverse_dynamics(*(values + sign * nudge if place == of else values for place, values in enumerate((q, v, a))))
+                model.inverse_dynamics(
+                    *(values + sign * nudge if place == of else values for place, values in enumerate((q, v, a)))
+                )
                 for sign in (1.0, -1.0)
             )
             columns.append((ahead - behind)[:, index] / (2.0 * NUDGE))
@@ -221,13 +223,16 @@ def linearise_along(
 
     still = np.zeros_like(q)
     weight = model.inverse_dynamics(q, still, still)
-    mass = np.stack(
-        [(model.inverse_dynamics(q, still, still + np.sign(nudge)) - weight)[:, index] for nudge in small], axis=2
-    )
+    mass = np.stack([(model.inverse_dynamics(q, still, still + np.sign(nudge)) - weight)[:, index] for nudge in small], axis=2)
     rates = slope(1) + np.diag(damping)
     between = _interpolated(motion.time[rows], motion.time)
     return Linearised(
-        time=motion.time, drives=tuple(drives), mass=between(mass), rates=between(rates), slopes=between(slope(0)), springs=springs
+        time=motion.time,
+        drives=tuple(drives),
+        mass=between(mass),
+        rates=between(rates),
+        slopes=between(slope(0)),
+        springs=springs,
     )
 
 

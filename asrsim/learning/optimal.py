@@ -11,7 +11,7 @@ best trial never grows, however wrong the models are, and a step that is small e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -28,27 +28,32 @@ RHO = 0.1
 TAIL = 20
 """Knots behind the end of the motion through which its last error is taken to stand: what the last inputs do shows there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
+STALLED = 2
+"""Trials without progress after which the model is thought over."""
 PROGRESS = 0.99
 """Share of the best error below which a trial counts as progress."""
 
 
-class NormOptimal:
-    """The law; `linear`: the joints along the desired motion, delays: of each joint's command in s."""
+Rethink = Callable[[Trial], tuple["Lifted", Array]]
+"""The best trial -> another lifted model, and the inputs (n, joints) that it would try first."""
 
-    def __init__(self, problem: LearningProblem, linear: Linearised, delays: Sequence[float] = ()) -> None:
-        self.problem = problem
+
+class Lifted:
+    """The lifted models of an arm; `linear`: its joints along the desired motion, delays: of each joint's command in s."""
+
+    def __init__(self, time: Array, linear: Linearised, delays: Sequence[float] = ()) -> None:
+        self._time = time
         duration = float(linear.time[-1])
         tail = TAIL * knot_distance(duration)
-        self.band = Band.over(duration, tail)
+        self._band = Band.over(duration, tail)
         linear = linear.held(tail)
         self._rows = linear.time[EVERY::EVERY]
-        joints = len(linear.drives)
-        spline = self.band.at(self._rows).toarray()
-        self._effort = np.kron(spline.T @ spline, np.eye(joints))
-        self._basis = self.band.at(problem.time)
+        spline = self._band.at(self._rows).toarray()
+        self._effort = np.kron(spline.T @ spline, np.eye(len(linear.drives)))
+        self._basis = self._band.at(time)
         self._normal = np.zeros_like(self._effort)
         for index, (mass, stiffness) in enumerate(MODELS):
-            lifted = lift(linear.scaled(mass, stiffness), self.band, delays)
+            lifted = lift(linear.scaled(mass, stiffness), self._band, delays)
             flat = lifted.reshape(-1, lifted.shape[2])
             self._normal += flat.T @ flat / len(MODELS)
             if index == 0:
@@ -57,28 +62,54 @@ class NormOptimal:
                 self._mean = self._mean + flat / len(MODELS)
 
     def change(self, error: Array, rho: float) -> tuple[Array, Array]:
-        """(n, joints) change of the inputs for an error (n, joints), and the change of the outputs that the nominal model expects."""
+        """(n, joints) change of the inputs for an error (n, joints), and that of the outputs which the nominal model expects."""
         from scipy.linalg import solve
 
-        seen = averaged(self.problem.time, error, self._rows)
+        seen = averaged(self._time, error, self._rows)
         found = solve(self._normal + rho * self._effort, self._mean.T @ seen.ravel(), assume_a="pos")
         moved = (self._nominal @ found).reshape(seen.shape)
         times = np.concatenate([[0.0], self._rows])
-        expected = [np.interp(self.problem.time, times, np.concatenate([[0.0], column])) for column in moved.T]
-        return np.asarray(self._basis @ found.reshape(self.band.count, -1)), np.column_stack(expected)
+        expected = [np.interp(self._time, times, np.concatenate([[0.0], column])) for column in moved.T]
+        return np.asarray(self._basis @ found.reshape(self._band.count, -1)), np.column_stack(expected)
+
+
+class NormOptimal:
+    """The law; `rethink` makes another model from the best trial where it stalls."""
+
+    def __init__(self, problem: LearningProblem, lifted: Lifted, rethink: Rethink | None = None) -> None:
+        self.problem = problem
+        self.lifted = lifted
+        self.rethink = rethink
+        self._rethought: dict[int, tuple[Lifted, Array]] = {}
 
     def propose(self, trials: Sequence[Trial]) -> Proposal:
         """The best trial's input, corrected by its error."""
         best, rho, _ = standing(trials)
-        change, expected = self.change(self.problem.reference - best.outputs, rho)
+        lifted = self.lifted
+        stalled = stalled_at(trials) if self.rethink is not None else None
+        if stalled is not None:
+            other, guess = self._other(stalled, trials)
+            if stalled == len(trials) - 1:
+                return Proposal(inputs=guess)
+            if trials[stalled + 1].total < standing(trials[: stalled + 1])[0].total:
+                # The other model's guess was better: it goes on, from its first weight.
+                lifted = other
+                best, rho, _ = standing(trials[stalled + 1 :])
+        change, expected = lifted.change(self.problem.reference - best.outputs, rho)
         return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
 
+    def _other(self, stalled: int, trials: Sequence[Trial]) -> tuple[Lifted, Array]:
+        if stalled not in self._rethought and self.rethink is not None:
+            self._rethought[stalled] = self.rethink(standing(trials[: stalled + 1])[0])
+        return self._rethought[stalled]
+
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Gives up when `patience` trials in a row brought no progress."""
+        """Gives up when more than `patience` trials in a row brought no progress, and rethinking did not help."""
         best, _, failed = standing(trials)
         if not np.isfinite(best.total):
             return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
-        if failed <= patience:
+        stalled = stalled_at(trials) if self.rethink is not None else None
+        if failed <= patience or (stalled is not None and len(trials) - 1 - stalled <= patience):
             return None
         return "stalled", (
             f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad off "
@@ -95,6 +126,11 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
         rho = max(RHO, rho / RHO_DOWN) if better else RHO_UP * rho
         best = trial if better else best
     return best, rho, failed
+
+
+def stalled_at(trials: Sequence[Trial]) -> int | None:
+    """Place of the trial at which learning first stalled; None: it has not."""
+    return next((index for index in range(1, len(trials)) if standing(trials[: index + 1])[2] >= STALLED), None)
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:

@@ -89,6 +89,13 @@ class Plant:
         return found
 
 
+def trajectories(scenario: Scenario) -> dict[str, Scenario]:
+    """The scenario for each of its trajectories by name, ready for :func:`make_plant`; one without a name under ""."""
+    several = scenario.learning.get("trajectories") or {}
+    rest = {key: value for key, value in scenario.learning.items() if key != "trajectories"}
+    return {name: replace(scenario, learning={**rest, "trajectory": one}) for name, one in several.items()} or {"": scenario}
+
+
 def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
     """The plant of a scenario with an `ilc:` block.
 
@@ -102,7 +109,13 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
         )
     robot, _ = checked_robot(scenario, robot)
     applied = apply_to_robot(scenario, robot)
-    trajectory = scenario.learning["trajectory"]
+    trajectory = scenario.learning.get("trajectory") or {}
+    if not trajectory:
+        names = tuple(scenario.learning.get("trajectories") or ())
+        message = "has several trajectories: one is learned at a time"
+        raise ScenarioError(
+            Problem(message=message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
+        )
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
     unfit = [block for block in blocks if block.mode not in INVERTED_MODES]
     if unfit:

@@ -18,11 +18,15 @@ from asrsim.learning.folder import origin_of
 from asrsim.learning.identity import identity_of
 from asrsim.learning.law import FixedGain
 from asrsim.learning.linear import Linearised
-from asrsim.learning.optimal import NormOptimal
+from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.presets import ChosenPreset, choose_presets
 from asrsim.learning.settings import (
-    OF_FIXED_GAIN, LearningSettings, parse_settings, wants_model_gains, wants_safe_filter,
+    OF_FIXED_GAIN,
+    LearningSettings,
+    parse_settings,
+    wants_model_gains,
+    wants_safe_filter,
 )  # fmt: skip
 from asrsim.learning.trial import Law, LearningProblem, Trial
 from asrsim.samples import Array
@@ -126,13 +130,20 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     )
     law: Law = FixedGain(problem, settings, model.expect)
     if settings.law == "auto" and not lawless:
-        law = NormOptimal(problem, linear, model.delays)
+        law = NormOptimal(problem, Lifted(problem.time, linear, model.delays))
     raw = plant.scenario.resolved.get("ilc") or {}
     idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
     if idle:
         notes.append(f"{', '.join(idle)}: of no effect with law auto")
     return Prepared(
-        plant=plant, model=model, problem=problem, settings=settings, law=law, inverse=inverse, linear=linear, notes=tuple(notes)
+        plant=plant,
+        model=model,
+        problem=problem,
+        settings=settings,
+        law=law,
+        inverse=inverse,
+        linear=linear,
+        notes=tuple(notes),
     )
 
 

@@ -9,11 +9,23 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from asrsim.learning.arm import learning_model
 from asrsim.learning.figure import write_figure, write_transfer_figure
 from asrsim.learning.folder import (
-    DESIRED, GUESS, GUESS_PLAYBACK, INPUTS, LOG, NUMBERS, PICTURE, PLAYBACK, STATE, TRANSFER, Earlier, clear, open_folder,
+    DESIRED,
+    GUESS,
+    GUESS_PLAYBACK,
+    INPUTS,
+    LOG,
+    NUMBERS,
+    PICTURE,
+    PLAYBACK,
+    STATE,
+    TRANSFER,
+    Earlier,
+    clear,
+    open_folder,
 )  # fmt: skip
-from asrsim.learning.arm import learning_model
 from asrsim.learning.iterate import learn
 from asrsim.learning.perturb import Workers
 from asrsim.learning.plant import Plant

@@ -15,8 +15,8 @@ import numpy as np
 from asrsim.errors import InputError, OutputError, Problem
 
 if TYPE_CHECKING:
-    from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.learning.settings import LearningSettings
+    from asrsim.learning.trial import LearningProblem, Trial
 
 FORMAT = "asrsim learning state 1"
 

@@ -123,7 +123,13 @@ class LearningResult:
 
 
 def trial_of(
-    problem: LearningProblem, inputs: Array, outputs: Array, *, before: Trial | None, expected: Array | None, seconds: float = 0.0
+    problem: LearningProblem,
+    inputs: Array,
+    outputs: Array,
+    *,
+    before: Trial | None,
+    expected: Array | None,
+    seconds: float = 0.0,
 ) -> Trial:
     """The trial in which `inputs` gave `outputs`, (n, joints) or (plants, n, joints); `expected`: outputs that a model foretold."""
     error = problem.reference - outputs.reshape(-1, *problem.reference.shape)

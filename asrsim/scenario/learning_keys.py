@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from asrsim.document.block import Block, Key
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import Choice, Integer, Kind, Number, Optional, Schema
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys
+from asrsim.errors import Problem, ScenarioError
+from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys, names_a_folder
 
 
 class Gain(Kind["float | str"]):
@@ -73,9 +76,26 @@ FILTER: Block[Keys] = Block(
     noun="zero-phase filter",
 )
 
+
+def _learning(**keys: Any) -> Keys:
+    if bool(keys["trajectory"]) == bool(keys["trajectories"]):
+        message = "needs desired link positions under trajectory, or several of them by name under trajectories"
+        raise ScenarioError(Problem(message=message, key="", code="no-trajectory"))
+    if bad := [name for name in keys["trajectories"] if not names_a_folder(name)]:
+        raise ScenarioError(Problem(message="is no name: it names a folder too", key=f"trajectories.{bad[0]}", code="name"))
+    return keys
+
+
 LEARNING: Block[Keys] = Block(
     keys=(
-        Key(name="trajectory", kind=SIGNALS_BY_JOINT, unit="rad", doc="desired link positions"),
+        Key(
+            name="trajectory", kind=SIGNALS_BY_JOINT, default={}, unit="rad", doc="desired link positions; this or `trajectories`",
+            shown="none",
+        ),
+        Key(
+            name="trajectories", kind=MapOf(of=SIGNALS_BY_JOINT, noun="trajectory", star=False), default={}, unit="rad",
+            doc="several of them by name, each learned on its own", shown="none",
+        ),
         Key(
             name="law", kind=Choice(("auto", "paper", "filtered")), default="auto",
             doc="auto: norm-optimal, needs no tuning; paper: equation 13; filtered: equation 13 within the band in which errors "
@@ -121,6 +141,6 @@ LEARNING: Block[Keys] = Block(
             doc="plants on which `asrsim ilc --transfer` tries the learned input", shown="none",
         ),
     ),
-    build=dict,
+    build=_learning,
     noun="learning",
 )  # fmt: skip
