@@ -58,8 +58,8 @@ def spring(generator, kind: str, load: float) -> tuple[dict, float, float]:
     return {"spring_k": 1.6e5 * scale}, generator.uniform(0.05, 0.15), 4.0 * load + 8.0
 
 
-def random_arm(seed: int) -> Arm:
-    """Arm number `seed`: 1 to 5 joints of one kind, links of 0.3 to 2 kg, one of four motions."""
+def random_arm(seed: int, *, friction: bool = True) -> Arm:
+    """Arm number `seed`: 1 to 5 joints of one kind, links of 0.3 to 2 kg, one of four motions; with friction in some joints."""
     generator = np.random.default_rng([2021, seed])
     kind = KINDS[generator.integers(len(KINDS))]
     motion = MOTIONS[seed % len(MOTIONS)]
@@ -87,7 +87,7 @@ def random_arm(seed: int) -> Arm:
             f'<joint name="{name}" type="revolute"><origin xyz="{origin}"/><parent link="{parent}"/><child link="{link}"/>'
             f'<axis xyz="{axis}"/><limit lower="-3" upper="3" effort="500" velocity="100"/>'
             f'<dynamics damping="{10 ** generator.uniform(math.log10(0.002), math.log10(0.2)):.6g}" '
-            f'friction="{generator.choice([0.0, generator.uniform(0.0, 0.05)]):.6g}"/></joint>'
+            f'friction="{generator.choice([0.0, generator.uniform(0.0, 0.05)]) * friction:.6g}"/></joint>'
             f'<link name="{link}"><inertial><origin xyz="0 0 {-0.5 * length:.6g}"/><mass value="{mass:.6g}"/>'
             f'<inertia ixx="{own:.6g}" iyy="{own:.6g}" izz="{0.3 * own:.6g}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
         )

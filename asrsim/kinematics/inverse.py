@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.compensation import JointDrive
-from asrsim.kinematics.desired import DesiredMotion
+from asrsim.kinematics.desired import DesiredMotion, knot_distance
 from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
 from asrsim.kinematics.model import DynamicModel
 from asrsim.samples import Array
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 START = 0.1
-"""s at the start in which demands are not judged: motors that start unloaded must first get under their load."""
+"""s at the start in which demands are not judged: motors that start unloaded must first get under their load. Neither are the last
+two knots of the splines, where their derivatives are loose."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +176,8 @@ def demands_of(
 ) -> list[Demand]:
     """The highest demand on each part of a joint over the motion."""
     loss = loss or Losses()
-    judged = time >= time[0] + min(START, 0.2 * float(time[-1] - time[0]))
+    length = float(time[-1] - time[0])
+    judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     found: list[Demand] = []
 
     def add(what: str, needed: Array, limit: Array | float, unit: str, motor: int = 0) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
     from asrsim.learning.trial import LearningProblem, Trial
 
 FORMAT = "asrsim learning state 1"
+UNREADABLE = (
+    OSError, ValueError, LookupError, EOFError, BadZipFile, TypeError, AttributeError, NotImplementedError, RuntimeError,
+    SyntaxError, MemoryError, OverflowError, zlib.error,
+)  # fmt: skip
+"""What a damaged archive may raise."""
 
 
 def fingerprint(problem: LearningProblem, settings: LearningSettings) -> str:
@@ -70,7 +76,7 @@ def state_origin(path: Path) -> tuple[str, int] | None:
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
         return str(head["origin"]), len(head["trials"])
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, TypeError):
+    except UNREADABLE:
         return None
 
 
@@ -82,24 +88,26 @@ def load_state(path: Path, mark: str) -> list[Trial]:
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             inputs, outputs = stored["inputs"], stored["outputs"]
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        known = head["format"] == FORMAT and head["fingerprint"] == mark
+        trials = [
+            Trial(
+                **{**scalars, "largest": tuple(scalars["largest"]), "rms": tuple(scalars["rms"])},
+                inputs=inputs[index],
+                outputs=outputs[index],
+            )
+            for index, scalars in enumerate(head["trials"])
+        ]
+    except UNREADABLE as error:
         raise InputError(
             Problem(message=f"is no state of a learning run ({error})", file=path, hint="Delete it to begin anew", code="state")
         ) from error
-    if head.get("format") != FORMAT or head.get("fingerprint") != mark:
+    if not known:
         raise InputError(
             Problem(
-                message="belongs to another learning run: robot, scenario or learning settings have changed",
+                message="belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
                 file=path,
                 hint="Delete it, or leave out --resume, to begin anew",
                 code="state-of-another-run",
             )
         )
-    return [
-        Trial(
-            **{**scalars, "largest": tuple(scalars["largest"]), "rms": tuple(scalars["rms"])},
-            inputs=inputs[index],
-            outputs=outputs[index],
-        )
-        for index, scalars in enumerate(head["trials"])
-    ]
+    return trials
