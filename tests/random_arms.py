@@ -140,7 +140,7 @@ STIFFNESS = {"sea": ("spring_stiffness",), "qbmove": ("spring_k_1", "spring_k_2"
 
 
 def differing_draw(arm: Arm, joints, seed: int = 0, *, share: float = 0.25, losses: float = 0.5, delay: float = 0.01) -> dict:
-    """A robot that differs from its model: masses and stiffnesses by up to `share`, damping and friction by `losses`, a delay."""
+    """A robot that differs from its model: masses and stiffnesses by up to `share`, damping and friction by `losses`."""
     generator = np.random.default_rng([7, arm.seed, seed])
     draw = {"delay": delay}
     for joint in joints:

@@ -90,9 +90,10 @@ def test_a_motor_too_weak_for_the_pretension_is_named():
 
 def random_drive(generator):
     """An actuator with random springs behind motors that droop."""
+    scales = generator.uniform(0.5, 1.5, 4)
     actuator, spring, preset = [
         (Sea, (generator.uniform(2.0, 200.0), generator.uniform(0.1, 0.8)), 0.0),
-        (QbMove, (*(generator.uniform(0.5, 1.5) * v for v in (6.257, 0.01038, 3.9, 0.08918)), generator.uniform(0.2, 0.8)), 0.2),
+        (QbMove, (*(scales * (6.257, 0.01038, 3.9, 0.08918)).tolist(), generator.uniform(0.2, 0.8)), 0.2),
         (Bavs, (1.21e-6, 2.38e-6, 1.6e5, generator.uniform(6.0, 11.0), generator.uniform(0.15, 0.4)), 0.1),
         (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), generator.uniform(0.003, 0.02)),
     ][generator.integers(4)]

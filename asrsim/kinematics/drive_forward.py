@@ -35,7 +35,8 @@ def link_torque(drive: JointDrive, position: Array, velocity: Array, motors: Arr
     """(n,) N m of a drive on its link; an integral action on the link is left out."""
     if not MODES[drive.mode].spring:
         return np.asarray(drive.proportional[0] * (inputs - position) - drive.derivative[0] * velocity)
-    return over_arrays(drive.actuator.elastic_torques)(position, motors[:, 0], motors[:, 1], drive.spring).sum(axis=0)
+    torques = over_arrays(drive.actuator.elastic_torques)(position, motors[:, 0], motors[:, 1], drive.spring)
+    return np.asarray(torques.sum(axis=0))
 
 
 def _follow(drive: JointDrive, step: float, positions: list[float], goals: list[list[float]]) -> Array:

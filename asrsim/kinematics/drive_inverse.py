@@ -5,9 +5,10 @@ references follows from their own motion (paper equations 7, 8 and 11):
 
     P (r - theta) + I int (r - theta) = J theta'' + (d + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
-The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other). With
-theta = rho s + nu d, nu across rho, the wanted torque gives s at each time, and nu (theta + lag) = nu c is a low-pass for d: how far
-the motors stand apart, which no input but the preset commands. The rest, rho (theta + lag - c), is the equilibrium.
+The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
+With theta = rho s + nu d, nu across rho, the wanted torque gives s at each time, and nu (theta + lag) = nu c is a low-pass
+for d: how far the motors stand apart, which no input but the preset commands. The rest, rho (theta + lag - c), is the
+equilibrium.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 START = 0.1
-"""s at the start in which demands are not judged: motors that start unloaded must first get under their load. Neither are the last
-two knots of the splines, where their derivatives are loose."""
+"""s at the start in which demands are not judged: motors that start unloaded must first get under their load. Neither are
+the last two knots of the splines, where their derivatives are loose."""
 
 
 @dataclass(frozen=True, kw_only=True)

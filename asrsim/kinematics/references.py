@@ -74,8 +74,10 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     if unheld:
         raise ScenarioError(
             [
-                Problem(message=f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
-                        hint="a stiffer spring or preset, or a slower motion")
+                Problem(
+                    message=f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
+                    hint="a stiffer spring or preset, or a slower motion",
+                )
                 for demand in unheld
             ]
         )  # fmt: skip

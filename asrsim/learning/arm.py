@@ -101,12 +101,7 @@ class ArmModel:
         outputs = trial.outputs + self.expected(linear, inputs - trial.inputs, friction)
         for _ in range(PASSES):
             there = self.state(inputs, outputs)
-            one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
-            other = np.where(np.abs(other - one) < LEAST, one + LEAST, other)
-            springs = self._each(
-                lambda drive, j: chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j]),
-                len(base.positions),
-            )
+            springs = self._chords(base, there)
             known = float(np.abs(outputs - trial.outputs).max())
             half = self.arm.motion(self.plant.time, self.plant.joints, 0.5 * (trial.outputs + outputs))
             change = self.expected(self._linear(half, springs), inputs - trial.inputs, friction)
@@ -115,6 +110,26 @@ class ArmModel:
                 break
             outputs = trial.outputs + change
         return np.asarray(outputs)
+
+    def _chords(self, base: TrialState, there: TrialState) -> Array:
+        """(n, joints, 2) mean slopes of the springs between two trials."""
+        one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
+        other = np.where(np.abs(other - one) < LEAST, one + LEAST, other)
+
+        def of(drive: JointDrive, j: int) -> Array:
+            return chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j])
+
+        return self._each(of, len(base.positions))
+
+    def _chords(self, base: TrialState, there: TrialState) -> Array:
+        """(n, joints, 2) mean slopes of the springs between two trials."""
+        one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
+        other = np.where(np.abs(other - one) < LEAST, one + LEAST, other)
+
+        def of(drive: JointDrive, j: int) -> Array:
+            return chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j])
+
+        return self._each(of, len(base.positions))
 
     def state(self, inputs: Array, outputs: Array) -> TrialState:
         """Where motors stand in a trial with `inputs` and `outputs`, (n, joints) each."""

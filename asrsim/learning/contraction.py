@@ -1,7 +1,7 @@
 """Laws of a fixed gain in the frequency domain: which errors shrink, which gain learns fast, which cutoff is safe.
 
-About a posture q = P(w) u, and an error e becomes Q (1 - P K) e in the next trial (paper equation 13 with a filter Q): errors shrink at
-the frequencies where the largest singular value of |Q| (1 - P K) is below 1, and grow where it is above.
+About a posture q = P(w) u, and an error e becomes Q (1 - P K) e in the next trial (paper equation 13 with a filter Q):
+errors shrink at the frequencies where the largest singular value of |Q| (1 - P K) is below 1, and grow where it is above.
 """
 
 from __future__ import annotations

@@ -130,8 +130,8 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
     ax.set_xlim(0.0, 1.1 * max([report.tolerance, *errors[np.isfinite(errors)]]))
     ax.legend(loc="lower right")
     low, high = (f"{100 * value:.0f}" for value in report.within_interval)
-    ax.set_title(f"{100 * report.within:.0f} % ({low} to {high}) of {len(report.draws)} plants stay within {report.tolerance:g} rad",
-                 loc="left")  # fmt: skip
+    share = f"{100 * report.within:.0f} % ({low} to {high}) of {len(report.draws)} plants"
+    ax.set_title(f"{share} stay within {report.tolerance:g} rad", loc="left")
     if shown:
         bars = axes[1]
         names = [item.factor.removeprefix("parameters.") for item in shown]

@@ -1,7 +1,7 @@
 """Learning on the real robot, trial by trial: a recording in, the next input out, the state kept in between.
 
-The law is `auto`. Where it stalls, masses, stiffnesses and a delay are identified from the best recording, and the motion is inverted
-again with those.
+The law is the scenario's. Where `auto` stalls, masses, stiffnesses and a delay are identified from the best recording, and
+the motion is inverted again with those.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from asrsim.learning.arm import learning_model
 from asrsim.learning.folder import INPUTS, origin_of
 from asrsim.learning.identify import Identified, identify
 from asrsim.learning.iterate import best_of, verdict
-from asrsim.learning.law import FixedGain
 from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
@@ -63,8 +62,8 @@ def next_input(
 ) -> HardwareStep:
     """Take the recording of the input that was handed out last, and write the next one into `folder`.
 
-    The first input is what `asrsim ilc` left there (learned.csv), or inverse dynamics. lag: see `asrsim.recordings.align`; its clock
-    is that of the desired motion. Raises InputError for a recording that does not fit, OutputError.
+    The first input is what `asrsim ilc` left there (learned.csv), or inverse dynamics. lag: how the recording's clock is moved
+    onto that of the desired motion. Raises InputError for a recording that does not fit, OutputError.
     """
     from asrsim.recordings import read_recording
 
@@ -104,7 +103,7 @@ def next_input(
 
 def _law(prepared: Prepared, told: list[Identified]) -> Law:
     """The scenario's law; `auto` with identification, whose findings go to `told`."""
-    if isinstance(prepared.law, FixedGain):
+    if not isinstance(prepared.law, NormOptimal):
         return prepared.law
 
     def rethink(best: Trial) -> tuple[Lifted, Array]:
@@ -112,13 +111,10 @@ def _law(prepared: Prepared, told: list[Identified]) -> Law:
         told.append(found)
         with learning_model(found.plant) as model:
             inverse = model.inverse(found.plant.reference)
-            return Lifted(prepared.problem.time, model.linear(inverse), model.delays), inverse.inputs_at(
-                prepared.problem.time, model.delays
-            )
+            time, delays = prepared.problem.time, model.delays
+            return Lifted(time, model.linear(inverse), delays), inverse.inputs_at(time, delays)
 
-    return (
-        NormOptimal(prepared.problem, prepared.law.lifted, rethink) if isinstance(prepared.law, NormOptimal) else prepared.law
-    )
+    return replace(prepared.law, rethink=rethink)
 
 
 def outputs_of(recording: Recording, plant: Plant, lag: LagChoice) -> tuple[Array, str]:
@@ -136,8 +132,8 @@ def outputs_of(recording: Recording, plant: Plant, lag: LagChoice) -> tuple[Arra
     if len(ends) < len(columns) or max(ends) > MISSING * len(plant.time) or max(inside) > 0:
         where = f"{columns[0].time[0] - chosen.lag:.3g} to {columns[0].time[-1] - chosen.lag:.3g} s"
         message = (
-            f"must hold the link positions over the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on the motion's "
-            f"clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
+            f"must hold the link positions over the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on the "
+            f"motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
         )
         hint = "Record the whole motion; --lag says by how many seconds the recording's clock is late"
         raise InputError(Problem(message=message, file=recording.path, hint=hint, code="recording-too-short"))

@@ -1,7 +1,7 @@
 """A model of the arm that a trial tells of: masses and stiffnesses of each joint and one delay, fitted to what was recorded.
 
-Gauss-Newton on simulations of the perturbed model, with priors, since a trial excites little: 0.25 on the logarithms of masses and
-stiffnesses, 20 ms on the delay. What is left over tells whether the model's structure is right.
+Gauss-Newton on simulations of the perturbed model, with priors, since a trial excites little: 0.25 on the logarithms of
+masses and stiffnesses, 20 ms on the delay. What is left over tells whether the model's structure is right.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The joints' response lifted: one matrix from the coefficients of the whole input to the whole motion.
 
-The rows are samples of the positions, the columns coefficients of cubic B-splines of the inputs, whose knots bound the band of what
-is learned.
+The rows are samples of the positions, the columns coefficients of cubic B-splines of the inputs, whose knots bound the band
+of what is learned.
 """
 
 from __future__ import annotations

@@ -1,17 +1,18 @@
 """Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
 
-With lifted models G_i of masses and springs that are nominal, heavier and softer, lighter and stiffer, the change du = B c of the
-best trial's input follows from its error e over the whole time,
+With lifted models G_i of masses and springs that are nominal, heavier and softer, lighter and stiffer, the change du = B c
+of the best trial's input follows from its error e over the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
-A trial that is no better goes back to the best one with ten times rho; one that is better goes on with a third. So the error of the
-best trial never grows, however wrong the models are, and a step that is small enough helps.
+A trial that is no better goes back to the best one with ten times rho; one that is better goes on with a third. So the error
+of the best trial never grows, however wrong the models are, and a step that is small enough helps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -62,7 +63,7 @@ class Lifted:
                 self._mean = self._mean + flat / len(MODELS)
 
     def change(self, error: Array, rho: float) -> tuple[Array, Array]:
-        """(n, joints) change of the inputs for an error (n, joints), and that of the outputs which the nominal model expects."""
+        """(n, joints) change of the inputs for an error (n, joints), and of the outputs, as the nominal model expects it."""
         from scipy.linalg import solve
 
         seen = averaged(self._time, error, self._rows)
@@ -73,14 +74,14 @@ class Lifted:
         return np.asarray(self._basis @ found.reshape(self._band.count, -1)), np.column_stack(expected)
 
 
+@dataclass(frozen=True)
 class NormOptimal:
     """The law; `rethink` makes another model from the best trial where it stalls."""
 
-    def __init__(self, problem: LearningProblem, lifted: Lifted, rethink: Rethink | None = None) -> None:
-        self.problem = problem
-        self.lifted = lifted
-        self.rethink = rethink
-        self._rethought: dict[int, tuple[Lifted, Array]] = {}
+    problem: LearningProblem
+    lifted: Lifted
+    rethink: Rethink | None = None
+    _rethought: dict[int, tuple[Lifted, Array]] = field(default_factory=dict, repr=False)
 
     def propose(self, trials: Sequence[Trial]) -> Proposal:
         """The best trial's input, corrected by its error."""
@@ -112,8 +113,8 @@ class NormOptimal:
         if failed <= patience or (stalled is not None and len(trials) - 1 - stalled <= patience):
             return None
         return "stalled", (
-            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad off "
-            f"({worst_place(self.problem, best)})"
+            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad "
+            f"off ({worst_place(self.problem, best)})"
         )
 
 

@@ -25,9 +25,8 @@ if TYPE_CHECKING:
 def perturbed(plant: Plant, draw: Draw) -> Plant:
     """The plant with a draw's changes: parameters, mass, damping and friction by a share, delay in s.
 
-    A mass goes with its inertia, and that of the links that are fixed to it; friction is that of joint and motors; what is added
-    to friction and damping is the joint's. Raises ScenarioError for factors that the plant
-    does not have.
+    A mass goes with its inertia, and that of the links that are fixed to it; friction is that of joint and motors; what is
+    added to friction and damping is the joint's. Raises ScenarioError for factors that the plant does not have.
     """
     from asrsim.scenario import apply_to_robot
 

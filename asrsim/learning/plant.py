@@ -13,7 +13,8 @@ from asrsim.errors import DivergenceError, Problem, ScenarioError
 from asrsim.kinematics.compensation import JointDrive, drive_of
 from asrsim.kinematics.soft_arm import INVERTED_MODES
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.signals.constant import Constant
 from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
             ]
         )
     time = np.round(np.arange(round(scenario.duration / scenario.step) + 1) * scenario.step, 12)
-    signals = [trajectory.get(block.joint, trajectory.get("*")) for block in blocks]
+    signals = [for_joint(trajectory, block.joint, Constant(value=0.0)) for block in blocks]
     return Plant(
         scenario=scenario,
         robot=robot,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -53,9 +54,7 @@ def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, 
         v = inverse.motion.velocities[:, model.arm.model.joints.index(drive.joint)]
         torque, time = inverse.torques[:, column], inverse.motion.time
 
-        def score(preset: Array, drive: JointDrive = drive, q: Array = q, v: Array = v, torque: Array = torque) -> Array:
-            return scores(drive, time, q, v, torque, preset, tolerance)
-
+        score = partial(scores, drive, time, q, v, torque, tolerance)
         constant, reached = _lowest(score, _range(drive), len(time))
         if choice == "over_time" and reached <= 1.0:
             constant, reached = _over_time(score, constant, _range(drive), float(time[1] - time[0]))
@@ -63,7 +62,7 @@ def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, 
     return tuple(found)
 
 
-def scores(drive: JointDrive, time: Array, q: Array, v: Array, torque: Array, preset: Array, tolerance: float) -> Array:
+def scores(drive: JointDrive, time: Array, q: Array, v: Array, torque: Array, tolerance: float, preset: Array) -> Array:
     """(n,) how far a preset (n,) uses limits and tolerance, 1: wholly. Demands count where they are highest."""
     item = drive_backwards(drive, time, q, v, torque, preset)
     stiffness = over_arrays(drive.actuator.stiffness)(q, item.motors[:, 0], item.motors[:, 1], drive.spring)

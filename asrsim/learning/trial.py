@@ -131,7 +131,7 @@ def trial_of(
     expected: Array | None,
     seconds: float = 0.0,
 ) -> Trial:
-    """The trial in which `inputs` gave `outputs`, (n, joints) or (plants, n, joints); `expected`: outputs that a model foretold."""
+    """The trial in which `inputs` gave `outputs`, (n, joints) or (plants, n, joints); `expected`: as foretold."""
     error = problem.reference - outputs.reshape(-1, *problem.reference.shape)
     norm = float(np.linalg.norm(error, axis=2).max())
     told = None if expected is None else float(np.linalg.norm(problem.reference - expected, axis=1).max())

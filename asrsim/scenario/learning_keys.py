@@ -89,8 +89,8 @@ def _learning(**keys: Any) -> Keys:
 LEARNING: Block[Keys] = Block(
     keys=(
         Key(
-            name="trajectory", kind=SIGNALS_BY_JOINT, default={}, unit="rad", doc="desired link positions; this or `trajectories`",
-            shown="none",
+            name="trajectory", kind=SIGNALS_BY_JOINT, default={}, unit="rad", shown="none",
+            doc="desired link positions; this or `trajectories`",
         ),
         Key(
             name="trajectories", kind=MapOf(of=SIGNALS_BY_JOINT, noun="trajectory", star=False), default={}, unit="rad",
@@ -98,8 +98,8 @@ LEARNING: Block[Keys] = Block(
         ),
         Key(
             name="law", kind=Choice(("auto", "paper", "filtered")), default="auto",
-            doc="auto: norm-optimal, needs no tuning; paper: equation 13; filtered: equation 13 within the band in which errors "
-            "shrink",
+            doc="auto: norm-optimal, needs no tuning; paper: equation 13; filtered: equation 13 within the band in which "
+            "errors shrink",
         ),
         Key(
             name="gain", kind=Gain(), default=0.5, unit="1",
@@ -123,7 +123,7 @@ LEARNING: Block[Keys] = Block(
         ),
         Key(
             name="presets", kind=Choice(("given", "constant", "over_time")), default="given",
-            doc="second references: those of `references`, or the lowest that hold limits and tolerance, chosen before learning",
+            doc="second references: those of `references`, or the lowest that hold limits and tolerance, chosen beforehand",
         ),
         Key(name="tolerance", kind=POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it"),
         Key(name="max_iterations", kind=Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many"),
