@@ -145,7 +145,7 @@ def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -
         for line in (*prepared.notes, *reach_of(prepared)):
             say(line, "yellow" if line.startswith("out of reach") else "")
         say(f"inverse dynamics in {folder / GUESS}; play it with: asrsim run {folder / GUESS_PLAYBACK}")
-    demands = [demand_data(demand) for demand in prepared.inverse.demands]
+    demands = [demand_data(demand) for demand in prepared.demands]
     return {"ok": True, "folder": str(folder), "demands": demands}
 
 

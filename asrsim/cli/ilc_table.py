@@ -33,7 +33,7 @@ def reach_of(prepared: Prepared) -> list[str]:
     """What the motion asks of the joints, a line each."""
     if prepared.out_of_reach:
         return [f"out of reach: {demand}" for demand in prepared.out_of_reach[:MOST_DEMANDS]]
-    worst = prepared.inverse.demands[:1]
+    worst = prepared.demands[:1]
     return [f"within reach; the most that is asked is {100 * demand.score:.0f} %: {demand}" for demand in worst]
 
 

@@ -19,6 +19,7 @@ from asrsim.kinematics.soft_arm import SoftArm
 from asrsim.learning.linear import CLIP, Friction, Linearised, chords, linearise_along, spring_slopes
 from asrsim.learning.trial import Trial
 from asrsim.samples import Array
+from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant
@@ -56,6 +57,19 @@ class ArmModel:
         positions = inverse.motion.positions[:, self._columns]
         motors = np.stack([drive.motors for drive in inverse.drives], axis=1)
         return self._linear(inverse.motion, self._springs(positions, motors))
+
+    def start_error(self, inverse: InverseDynamics, linear: Linearised) -> Array:
+        """(n, joints) rad by which a run that starts at rest is off the motion, if nothing is done about it."""
+        motion, step = inverse.motion, inverse.motion.step
+        start = np.array([for_joint(self.plant.scenario.initial_positions, joint, 0.0) for joint in self.plant.joints])
+        motors = np.nan_to_num(np.stack([drive.motors[:2] for drive in inverse.drives], axis=1))
+        moved = linear.released(
+            start - motion.positions[0, self._columns],
+            -motion.velocities[0, self._columns],
+            start[:, None] - motors[0],
+            -(motors[1] - motors[0]) / step,
+        )
+        return np.column_stack([np.interp(self.plant.time, linear.time, column) for column in moved.T])
 
     @property
     def _columns(self) -> list[int]:
@@ -111,6 +125,12 @@ class ArmModel:
             outputs = trial.outputs + change
         return np.asarray(outputs)
 
+    def answers(self, trial: Trial) -> Callable[[Array], Array]:
+        """Inputs (n, joints) -> the outputs expected of them, by the joints linearised along a trial, friction included."""
+        base = self.state(trial.inputs, trial.outputs)
+        linear, friction = self._linear(base.motion, self._springs(base.positions, base.motors, 1.0)), self.friction(base)
+        return lambda inputs: np.asarray(trial.outputs + self.expected(linear, inputs - trial.inputs, friction))
+
     def _chords(self, base: TrialState, there: TrialState) -> Array:
         """(n, joints, 2) mean slopes of the springs between two trials."""
         one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
@@ -120,6 +140,12 @@ class ArmModel:
             return chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j])
 
         return self._each(of, len(base.positions))
+
+    def answers(self, trial: Trial) -> Callable[[Array], Array]:
+        """Inputs (n, joints) -> the outputs expected of them, by the joints linearised along a trial, friction included."""
+        base = self.state(trial.inputs, trial.outputs)
+        linear, friction = self._linear(base.motion, self._springs(base.positions, base.motors, 1.0)), self.friction(base)
+        return lambda inputs: np.asarray(trial.outputs + self.expected(linear, inputs - trial.inputs, friction))
 
     def _chords(self, base: TrialState, there: TrialState) -> Array:
         """(n, joints, 2) mean slopes of the springs between two trials."""

@@ -133,6 +133,22 @@ class Linearised:
         torques[:, m : 2 * m] = np.linalg.inv(0.5 * (self.mass[1:] + self.mass[:-1]))
         return np.asarray(np.linalg.solve(np.eye(change.shape[1]) - 0.5 * step * change, step * torques))
 
+    def released(self, positions: Array, velocities: Array, motors: Array, rates: Array) -> Array:
+        """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
+        states, _ = self.steps
+        m = len(self.drives)
+        moving = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        state = np.zeros(states.shape[1])
+        state[:m], state[m : 2 * m] = positions, velocities
+        for index, (joint, motor) in enumerate(moving):
+            state[2 * m + 2 * index], state[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
+        found = np.empty((len(self.time), m))
+        found[0] = state[:m]
+        for index in range(len(states)):
+            state = states[index] @ state
+            found[index + 1] = state[:m]
+        return found
+
     def response(self, change: Array, friction: Friction | None = None) -> Array:
         """(n, m) change of the positions for a change (n, m) of the inputs; with what friction makes of it."""
         states, inputs = self.steps

@@ -29,6 +29,8 @@ RHO = 0.1
 TAIL = 20
 """Knots behind the end of the motion through which its last error is taken to stand: what the last inputs do shows there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
+REHEARSALS = 4
+"""Updates in the model with friction before each trial, at most."""
 STALLED = 2
 """Trials without progress after which the model is thought over."""
 PROGRESS = 0.99
@@ -81,6 +83,8 @@ class NormOptimal:
     problem: LearningProblem
     lifted: Lifted
     rethink: Rethink | None = None
+    answers: Callable[[Trial], Callable[[Array], Array]] | None = None
+    """A trial -> what a model with friction expects of inputs after it."""
     _rethought: dict[int, tuple[Lifted, Array]] = field(default_factory=dict, repr=False)
 
     def propose(self, trials: Sequence[Trial]) -> Proposal:
@@ -97,7 +101,21 @@ class NormOptimal:
                 lifted = other
                 best, rho, _ = standing(trials[stalled + 1 :])
         change, expected = lifted.change(self.problem.reference - best.outputs, rho)
-        return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
+        if self.answers is None or rho > RHO:
+            return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
+        return self._rehearsed(lifted, best, change, self.answers(best))
+
+    def _rehearsed(self, lifted: Lifted, best: Trial, change: Array, answer: Callable[[Array], Array]) -> Proposal:
+        """What some updates come to in the model with friction, which holds joints that the lifted models let move."""
+        proposal = Proposal(inputs=best.inputs + change, outputs=answer(best.inputs + change))
+        for _ in range(REHEARSALS):
+            left = self.problem.reference - np.asarray(proposal.outputs)
+            inputs = proposal.inputs + lifted.change(left, RHO)[0]
+            outputs = answer(inputs)
+            if not np.sum((self.problem.reference - outputs) ** 2) < np.sum(left**2):
+                break
+            proposal = Proposal(inputs=inputs, outputs=outputs)
+        return proposal
 
     def _other(self, stalled: int, trials: Sequence[Trial]) -> tuple[Lifted, Array]:
         if stalled not in self._rethought and self.rethink is not None:

@@ -18,7 +18,7 @@ from asrsim.learning.folder import origin_of
 from asrsim.learning.identity import identity_of
 from asrsim.learning.law import FixedGain
 from asrsim.learning.linear import Linearised
-from asrsim.learning.optimal import Lifted, NormOptimal
+from asrsim.learning.optimal import RHO, Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.presets import ChosenPreset, choose_presets
 from asrsim.learning.settings import (
@@ -50,13 +50,15 @@ class Prepared:
     """Of the desired motion."""
     linear: Linearised = field(repr=False)
     """The joints along the desired motion."""
+    demands: tuple[Demand, ...]
+    """What the motion asks of the joints, highest score first."""
     notes: tuple[str, ...] = ()
     """For people: presets that were chosen, settings without effect."""
 
     @property
     def out_of_reach(self) -> tuple[Demand, ...]:
         """What the motion asks of the joints and they cannot give."""
-        return self.inverse.out_of_reach
+        return tuple(demand for demand in self.demands if demand.score > 1.0)
 
     def gain_advice(self) -> tuple[float, ...]:
         """Gains that the model would choose."""
@@ -129,8 +131,13 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         origin=origin_of(plant.scenario),
     )
     law: Law = FixedGain(problem, settings, model.expect)
+    missed = model.start_error(inverse, linear)
     if settings.law == "auto" and not lawless:
-        law = NormOptimal(problem, Lifted(problem.time, linear, model.delays))
+        sticks = any(model.arm.losses(joint).friction > 0.0 for joint in plant.joints)
+        lifted = Lifted(problem.time, linear, model.delays)
+        # What the first moments leave when the inputs do all that they can.
+        missed = missed + lifted.change(-missed, 0.01 * RHO)[1]
+        law = NormOptimal(problem, lifted, answers=model.answers if sticks else None)
     raw = plant.scenario.resolved.get("ilc") or {}
     idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
     if idle:
@@ -143,8 +150,23 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         law=law,
         inverse=inverse,
         linear=linear,
+        demands=tuple(sorted([*inverse.demands, *_start(plant, missed, settings.tolerance)], key=lambda one: -one.score)),
         notes=tuple(notes),
     )
+
+
+def _start(plant: Plant, missed: Array, tolerance: float) -> list[Demand]:
+    """The errors that the start leaves in each joint."""
+    found = []
+    for joint, column in zip(plant.joints, missed.T, strict=True):
+        worst = int(np.argmax(np.abs(column)))
+        found.append(
+            Demand(
+                joint=joint, what="error from the start", needed=float(column[worst]), limit=tolerance, unit=plant.unit(joint),
+                time=float(plant.time[worst]),
+            )
+        )  # fmt: skip
+    return found
 
 
 def _preset_note(item: ChosenPreset) -> str:

@@ -158,7 +158,7 @@ def session_data(session: Session) -> dict[str, Any]:
     }
     data |= result_data(result, plant.joints)
     data["law"] = session.prepared.settings.law
-    data["demands"] = [demand_data(demand) for demand in session.prepared.inverse.demands[:MOST_DEMANDS]]
+    data["demands"] = [demand_data(demand) for demand in session.prepared.demands[:MOST_DEMANDS]]
     if session.foreseen:
         data["foreseen_norms"] = list(session.foreseen)
     if session.transfer is not None:
