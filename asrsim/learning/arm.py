@@ -141,22 +141,6 @@ class ArmModel:
 
         return self._each(of, len(base.positions))
 
-    def answers(self, trial: Trial) -> Callable[[Array], Array]:
-        """Inputs (n, joints) -> the outputs expected of them, by the joints linearised along a trial, friction included."""
-        base = self.state(trial.inputs, trial.outputs)
-        linear, friction = self._linear(base.motion, self._springs(base.positions, base.motors, 1.0)), self.friction(base)
-        return lambda inputs: np.asarray(trial.outputs + self.expected(linear, inputs - trial.inputs, friction))
-
-    def _chords(self, base: TrialState, there: TrialState) -> Array:
-        """(n, joints, 2) mean slopes of the springs between two trials."""
-        one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
-        other = np.where(np.abs(other - one) < LEAST, one + LEAST, other)
-
-        def of(drive: JointDrive, j: int) -> Array:
-            return chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j])
-
-        return self._each(of, len(base.positions))
-
     def state(self, inputs: Array, outputs: Array) -> TrialState:
         """Where motors stand in a trial with `inputs` and `outputs`, (n, joints) each."""
         plant = self.plant

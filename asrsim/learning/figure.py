@@ -93,12 +93,12 @@ def _draw_joint(
         linewidth=0,
         label="tolerance",
     )
-    for trial in result.trials:
-        last = trial is result.trials[-1]
+    for trial in (*result.trials, result.best_trial):
+        last = trial is result.best_trial
         strength = 1.0 if last else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
         for ax, values, shade, label in (
-            (trajectory, trial.outputs, style.VERMILION, "$q$, each iteration"),
-            (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, each iteration"),
+            (trajectory, trial.outputs, style.VERMILION, "$q$, best of all iterations"),
+            (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, best of all iterations"),
         ):
             width = 1.6 if last else 0.9
             ax.plot(time, values[rows, column], color=shade, alpha=strength, linewidth=width, label=label if last else None)
