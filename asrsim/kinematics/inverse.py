@@ -65,8 +65,8 @@ class Demand:
 
     joint: str
     what: str
-    """`motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or `error from the start`
-    (that the first moments leave whatever is learned)."""
+    """`motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or `error from the
+    start` (that the first moments leave whatever is learned)."""
     needed: float
     limit: float
     unit: str

@@ -101,7 +101,8 @@ class NormOptimal:
                 lifted = other
                 best, rho, _ = standing(trials[stalled + 1 :])
         change, expected = lifted.change(self.problem.reference - best.outputs, rho)
-        if self.answers is None or rho > RHO:
+        # The friction of a robot on which a trial failed may not be the model's.
+        if self.answers is None or failures(trials) > 0:
             return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
         return self._rehearsed(lifted, best, change, self.answers(best))
 
@@ -145,6 +146,12 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
         rho = max(RHO, rho / RHO_DOWN) if better else RHO_UP * rho
         best = trial if better else best
     return best, rho, failed
+
+
+def failures(trials: Sequence[Trial]) -> int:
+    """Trials that were no better than the best before them."""
+    totals = np.array([trial.total for trial in trials])
+    return int(np.sum(~(totals[1:] < np.fmin.accumulate(totals)[:-1])))
 
 
 def stalled_at(trials: Sequence[Trial]) -> int | None:
