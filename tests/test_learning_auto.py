@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from random_arms import differing_draw, random_arm
 
-from asrsim.errors import InputError
+from asrsim.errors import InputError, ScenarioError
+from asrsim.kinematics import plan_references
 from asrsim.kinematics.inverse import Losses
 from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
@@ -23,9 +25,11 @@ from asrsim.learning.prepared import prepare_learning, turning
 from asrsim.learning.presets import scores
 from asrsim.learning.session import run_session
 from asrsim.learning.trial import Trial
-from asrsim.scenario import load_scenario
+from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
 from asrsim.signals.csv_series import read_csv_series
 from asrsim.simulation.run import simulate
+
+ARM = Path(__file__).parents[1] / "examples" / "urdf" / "dof2_vertical.urdf"
 
 
 def learned(arm, folder, robot=None, *, noise=0.0, **ilc):
@@ -276,3 +280,50 @@ def test_predictions_of_laws_of_a_fixed_gain(tmp_path):
                 told += turning(foreseen, 0.005) is not None
     assert np.mean(np.array(close) <= 0.1) >= 0.95
     assert told >= 0.9 * turned
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"effects": {"commands": {"*": {"delay": 0.03}}}},
+        {"external_torques": {"joint_1": {"sinusoid": {"amplitude": 0.2, "frequency": 1.0}}}},
+        {"link_damping": {"*": {"constant": 0.1, "ratio": 0.2, "inertia": 0.01}}},
+        {"parameters": {"*": {"controller_1_integral": 200.0, "controller_2_integral": 200.0}}},
+        {"modes": 3},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_what_the_scenario_says_of_the_arm_is_in_the_model(changes):
+    """Inverse dynamics counts it: trial 0 is within some mrad, and every update helps."""
+    motion = {"*": {"minimum_jerk": {"duration": 2.0, "to": 0.4}}}
+    block = {"trajectory": motion, "tolerance": 1e-3, "max_iterations": 3}
+    scenario = make_scenario(ARM, duration=2.5, references={"*": {"stiffness_preset": 0.2}}, ilc=block, **changes)
+    plant = make_plant(scenario)
+    with learning_model(plant) as model:
+        prepared = prepare_learning(plant, model)
+        result = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+    worst = [trial.worst for trial in result.trials]
+    assert worst[0] < 5e-3
+    assert worst == sorted(worst, reverse=True)
+    assert result.converged
+
+
+def test_any_scenario_may_ask_for_inverse_dynamics():
+    """The references become the inputs that move the links as they say; one that a spring cannot give is an error."""
+    wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 2.0, "to": 0.6}}, "stiffness_preset": 0.3}
+    scenario = make_scenario(ARM, duration=2.5, references={"*": {**wanted, "inverse_dynamics": True}})
+    robot = apply_to_robot(scenario, checked_robot(scenario)[0])
+    planned = replace(plan_references(scenario, robot), inverse_dynamics={})
+    samples = simulate(planned).samples
+    motion = scenario.references["*"]["equilibrium_position"].values(samples.time)
+    assert np.abs(samples.values["link_position"] - motion[:, None]).max() < 4e-3
+    plain = make_scenario(ARM, duration=2.5, references={"*": {**wanted, "inverse_dynamics": False}})
+    assert plan_references(plain, robot) is plain
+    weak = make_scenario(
+        ARM,
+        duration=2.5,
+        references={"*": {**wanted, "inverse_dynamics": True}},
+        parameters={"*": {"max_deflection": 0.05}},
+    )
+    with pytest.raises(ScenarioError, match=r"out of reach: joint_. at .* s: spring torque"):
+        plan_references(weak, apply_to_robot(weak, checked_robot(weak)[0]))

@@ -48,6 +48,11 @@ class SoftArm:
         given = self.scenario.references_of(joint)
         return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
 
+    def external(self, joints: Sequence[str], time: Array) -> dict[str, Array]:
+        """(n,) N m on the links at `time` (n,), by joint."""
+        signals = {joint: for_joint(self.scenario.external_torques, joint) for joint in joints}
+        return {joint: signal.values(time) for joint, signal in signals.items() if signal is not None}
+
     def delay(self, joint: str) -> float:
         """s by which the joint's commands arrive late."""
         effects = for_joint(self.scenario.command_effects, joint)
@@ -82,16 +87,11 @@ class SoftArm:
             message = "its controller has no proportional gain: no reference moves it"
             raise ScenarioError([Problem(message=message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
-        external = {
-            joint: signal.values(motion.time)
-            for joint in joints
-            if (signal := for_joint(self.scenario.external_torques, joint)) is not None
-        }
         return invert(
             self.model,
             chosen,
             motion,
             {joint: self.preset(joint, motion.time) for joint in joints},
             {joint: self.losses(joint) for joint in joints},
-            external,
+            self.external(joints, motion.time),
         )

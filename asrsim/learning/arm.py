@@ -96,13 +96,13 @@ class ArmModel:
 
     def expected(self, linear: Linearised, change: Array, friction: Friction | None = None) -> Array:
         """(n, joints) change of the outputs for a change (n, joints) of the inputs, about a motion."""
-        moved = linear.response(self._late(linear.time, change, at_start=0.0), friction)
+        moved = linear.response(self._late(linear.time, change), friction)
         return np.column_stack([np.interp(self.plant.time, linear.time, column) for column in moved.T])
 
-    def _late(self, time: Array, inputs: Array, *, at_start: float | None = None) -> Array:
-        """(k, joints) inputs at `time` (k,) as they arrive, behind the commands' delays."""
+    def _late(self, time: Array, inputs: Array) -> Array:
+        """(k, joints) inputs at `time` (k,) as they arrive, behind the commands' delays; before that the first value stands."""
         columns = zip(inputs.T, self.delays, strict=True)
-        return np.column_stack([np.interp(time - delay, self.plant.time, column, left=at_start) for column, delay in columns])
+        return np.column_stack([np.interp(time - delay, self.plant.time, column) for column, delay in columns])
 
     def expect(self, trial: Trial, inputs: Array) -> Array:
         """(n, joints) outputs of the trial after `trial`: the change of its input through the joints linearised along it.
@@ -165,6 +165,8 @@ class ArmModel:
                 link_torque(drive, state.positions[:, j], speeds[:, j], state.motors[:, j], state.inputs[:, j])
                 for j, drive in enumerate(self.plant.drives)
             ]
+            external = self.arm.external(self.plant.joints, motion.time)
+            given = [torque + external.get(joint, 0.0) for joint, torque in zip(self.plant.joints, given, strict=True)]
             torques = np.column_stack(given) - rigid - speeds * [loss.damping for loss in losses]
         middle = 0.5 * (torques[1:] + torques[:-1])
         return Friction(level=level, velocities=0.5 * (speeds[1:] + speeds[:-1]), torques=np.clip(middle, -level, level))

@@ -58,7 +58,8 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float] = ()) -> Array:
     n, m = len(linear.time), len(linear.drives)
     middle = 0.5 * (linear.time[1:] + linear.time[:-1])
     late = list(delays) or [0.0] * m
-    values = [band.at(middle - delay).toarray() * (middle >= delay)[:, None] for delay in late]
+    # Before a command arrives its first value stands, as it does in a run.
+    values = [band.at(middle - delay).toarray() for delay in late]
     columns = band.count * m
     state = np.zeros((states.shape[1], columns))
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
