@@ -6,18 +6,24 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import Problem, ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.runs.execute import Executed, execute, with_plugins, write_summary
+from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write_summary
+from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.scenario import Scenario, load_scenario
+from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.crosscheck import cross_check as run_cross_check
+from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
-from asrsim.summary import RunSummary, claim_results, make_summary
+from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from asrsim.metrics import ExpectationResult
     from asrsim.robot.model import Robot
 
@@ -58,11 +64,14 @@ class JointSeries(Mapping[str, Array]):
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
+    def __repr__(self) -> str:
+        return f"JointSeries({self.info.name}, {len(self._samples.time)} samples: {', '.join(self)})"
+
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """What a run gives: arrays, the summary, and where the log is."""
 
@@ -115,6 +124,33 @@ class Result:
     def __getitem__(self, name: str) -> JointSeries:
         return self.joint(name)
 
+    def __repr__(self) -> str:
+        what = f"{self.summary.scenario} / {self.summary.variant}: {self.status}, {self.run.simulated_time:g} s"
+        return f"Result({what}, {self.summary.samples} samples of {', '.join(self.joints)})"
+
+    def _repr_html_(self) -> str:
+        from asrsim.notebook import as_html
+
+        return as_html(self)
+
+    def plot(self, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
+        """A figure of the joints, or of the quantities named. Raises LogError for unknown names."""
+        from asrsim.notebook import draw
+
+        return draw(self, joints=joints, quantities=quantities)
+
+    def to_pandas(self) -> Any:
+        """A DataFrame indexed by time, with columns by joint and quantity; needs pandas."""
+        from asrsim.notebook import as_pandas
+
+        return as_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """A Dataset of quantities over time and joint, with units; needs xarray."""
+        from asrsim.notebook import as_xarray
+
+        return as_xarray(self)
+
     @property
     def bodies(self) -> Mapping[str, Array]:
         """Body -> (n, 7): position in m, orientation as quaternion x y z w."""
@@ -130,13 +166,14 @@ def run(
     scenario: str | Path | Scenario,
     *,
     variant: str | None = None,
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     robot: Robot | str | Path | None = None,
     plugins: Sequence[str | Path] = (),
     out: str | Path | None = None,
     overwrite: bool = False,
     keep: bool = True,
     certify: bool = False,
+    cross_check: bool = False,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Result:
@@ -145,13 +182,15 @@ def run(
     Args:
         scenario: Scenario file, or a scenario made with :func:`asrsim.make_scenario` or :func:`asrsim.load_scenario`.
         variant: Which variant; may be left out where there is only one.
-        overrides: `key=value` texts, as `--set` of the command line.
+        overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
         robot: Replaces the scenario's robot: a file, or one that was loaded and changed.
         plugins: Python files with users' actuators.
         out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
         overwrite: Replace the results of another run there.
         keep: Keep all samples in memory; without (and with `out`), they are read from the log when asked for.
-        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`.
+        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`. Where another engine
+            is installed, `cross_check` too.
+        cross_check: Run again in another engine; the differences are in `.summary.cross_check`.
         progress: Told the simulated time in s.
         stop: Asked about every 2000 substeps; True ends the run cleanly.
 
@@ -171,13 +210,16 @@ def run(
         message = "the scenario has several variants"
         raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
     given = None if robot is None or isinstance(robot, str | Path) else robot
-    return _run_one(loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop)
+    return _run_one(
+        loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check, progress=progress,
+        stop=stop,
+    )  # fmt: skip
 
 
 def run_variants(
     scenario: str | Path,
     *,
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     plugins: Sequence[str | Path] = (),
     out: str | Path | None = None,
     overwrite: bool = False,
@@ -195,7 +237,7 @@ def run_variants(
 
 
 def _load(
-    scenario: str | Path | Scenario, variant: str | None, overrides: Sequence[str], plugins: Sequence[str | Path],
+    scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
     robot: Robot | str | Path | None,
 ) -> tuple[Scenario, ...]:  # fmt: skip
     if plugins:
@@ -216,29 +258,38 @@ def _load(
 
 def _run_one(
     scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
-    progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+    cross_check: bool = False, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
     if out is not None:
-        executed: Executed = execute(
-            scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop
-        )
-        executed = write_summary(executed)
+        with owned(Path(out)):
+            executed: Executed = execute(
+                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
+                progress=progress, stop=stop,
+            )  # fmt: skip
+            executed = write_summary(executed)
         if executed.error is not None:
             raise executed.error
         return Result(executed.run, executed.summary, executed.log)
 
-    def check(info: RunInfo) -> Sequence[Sink]:
-        check_claims(scenario.expect, info.joints, file=scenario.path)
-        return ()
+    if cross_check:
+        require_other_engine(scenario)
+    collectors: list[Collector] = []
 
-    done = simulate(scenario, robot, sinks=check, keep=True, progress=progress, stop=stop)
-    chunks = [done.samples] if done.samples is not None else []
+    def collect(info: RunInfo) -> Sequence[Sink]:
+        check_claims(scenario.expect, info.joints, file=scenario.path)
+        collectors.append(Collector(info.joints, samples=steps_of(scenario) + 1, claims=scenario.expect))
+        return collectors
+
+    done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
     claims: tuple[ExpectationResult, ...] = ()
-    if done.status == "complete" and scenario.expect:
-        claims = claim_results(scenario.expect, done.info.joints, lambda *_: chunks[0], file=scenario.path)
-    summary = make_summary(done, chunks, claims=claims)
+    if done.status == "complete":
+        claims = claim_results(scenario.expect, done.info.joints, collectors[0].read, file=scenario.path)
+    samples = len(done.samples.time) if done.samples is not None else 0
+    summary = make_summary(done, collectors[0], samples=samples, claims=claims)
     if certify and done.status == "complete":
         from asrsim.simulation.certify import certify as certify_run
 
         summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
+    if done.samples is not None and done.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
+        summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
     return Result(done, summary)

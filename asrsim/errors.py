@@ -7,9 +7,18 @@ The library raises them and never prints; the command line prints them and exits
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+"""Characters that a terminal obeys and does not show, or by which it shows others in another order; not tab and newline."""
+
+
+def printable(text: str) -> str:
+    """The text with its control characters as escapes (JSON's, so that a JSON document stays what it is)."""
+    return CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +51,7 @@ class Problem:
             text += f"; choose from {', '.join(self.choices)}"
         if self.hint:
             text += f". {self.hint}"
-        return text
+        return printable(text).replace("\n", "\\n")
 
     def as_dict(self) -> dict[str, object]:
         """For `--json`: plain values only, empty ones left out."""

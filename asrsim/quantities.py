@@ -25,11 +25,11 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("link_torque", "N m", r"$\tau_q$", "torque of the actuator on the link, after the effort limit"),
         Quantity("elastic_torque_1", "N m", r"$\tau_{el,1}$", "torque of spring 1 on motor 1"),
         Quantity("elastic_torque_2", "N m", r"$\tau_{el,2}$", "torque of spring 2 on motor 2"),
-        Quantity("stiffness", "N m/rad", r"$\sigma$", "stiffness seen by the link at fixed motors"),
+        Quantity("stiffness", "N m/rad", "$k$", "stiffness seen by the link at fixed motors"),
         Quantity("motor_1_position", "rad", r"$\theta_1$", "position of motor 1, at the link's side of the gear"),
         Quantity("motor_1_velocity", "rad/s", r"$\dot\theta_1$", "velocity of motor 1"),
         Quantity("motor_1_torque", "N m", r"$\tau_{m,1}$", "torque of motor 1, after its limit"),
-        Quantity("motor_2_position", "rad", r"$\theta_2$", "position of motor 2 (AwAS-II: adjuster, in m)"),
+        Quantity("motor_2_position", "rad", r"$\theta_2$", "position of motor 2 (AwAS-II: the adjuster's sigma, in m)"),
         Quantity("motor_2_velocity", "rad/s", r"$\dot\theta_2$", "velocity of motor 2"),
         Quantity("motor_2_torque", "N m", r"$\tau_{m,2}$", "torque of motor 2, after its limit"),
         Quantity("reference_1", "", "$r_1$", "first reference; its meaning and unit follow from the operation mode"),
@@ -44,6 +44,9 @@ QUANTITIES: dict[str, Quantity] = {
             "friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"
         ),
         Quantity("link_work", "J", r"$W_q$", "work of the actuator on the link since the start"),
+        Quantity(
+            "limit_loss", "J", r"$E_l$", "energy that the effort limit kept from the link since the start; it can be negative"
+        ),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
         Quantity(
             "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: closes to the scheme's order"

@@ -30,7 +30,11 @@ class JointInfo:
     """Names from :data:`asrsim.quantities.QUANTITIES` that this joint records."""
 
 
-@dataclass(frozen=True, kw_only=True)
+TIP, TIP_GOAL = "tip", "tip_goal"
+"""Bodies of a Cartesian task: its point, and where its path asks it to be."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Samples:
     """A chunk of a run, or a whole one: n samples at whole steps."""
 
@@ -44,6 +48,10 @@ class Samples:
     contacts: Mapping[str, Array] = field(default_factory=dict)
     """"object/link" or "object/ground" -> (n, 3): contact force on the first body in N, world frame."""
 
+    def __repr__(self) -> str:
+        span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
+        return f"Samples({len(self.time)} of {', '.join(self.joints)}{span}: {', '.join(self.values)})"
+
     def joint(self, name: str) -> dict[str, Array]:
         """All quantities of one joint, each (n,); all-NaN ones left out."""
         index = self.joints.index(name)
@@ -51,7 +59,7 @@ class Samples:
         return {quantity: column for quantity, column in columns.items() if not np.all(np.isnan(column))}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RunInfo:
     """Everything about a run that is not a time series: enough to repeat it from its log alone."""
 
@@ -75,3 +83,6 @@ class RunInfo:
     """Versions, seed, engine, stepping, substeps, ... as text."""
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     """Further files a rerun needs (CSV playbacks, manager YAML), by name."""
+
+    def __repr__(self) -> str:
+        return f"RunInfo({self.robot}, variant {self.variant}, {len(self.joints)} joints, {self.scenario_path})"

@@ -1,4 +1,5 @@
-"""Renews what the documentation takes from the code: the schema, README's first run, and every part marked as generated.
+"""Renews what the documentation takes from the code: the schema, README's first run, the tutorial's pictures, and every
+part marked as generated.
 
 Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -->` to `<!-- end -->`
 """
@@ -6,6 +7,7 @@ Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -21,6 +23,9 @@ from asrsim.document.tables import markdown_table
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
 PICTURE = ROOT / "docs" / "images" / "step_2dof_soft.png"
+TUTORIAL = Path(__file__).parent / "tutorial.md"
+WIDTH = 900
+"""Pixels of the tutorial's pictures."""
 PRINTED = re.compile(r"(<!-- printed -->\n```\n).*?```", re.DOTALL)
 MARK = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -127,6 +132,29 @@ def run_example() -> str:
         return done.stdout.replace(folder, "out/step_2dof/soft").strip()
 
 
+def run_tutorial(folder: Path) -> dict[Path, Path]:
+    """Runs the tutorial's commands in a folder; picture of the page -> the file that they made. Raises CalledProcessError."""
+    text = TUTORIAL.read_text(encoding="utf-8")
+    for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+        for line in block.strip().splitlines():
+            program, *words = shlex.split(line)
+            if program != "asrsim":
+                raise ValueError(f"the tutorial has a command that is none of asrsim: {line}")
+            subprocess.run([sys.executable, "-m", "asrsim", *words], cwd=folder, capture_output=True, text=True, check=True)
+    pictures = re.findall(r"<!-- picture: (.+) -->\n!\[.+\]\((.+)\)", text)
+    return {TUTORIAL.parent / shown: folder / made for made, shown in pictures}
+
+
+def save_small(made: Path, shown: Path) -> None:
+    """A picture for a page: narrower, with few colours."""
+    from PIL import Image
+
+    with Image.open(made) as picture:
+        height = round(picture.height * WIDTH / picture.width)
+        small = picture.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
+    small.quantize(64).save(shown, optimize=True)
+
+
 def main() -> None:
     """Writes all pages and the schema."""
     from asrsim.scenario.schema import FILE_NAME, schema_text
@@ -134,6 +162,9 @@ def main() -> None:
     text = PAGES[0].read_text(encoding="utf-8")
     printed = run_example()
     PAGES[0].write_text(PRINTED.sub(lambda found: f"{found[1]}{printed}\n```", text), encoding="utf-8")
+    with TemporaryDirectory() as folder:
+        for shown, made in run_tutorial(Path(folder)).items():
+            save_small(made, shown)
     for page in PAGES:
         page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
     (Path(__file__).parent / FILE_NAME).write_text(schema_text(), encoding="utf-8")

@@ -149,7 +149,8 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "words only": (b"a,b\nx,y\nx,y\n", "no row of numbers"),
     "excel": (b"PK\x03\x04" + bytes(50), "Excel workbook.*export"),
     "gzip": (b"\x1f\x8b\x08" + bytes(50), "compressed"),
-    "json": (b'{"time": 0.0, "q1": 1.0}\n', "is JSON"),
+    "one json record": (b'{"time": 0.0, "q1": 1.0}\n', "is JSON with 0 records"),
+    "broken json": (b'{"time": 0.0, "q1": 1.0,\n"x"\n', "cannot be read as JSON"),
     "web page": (b"<!DOCTYPE html><html></html>\n", "HTML"),
     "picture": (b"\x89PNG\r\n" + bytes(50), "picture"),
 }

@@ -26,7 +26,13 @@ INFO = RunInfo(
     urdf_path="robots/two_arms.urdf",
     scenario="robot: two_arms.urdf\nstep: 1e-3\n",
     scenario_path="scenarios/reach.yaml",
-    resolved={"step": 0.001, "limits": [0.1, float("inf")], "names": {"é": None}, "third": 1 / 3},
+    resolved={
+        "scenario": {"robot": "arm.urdf", "manager": "m.yaml", "external_torques": {}},
+        "step": 0.001,
+        "limits": [0.1, float("inf")],
+        "names": {"é": None},
+        "third": 1 / 3,
+    },
     metadata={"engine": "bullet", "seed": "7", "empty": ""},
     attachments={"reach.csv": b"t,q\n0,0\n", "manager/right.yaml": b"", "raw": bytes(range(256))},
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,11 @@ def simulated_log(scenario: str, path: Path, *, variant: str | None = None, dura
         writers.append(LogWriter(path, info))
         return writers
 
-    simulate(found[0], sinks=sinks, keep=False)
+    scenario = found[0]
+    if scenario.task is not None:
+        poses = tuple(pose for pose in scenario.task.poses if pose.time <= duration)
+        scenario = replace(scenario, task=replace(scenario.task, poses=poses))
+    simulate(scenario, sinks=sinks, keep=False)
     writers[0].close()
     return path
 

@@ -16,7 +16,7 @@ from asrsim.actuators.motor import motor_coefficients, motor_kick
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.actuators.sampling import parameter_sets
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
-from asrsim.validation.models import Body, chain, column, run
+from validation.models import Body, chain, column, run
 
 NAMES = ACTUATORS.names()
 BODY = Body(mass=0.3, reach=0.05, inertia=1e-3, damping=0.05)

@@ -147,23 +147,41 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     scenario = make_scenario(robot, 6)
     with pytest.raises(SimulationError, match="cannot be compiled"):
         simulate(replace(scenario, compiled=True), robot)
-    monkeypatch.setattr("asrsim.simulation.run.pays", lambda *_: True)
-    assert simulate(scenario, robot).status == "complete"
+    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
+    run = simulate(scenario, robot)
+    assert (run.status, run.compiled) == ("complete", False)
+    assert [warning.code for warning in run.warnings] == ["slow-loop"]
 
 
-def test_it_is_chosen_when_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_chosen_when_it_pays() -> None:
     assert not choice.pays(1, 1_000)
     assert choice.pays(5, 1_000_000)
     assert choice.pays(5, 100_000 * 11)
-    # Without Numba nobody asks for it.
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert not choice.available()
+
+
+def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = make_robot(tmp_path, ("sea",), 6)
+    scenario = make_scenario(robot, 6)
+    monkeypatch.setattr("asrsim.compiling.available", lambda: False)
+    monkeypatch.setattr("asrsim.simulation.run.available", lambda: False)
+    assert not simulate(scenario, robot).warnings
+    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
+    (warning,) = simulate(scenario, robot).warnings
+    assert (warning.code, warning.hint) == ("slow-loop", "pip install numba")
+    with pytest.raises(SimulationError, match="Numba is not installed"):
+        simulate(replace(scenario, compiled=True), robot)
 
 
 def test_what_needs_the_plain_loop_says_so(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("qbmove",), 6)
-    with pytest.raises(SimulationError, match="stepping"):
-        simulate(make_scenario(robot, 6, compiled=True, stepping="toolbox"), robot)
+    with pytest.raises(SimulationError, match="the bench runs in plain Python"):
+        simulate(make_scenario(robot, 6, compiled=True, engine="bench"), robot)
+
+
+@pytest.mark.parametrize("mode", range(7))
+def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
+    robot = make_robot(tmp_path, ("qbmove", "sea"), mode)
+    assert_equal(*both(robot, make_scenario(robot, mode, stepping="toolbox")))
 
 
 def kernels() -> list[Path]:

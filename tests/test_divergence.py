@@ -14,8 +14,8 @@ from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.run import Run
-from asrsim.validation.contacts import push, slide
-from asrsim.validation.models import LOAD, SETTINGS, Body, chain, run
+from validation.contacts import push, slide
+from validation.models import LOAD, SETTINGS, Body, chain, run
 
 STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 AWAS = replace(LOAD, actuator="awas_ii", damping=0.065)

@@ -11,10 +11,10 @@ import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.signals import PulseTrain, Sinusoid, Step
-from asrsim.simulation import run as run_module
 from asrsim.simulation.run import Run
-from asrsim.validation.conservation import energy_gain, motors
-from asrsim.validation.models import Body, chain, column, run
+from asrsim.simulation.simulation import CHUNK
+from validation.conservation import energy_gain, motors
+from validation.models import Body, chain, column, run
 
 BODY = Body(mass=0.4, reach=0.05, inertia=2e-3, damping=0.02)
 WAVE = Sinusoid(amplitude=0.3, frequency=2.0)
@@ -85,7 +85,7 @@ def test_the_effort_limit_takes_its_share() -> None:
 def test_a_jump_at_the_seam_of_two_blocks_is_seen() -> None:
     """Samples are made block by block; an input that jumps where one ends and the next begins belongs to both."""
     residuals = []
-    for at in (run_module.BLOCK, run_module.BLOCK - 1, run_module.BLOCK + 1, run_module.BLOCK - 0.4, run_module.BLOCK - 100):
+    for at in (CHUNK, CHUNK - 1, CHUNK + 1, CHUNK - 0.4, CHUNK - 100):
         result = run(
             chain(replace(BODY, actuator="sea")), mode=4, duration=2.2, substeps=1, motor_substeps=1,
             references={"motor_1_torque": Step(at=at * 1e-3, before=0.05, after=0.4)}, parameters={"spring_stiffness": 20.0},

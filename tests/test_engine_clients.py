@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from asrsim.engines.bullet import BulletEngine
-from asrsim.robot import engine_urdf, load_robot
+from asrsim.robot import load_robot
+from asrsim.scenario import Scenario
 
 LINK = """<link name="l{i}"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/>
 <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -20,12 +21,12 @@ def make(folder: Path, joints: int, mass: float) -> BulletEngine:
     links = "".join(LINK.format(i=i, before=i - 1, mass=mass) for i in range(1, joints + 1))
     path.write_text(f'<robot name="chain"><link name="l0"/>{links}</robot>')
     robot = load_robot(path)
-    return BulletEngine(robot, engine_urdf(robot, visuals=False, package_paths={})[0], step=1e-3)
+    return BulletEngine(Scenario(name="engine", robot=path), robot)
 
 
 def coriolis(engine: BulletEngine) -> list[float] | None:
     n = len(engine.joints)
-    return engine.bias_difference([0.3] * n, [1.0, -2.0, 0.5][:n], [0.0] * n)
+    return engine.model.bias_difference([0.3] * n, [1.0, -2.0, 0.5][:n], [0.0] * n)
 
 
 def test_velocity_torques_are_those_of_the_engines_own_robot(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_a_file_in_the_way_stays_unless_forced(tmp_path):
     robot = write_robot(tmp_path, {"name": "j"})
     out = tmp_path / "s.yaml"
     out.write_text("mine")
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError, match="--overwrite"):
         write_starter(robot, out)
     assert out.read_text() == "mine"
     write_starter(robot, out, force=True)

@@ -121,6 +121,24 @@ def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeyp
     assert len(said) == len(scenario.expect) > 0
 
 
+@pytest.mark.parametrize("zero", [0.0, 0.5, 0.7004, 3.1, 100.0, 100.0037, 86399.9, 1.7e9, 1_715_000_000.123, -2.0, -0.35])
+@pytest.mark.parametrize("decimals", [3, 9])
+def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Path, zero: float, decimals: int) -> None:
+    """However the clock is offset, and however the offset's rounding falls."""
+    from asrsim.simulation.run import simulate
+
+    stairs = 0.05 + 0.1 * np.floor(TIME / 0.07 + 1e-9)
+    rows = [f"{zero + t:.{decimals}f},{q:.6f},{q:.6f},0" for t, q in zip(TIME, stairs, strict=True)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time [s],q1,q1_ref,current", *rows]) + "\n")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", schema=False)
+    samples = simulate(scenario).samples
+    assert samples is not None
+    start = round(zero, decimals) if 0.0 <= zero <= 0.8 else 0.0
+    changed = samples.time[1:][np.diff(samples.values["reference_1"][:, 0]) != 0.0]
+    recorded = start + TIME[1:][np.diff(stairs) != 0.0]
+    np.testing.assert_allclose(changed, np.ceil(np.round(recorded / 0.001, 3)) * 0.001, atol=1e-9)
+
+
 def test_a_mapping_reaches_claims_and_commands(tmp_path: Path) -> None:
     path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]
@@ -135,6 +153,97 @@ def test_modes_that_cannot_take_the_command_are_replaced(tmp_path: Path, mode: i
     made, scenario = make(tmp_path, lab(tmp_path), mapping=mapping, mode=mode, robot="dof1_qbmove")
     assert scenario.modes["joint_1"] == taken
     assert any(f"mode {taken} in the place of {mode}" in remark for remark in made.remarks)
+
+
+@pytest.mark.parametrize(
+    ("header", "played"),
+    [
+        ("time,q1,motor_1_torque,current", "motor_1_torque"),
+        ("time,q1,tau_m1 [N m],current", "tau_m1 [N m]"),
+        ("time,q1,q1_ref,motor1_torque", "motor1_torque"),
+        ("time,q1,q1_ref [N m],motor1_torque", "q1_ref [N m]"),
+    ],
+)
+def test_mode_4_takes_the_recorded_torque(tmp_path: Path, header: str, played: str) -> None:
+    made, scenario = make(tmp_path, lab(tmp_path, header=header), mode=4)
+    assert set(scenario.references["joint_1"]) == {"motor_1_torque"}
+    assert played in (tmp_path / "s.yaml").read_text().partition("references:")[2]
+    assert not any("in the place of" in remark for remark in made.remarks)
+
+
+@pytest.mark.parametrize(
+    ("command", "response", "words"),
+    [
+        (0 * TIME + 0.05, 0.05 + 0.2 * np.sin(4 * TIME), "the simulation does not move"),
+        (SMOOTH, 0.1 - SMOOTH, "R2 is -"),
+        (SMOOTH, SMOOTH + 0.5, "R2 is -"),
+    ],
+)
+def test_a_simulation_that_rests_or_is_no_nearer_than_a_constant_claims_nothing(
+    tmp_path: Path, command: np.ndarray, response: np.ndarray, words: str
+) -> None:
+    rows = [f"{t:.2f},{q:.9g},{r:.9g}" for t, q, r in zip(TIME, response, command, strict=True)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time,q1,q1_ref", *rows]) + "\n")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv")
+    assert scenario.expect == ()
+    assert words in (tmp_path / "s.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    "header", ["time,q1 [m],q1_ref,current", "time,q1,q1_ref [m],current", "time,q1 [mm],q1_ref [mm],current"]
+)
+def test_metres_are_no_angle(tmp_path: Path, header: str) -> None:
+    with pytest.raises(RecordingError, match="is in m, but joint_1 is revolute") as error:
+        make(tmp_path, lab(tmp_path, header=header))
+    assert len(str(error.value).splitlines()) <= 3
+
+
+def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
+    (tmp_path / "map.yaml").write_text(
+        "alpha: joint_1.link_position [deg] - 0.01\nbeta: {joint: joint_1, quantity: reference_1, unit: deg}\n"
+        "window: [0.1, 0.6]\n"
+    )
+    command = ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "lab.csv", "--map", "map.yaml", "--out", "s.yaml"]
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    (tmp_path / "map.yaml").unlink()
+    (scenario,) = load_scenario(tmp_path / "s.yaml")
+    inside = (TIME >= 0.1) & (TIME < 0.595)
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    np.testing.assert_allclose(signal.values(TIME[inside]), SMOOTH[inside], atol=1e-9)
+    (claim,) = scenario.expect
+    assert claim.options["map"] == [
+        "alpha=joint_1.link_position [deg] - 0.01", "beta=joint_1.reference_1 [deg]", "window=0.1..0.6",
+    ]  # fmt: skip
+    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot"])
+    assert run.exit_code == 0, run.output
+
+
+def test_command_and_response_in_two_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each on its own Unix time; the claim is about the file with the response, on that file's clock."""
+    monkeypatch.chdir(tmp_path)
+    for name, values, late in (("q1_ref", SMOOTH, 0.0), ("q1", np.interp(TIME + 0.1, TIME, SMOOTH), 0.1)):
+        rows = [f"{1.7e9 + late + t:.4f},{v:.9g}" for t, v in zip(TIME, values, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["time,value", *rows]) + "\n")
+    done = CliRunner().invoke(
+        app, ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "q1_ref.csv+q1.csv", "--out", "s.yaml"]
+    )
+    assert done.exit_code == 0, done.output
+    (scenario,) = load_scenario(tmp_path / "s.yaml")
+    (claim,) = scenario.expect
+    assert claim.against == tmp_path / "q1.csv"
+    assert claim.options["lag"] == pytest.approx(-0.1, abs=1e-6)
+    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--json"])
+    assert run.exit_code == 0, run.output
+    plot = CliRunner().invoke(
+        app, ["plot", "out/s/default/log.mcap", "--experiment", "q1_ref.csv+q1.csv", "--lag", "0", "--json"]
+    )
+    metrics = {(m["quantity"], m["measure"]): m["value"] for m in json.loads(plot.stdout)["metrics"]}
+    assert json.loads(run.stdout)["runs"][0]["expect"][0]["measured"] == pytest.approx(
+        metrics["link_position", "rmse"], rel=1e-6
+    )
 
 
 def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:

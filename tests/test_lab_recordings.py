@@ -96,7 +96,6 @@ def test_constant_columns_and_columns_without_numbers_are_said(tmp_path: Path) -
         (180 / np.pi, "t,q1,q2", "57.3 times as large"),
         (1000.0, "t,q1,q2", "thousandths"),
         (-1.0, "t,q1,q2", "moves against the simulation"),
-        (2.0, "t,q1 [furlong],q2 [furlong]", r"its unit \[furlong\] is not known; read as rad"),
     ],
 )
 def test_units_and_signs_are_suspected(tmp_path: Path, factor: float, header: str, words: str) -> None:
@@ -104,6 +103,26 @@ def test_units_and_signs_are_suspected(tmp_path: Path, factor: float, header: st
     recording, compared = lay_over(tmp_path / "lab.csv")
     said = " ".join(finding.message for finding in (*recording.findings, *compared.findings))
     assert re.search(words, said)
+
+
+@pytest.mark.parametrize(
+    ("column", "header", "words"),
+    [
+        (A, "q1 [furlong]", "its unit [furlong] is not known"),
+        (np.round(2048 + 500 * A), "q1", "look like counts or degrees"),
+        (np.round(2048 + 500 * A), "q1_ref", "look like counts or degrees"),
+        (A, "q1_ref [counts]", "its unit is counts"),
+        (A, "q1_ref [V]", "its unit is V"),
+    ],
+)
+def test_what_is_hardly_in_si_is_asked_about_and_not_taken(tmp_path: Path, column: np.ndarray, header: str, words: str) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, column, B], before=f"t,{header},q2\n"))
+    recording = read_recording(tmp_path / "lab.csv", joints=JOINTS)
+    assert recording.channels[header].quantity is None
+    assert words in recording.channels[header].origin
+    named = [f"{header}=shoulder.link_position [deg]"]
+    told = read_recording(tmp_path / "lab.csv", joints=JOINTS, mapping=named).column("shoulder", "link_position")
+    np.testing.assert_allclose(told.values, column * np.pi / 180, rtol=1e-6, atol=1e-9)
 
 
 def test_a_motor_before_its_gear_is_suspected(tmp_path: Path) -> None:

@@ -130,17 +130,17 @@ def test_every_write_leaves_a_file_for_the_official_reader(
     """A process may be killed between any two writes to the file: there, too, the file is whole."""
     path = tmp_path / "run.mcap"
     counts = []
-    write = os.pwrite
+    write = os.write
 
-    def watched(file: int, data: bytes, position: int) -> int:
-        written = write(file, data, position)
+    def watched(file: int, data: bytes) -> int:
+        written = write(file, data)
         times = official_times(path)
         assert times == samples.time[: len(times)].tolist()
         assert len(read_log(path).samples.time) == len(times)
         counts.append(len(times))
         return written
 
-    monkeypatch.setattr(os, "pwrite", watched)
+    monkeypatch.setattr(os, "write", watched)
     with LogWriter(path, INFO) as writer:
         writer.write(part(samples, slice(0, 1400)))
     assert counts == sorted(counts)
@@ -233,7 +233,7 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
 
 def test_unwritable_places(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "none" / "run.mcap"):
-        with pytest.raises(OutputError, match="cannot write"):
+        with pytest.raises(OutputError, match=r"cannot (write|be written)"):
             LogWriter(path, INFO)
 
 

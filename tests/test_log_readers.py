@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from log_example import INFO, example_samples
 from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from asrsim.log import LogWriter
+from asrsim.log import LogWriter, read_log
+from asrsim.log.structure import read_structure
 from asrsim.samples import Samples
 
 COUNT = 1500
@@ -240,3 +242,50 @@ def test_time_never_runs_backwards_in_the_file(log_path: Path) -> None:
         messages = NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)
         times = [message.log_time for _, _, message in messages]
     assert times == sorted(times)
+
+
+@pytest.fixture(scope="module")
+def compact(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path:
+    path = tmp_path_factory.mktemp("compact") / "run.mcap"
+    info = replace(INFO, resolved={"scenario": {"robot": "arm.urdf", "log": "compact"}})
+    with LogWriter(path, info) as writer:
+        writer.write(samples)
+    return path
+
+
+def test_a_compact_log_holds_the_same_numbers_for_every_reader(log_path: Path, compact: Path, samples: Samples) -> None:
+    from rosbags.highlevel import AnyReader
+
+    whole, small = read_log(log_path).samples, read_log(compact).samples
+    for name in whole.values:
+        assert np.array_equal(whole.values[name].view(np.uint64), small.values[name].view(np.uint64)), name
+    joint = INFO.joints[0]
+    topic = next(name for name in topics_of(compact) if name.endswith("/state"))
+    with compact.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        official = [value for _, _, _, value in reader.iter_decoded_messages([topic])]
+    with AnyReader([compact]) as reader:
+        chosen = [connection for connection in reader.connections if connection.topic == topic]
+        ours = [reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(chosen)]
+    assert len(official) == len(ours) == COUNT
+    for quantity in joint.quantities:
+        column = samples.values[quantity][:, samples.joints.index(joint.name)]
+        if hasattr(official[0], quantity):
+            assert all(same(getattr(message, quantity), value) for message, value in zip(official, column, strict=True))
+            assert all(same(getattr(message, quantity), value) for message, value in zip(ours, column, strict=True))
+    assert "/joint_states" in topics_of(compact)
+
+
+def test_arrays_of_the_robot_are_there_where_a_manager_asks(tmp_path: Path, log_path: Path, samples: Samples) -> None:
+    without = tmp_path / "run.mcap"
+    with LogWriter(without, replace(INFO, resolved={"scenario": {"robot": "arm.urdf"}})) as writer:
+        writer.write(samples)
+    gone = topics_of(log_path) - topics_of(without)
+    assert {name.rpartition("/")[2] for name in gone} == {"robot_state", "motor_1_state", "motor_2_state", "external_torque"}
+    whole, small = read_log(log_path).samples, read_log(without).samples
+    for name in whole.values:
+        assert np.array_equal(whole.values[name].view(np.uint64), small.values[name].view(np.uint64)), name
+
+
+def topics_of(path: Path) -> set[str]:
+    return {channel.topic for channel in read_structure(path).channels}

@@ -117,10 +117,85 @@ def test_lag_between_different_samplings_gains_and_offsets() -> None:
     assert estimate_lag(TIME, np.ones_like(TIME), TIME, TIME) is None
 
 
+SPAN = np.arange(0, 20, 0.005)
+
+
+def noisy(kind: str, noise: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A motion, and the same 0.15 s later, each with noise of its own."""
+    rng = np.random.default_rng(seed)
+    shape = {
+        "sine": lambda t: np.sin(2 * np.pi * t),
+        "slow sine": lambda t: np.sin(2 * np.pi * 0.3 * t),
+        "chirp": lambda t: np.sin(2 * np.pi * (0.3 * t + 0.05 * t**2)),
+        "step": lambda t: 1.0 * (t > 5),
+    }[kind]
+    return tuple(shape(SPAN - late) + noise * rng.standard_normal(len(SPAN)) for late in (0.0, 0.15))
+
+
+@pytest.mark.parametrize(("kind", "noise"), [("sine", 0.05), ("sine", 0.2), ("sine", 0.7), ("slow sine", 0.1), ("chirp", 0.2),
+                                             ("step", 0.05)])  # fmt: skip
+def test_noise_does_not_draw_a_delay_towards_zero(kind: str, noise: float) -> None:
+    found = [estimate_lag(SPAN, first, SPAN, second) for first, second in (noisy(kind, noise, seed) for seed in range(20))]
+    seconds = np.array([lag.seconds for lag in found])
+    assert abs(np.mean(seconds) - 0.15) < 0.003
+    assert all(lag.told for lag in found)
+    inside = [lag.interval[0] <= 0.15 <= lag.interval[1] for lag in found]
+    assert sum(inside) >= 16  # of 20 at 95 %: fewer by chance once in 400
+    margins = np.array([lag.margin for lag in found])
+    assert np.median(margins) < max(12 * np.std(seconds), 0.003)
+
+
+def unrelated(kind: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    n = len(SPAN)
+    if kind == "noise":
+        return rng.standard_normal(n), rng.standard_normal(n)
+    if kind == "sines":
+        return np.sin(2 * np.pi * rng.uniform(0.3, 1.5) * SPAN), np.sin(2 * np.pi * rng.uniform(1.7, 3) * SPAN)
+    if kind == "walks":
+        return np.cumsum(rng.standard_normal(n)), np.cumsum(rng.standard_normal(n))
+    return np.sin(2 * np.pi * 0.7 * SPAN), rng.standard_normal(n)
+
+
+@pytest.mark.parametrize("kind", ["noise", "sines", "walks", "sine and noise"])
+def test_unrelated_series_have_no_delay(kind: str) -> None:
+    told = sum(math.isfinite(measure("delay", SPAN, *unrelated(kind, seed))) for seed in range(20))
+    assert told <= 1
+
+
+def test_a_delay_at_the_limit_of_the_search_is_none() -> None:
+    pulse, late = np.exp(-((TIME - 4) ** 2)), np.exp(-((TIME - 5) ** 2))
+    found = estimate_lag(TIME, pulse, TIME, late, limit=0.5)
+    assert found.at_limit
+    assert not found.told
+    assert math.isnan(measure("delay", TIME, late, pulse, limit=0.5))
+    assert measure("delay", TIME, late, pulse, limit=1.5) == pytest.approx(1.0, abs=1e-3)
+    opposite = estimate_lag(TIME, pulse, TIME, -late, limit=0.05)
+    assert not opposite.told
+
+
+@pytest.mark.parametrize(("name", "expected"), [("rmse", "rms"), ("bias", "mean")])
+def test_measures_of_a_difference_weigh_by_time_as_those_of_a_series(name: str, expected: str) -> None:
+    """Ten times as many samples in the first second count no more than that second."""
+    uneven = np.concatenate([np.linspace(0, 1, 1001), np.linspace(1, 10, 91)[1:]])
+    values = np.where(uneven < 1, 1.0, 0.0) + 0.3 * np.sin(uneven)
+    assert measure(name, uneven, values, np.zeros_like(values)) == measure(expected, uneven, values)
+    dense = np.linspace(0, 10, 100_001)
+    truth = measure(expected, dense, np.where(dense < 1, 1.0, 0.0) + 0.3 * np.sin(dense))
+    assert measure(name, uneven, values, np.zeros_like(values)) == pytest.approx(truth, rel=0.03)
+
+
+def test_r2_weighs_by_time() -> None:
+    uneven = np.concatenate([np.linspace(0, 1, 1001), np.linspace(1, 10, 91)[1:]])
+    dense = np.linspace(0, 10, 100_001)
+    found, truth = (measure("r2", t, np.sin(t) + 0.3 * np.exp(-t), np.sin(t)) for t in (uneven, dense))
+    assert found == pytest.approx(truth, abs=2e-3)
+
+
 def test_r2() -> None:
     q = np.sin(TIME)
     assert measure("r2", TIME, q, q) == 1.0
-    assert measure("r2", TIME, np.full_like(q, np.mean(q)), q) == pytest.approx(0.0, abs=1e-9)
+    assert measure("r2", TIME, np.full_like(q, measure("mean", TIME, q)), q) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_displacement_of_a_body() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from asrsim.errors import ScenarioError
-from asrsim.metrics.expect import ExpectationResult, compares
+from asrsim.metrics.expect import ExpectationResult, check_expectation, compares
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario.data import Expectation
 from asrsim.summary.claims import check_claims, claim_results
@@ -36,7 +36,8 @@ def evaluate(claims: list[Expectation]) -> tuple[ExpectationResult, ...]:
     ("measured", "comparison", "value", "tolerance", "holds"),
     [
         (1.0, "==", 1.0, 0.0, True), (1.1, "==", 1.0, 0.1, True), (1.2, "==", 1.0, 0.1, False), (1.0, "<", 1.0, 0.0, False),
-        (1.0, "<=", 1.0, 0.0, True), (1.05, "<", 1.0, 0.1, True), (0.95, ">", 1.0, 0.1, True), (1.0, ">=", 1.0, 0.0, True),
+        (1.0, "<=", 1.0, 0.0, True), (1.05, "<", 1.0, 0.1, False),
+        (0.95, ">", 1.0, 0.1, False), (0.0, "<", -99.0, 1e9, False), (1.0, ">=", 1.0, 0.0, True),
         (float("nan"), "<", 1.0, 9.0, False), (float("nan"), ">=", 1.0, 9.0, False),
     ],
 )  # fmt: skip
@@ -46,7 +47,7 @@ def test_comparisons(measured: float, comparison: str, value: float, tolerance: 
 
 def test_claims_hold_and_fail_in_words() -> None:
     good, bad, undefined = evaluate(
-        [claim(), claim(value=0.9), claim(measure="frequency", comparison=">", value=1.0)],
+        [claim(), claim(value=0.9), claim(measure="frequency", comparison=">", value=1.0, tolerance=0.0)],
     )
     assert (good.holds, bad.holds, undefined.holds) == (True, False, False)
     assert good.text == "elbow: steady_state of link_position is 0.8 rad, expected == 0.8 +- 0.001 rad: holds"
@@ -97,3 +98,24 @@ def test_all_bad_claims_are_reported_together() -> None:
     with pytest.raises(ScenarioError) as error:
         evaluate([claim(quantity="stiffness"), claim(), claim(measure="overshot", line=9)])
     assert [problem.line for problem in error.value.problems] == [7, 9]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"comparison": "<", "value": -99.0, "tolerance": 1e9},
+        {"measure": "settling", "options": {"band": "wide"}},
+        {"measure": "settling", "options": {"band": [1, 2]}},
+        {"measure": "at", "options": {"when": "soon"}},
+        {"measure": "at", "options": {"when": True}},
+        {"measure": "settling", "options": {"band": float("inf")}},
+        {"options": {"start": "0.1 s"}},
+        {"options": {"end": [1]}},
+        {"options": {"start": 2.0, "end": 1.0}},
+        {"options": {"start": float("nan")}},
+        {"measure": "overshoot", "options": {"initial": {}}},
+    ],
+)  # fmt: skip
+def test_a_claim_that_no_run_can_meet_is_found_before_the_run(changes: dict) -> None:
+    with pytest.raises(ScenarioError):
+        check_expectation(claim(**changes))

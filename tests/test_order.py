@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from asrsim.signals import Constant
-from asrsim.validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies, orders
-from asrsim.validation.models import Body, chain, run
-from asrsim.validation.order import FASTEST, Case, errors, jump_cases, smooth_cases
-from asrsim.validation.planar import Planar, solve
+from validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies, orders
+from validation.models import Body, chain, run
+from validation.order import FASTEST, Case, errors, jump_cases, smooth_cases
+from validation.planar import Planar, solve
 
 CASES = {case.name: case for case in (*smooth_cases(), *jump_cases())}
 QUICK = (

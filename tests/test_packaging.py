@@ -26,11 +26,11 @@ def declared() -> dict[str, str]:
     """Every requirement of the project and its extras -> its bound."""
     texts = [*PROJECT["dependencies"], *(text for extra in PROJECT["optional-dependencies"].values() for text in extra)]
     found = (REQUIREMENT.fullmatch(text) for text in texts)
-    return {normalised(match[1]): match[2] for match in found if match and match[1] != "asrsim"}
+    return {normalised(match[1]): match[2].partition(";")[0] for match in found if match and match[1] != "asrsim"}
 
 
 def locked() -> dict[str, str]:
-    pins = (line.split("==") for line in LOCK if line and not line.startswith("#"))
+    pins = (line.partition(" ; ")[0].split("==") for line in LOCK if line and not line.startswith("#"))
     return {normalised(name): version for name, version in pins}
 
 
@@ -38,8 +38,12 @@ def number(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split("."))
 
 
-def test_python_is_the_one_that_pybullet_has_wheels_for():
-    assert PROJECT["requires-python"] == ">=3.11,<3.12"
+def test_python_has_no_upper_bound_and_what_has_no_wheels_everywhere_is_marked():
+    assert PROJECT["requires-python"] == ">=3.11"
+    for name in ("pybullet", "numba"):
+        (text,) = (text for text in PROJECT["dependencies"] if text.startswith(name))
+        assert "; " in text
+        assert any(line.startswith(f"{name}==") and " ; " in line for line in LOCK)
 
 
 def test_every_requirement_has_a_lower_bound_that_the_lock_meets():
@@ -53,7 +57,7 @@ def test_every_requirement_has_a_lower_bound_that_the_lock_meets():
 
 def test_the_lock_pins_and_names_no_place():
     for line in LOCK:
-        assert line.startswith("#") or re.fullmatch(r"[a-z0-9-]+==[0-9][A-Za-z0-9.+]*", line), line
+        assert line.startswith("#") or re.fullmatch(r"[a-z0-9-]+==[0-9][A-Za-z0-9.+]*( ; .+)?", line), line
     assert "://" not in "\n".join(LOCK)
 
 
@@ -74,6 +78,9 @@ def test_imports_are_declared():
         "yaml": "pyyaml",
         "imageio_ffmpeg": "imageio-ffmpeg",
         "PIL": "pillow",
+        "mujoco": "mujoco-core",
+        # Numba does not go without.
+        "llvmlite": "numba",
         "pinocchio": "pin",
         "mcap_ros2": "mcap-ros2-support",
     }

@@ -15,6 +15,7 @@ from asrsim.log import LogWriter
 from asrsim.plots import draw_run, draw_runs, read_curves, style
 from asrsim.plots.curves import distinct_labels
 from asrsim.plots.figures import new_figure, run_pages
+from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
 
 
@@ -55,14 +56,15 @@ def test_an_external_torque_that_is_never_there_is_not_drawn(tmp_path: Path):
     assert list(lines(axes)) == ["joint_1.link_torque.0"]
 
 
-def test_variants_differ_in_line_style_and_share_colour_and_reference(tmp_path: Path):
+def test_variants_differ_in_colour_and_share_their_reference(tmp_path: Path):
     runs = [read_curves(made_up_log(tmp_path / name / "log.mcap", variant=name)) for name in ("soft", "stiff")]
     axes = new_figure(4, 3).subplots()
     draw_panel(axes, PANELS["position"], runs, "joint_1")
     drawn = lines(axes)
     soft, stiff = drawn["joint_1.link_position.0"], drawn["joint_1.link_position.1"]
-    assert soft.get_color() == stiff.get_color() == style.colour("link_position")
-    assert soft.is_dashed() != stiff.is_dashed()
+    assert (soft.get_color(), stiff.get_color()) == (style.VERMILION, style.BLUE)
+    assert not soft.is_dashed()
+    assert not stiff.is_dashed()
     assert "joint_1.reference_position.1" not in drawn
 
 
@@ -79,6 +81,9 @@ def test_a_prismatic_joint_has_metres_and_an_adjuster_too(tmp_path: Path):
     axes = new_figure(4, 3).subplots()
     draw_panel(axes, PANELS["position"], [run], "slide")
     assert axes.get_ylabel() == "position (m)"
+    axes = new_figure(4, 3).subplots()
+    draw_panel(axes, PANELS["torque"], [run], "slide")
+    assert axes.get_ylabel().startswith("link force")
     axes = new_figure(4, 3).subplots()
     assert draw_panel(axes, PANELS["adjuster"], [run], "lever") == ("reference_2", "motor_2_position")
     assert "(m)" in axes.get_ylabel()
@@ -204,5 +209,92 @@ def test_bad_requests_say_what_there_is(tmp_path: Path):
     with pytest.raises(InputError, match="png, pdf, svg"):
         draw_runs([log], tmp_path, formats=["bmp"])
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be made"):
+    with pytest.raises(OutputError, match="cannot make the folder"):
         draw_run(log, tmp_path / "file")
+
+
+def shown(name: str, values: np.ndarray, tmp_path: Path, panel: str = "torque"):
+    axes = new_figure(6, 3).subplots()
+    log = made_up_log(tmp_path / "log.mcap", values={name: values}, count=len(values))
+    draw_panel(axes, PANELS[panel], [read_curves(log)], "joint_1")
+    return axes
+
+
+def test_one_sample_does_not_flatten_a_panel_but_is_told(tmp_path: Path):
+    torque = np.sin(np.arange(2000) * 0.01)
+    torque[1234] = 128.0
+    axes = shown("link_torque", torque, tmp_path)
+    assert axes.get_ylim()[1] < 3.0
+    assert [text.get_text() for text in axes.texts] == ["▲ 128"]
+    # A step's transient is the story, however long the run.
+    torque = np.zeros(20_000)
+    torque[1000:1300] = np.sin(np.arange(300) * 0.1)
+    axes = shown("link_torque", torque, tmp_path)
+    assert axes.get_ylim()[1] > 0.99
+    assert not axes.texts
+
+
+@pytest.mark.parametrize(("frequency", "count"), [(470.0, 1000), (470.0, 200), (60.0, 4000)])
+def test_what_is_too_fast_for_pixels_or_samples_is_an_envelope(tmp_path: Path, frequency: float, count: int):
+    """530 Hz sampled at 1 ms look like 470 Hz with beats of 60 Hz."""
+    time = np.arange(count) * 1e-3
+    axes = shown("link_torque", np.sin(2 * np.pi * frequency * time), tmp_path)
+    (envelope,) = axes.collections
+    assert envelope.get_gid() == "joint_1.link_torque.0.envelope"
+    edges = envelope.get_paths()[0].vertices
+    middle = edges[(edges[:, 0] > 0.2 * time[-1]) & (edges[:, 0] < 0.8 * time[-1])]
+    np.testing.assert_allclose(np.abs(middle[:, 1]), 1.0, atol=0.1)
+    line = lines(axes)["joint_1.link_torque.0"]
+    assert np.isnan(line.get_ydata()).mean() > 0.8
+
+
+def test_slow_motions_steps_and_noise_stay_lines(tmp_path: Path):
+    time = np.arange(1001) * 1e-3
+    rng = np.random.default_rng(0)
+    for values in (np.sin(2 * np.pi * 8 * time), np.floor(4 * time), rng.normal(size=200)):
+        axes = shown("link_torque", values, tmp_path)
+        assert not axes.collections
+
+
+def test_limits_are_drawn_where_the_motion_comes_near_them(tmp_path: Path):
+    log = simulated_log("step_2dof", tmp_path / "log.mcap", variant="stiff", duration=0.3)
+    run = read_curves(log)
+    axes = new_figure(6, 3).subplots()
+    assert "limit" in draw_panel(axes, PANELS["motor_torque"], [run], "joint_1")
+    found = {float(line.get_ydata()[0]) for gid, line in lines(axes).items() if "limit" in gid}
+    limit = run.info.resolved["parameters"]["joint_1"]["motor_1_max_torque"]
+    assert found
+    assert found <= {-limit, limit}
+    most = run.info.resolved["parameters"]["joint_1"]["max_deflection"]
+    edge, _ = panel_limits(run, "joint_1", "deflection")
+    one, two = (np.interp(0.25, *(lambda c: (c.time, c.values))(run.get("joint_1", f"motor_{n}_position"))) for n in (1, 2))
+    assert np.interp(0.25, edge.time, edge.values) == pytest.approx(most - abs(one - two) / 2, abs=1e-3)
+
+
+def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap")
+    run = read_curves(log, start=0.2, end=0.5)
+    time = run.get("joint_1", "link_position").time
+    assert (time[0], time[-1]) == pytest.approx((0.2, 0.5))
+    with pytest.raises(LogError, match="in that time"):
+        read_curves(log, start=7.0)
+
+
+def test_stiffness_and_adjuster_have_letters_of_their_own():
+    from asrsim.plots.legends import _WORDS, _entry
+
+    assert _entry("stiffness") == "stiffness k"
+    assert "\u03c3" not in "".join(_WORDS.values())
+
+
+def test_a_run_of_many_joints_draws_overview_and_first_page(tmp_path: Path):
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=9, count=50))
+    assert [page.name for page in run_pages([run], brief=True)] == ["overview", "joints_1"]
+
+
+def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
+    from asrsim.log import open_log
+    from asrsim.plots.claims import logged_claims
+
+    info = open_log(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.02)).info
+    assert {claim.body for claim in logged_claims(info, tmp_path)} == {"box"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ def test_the_lag_is_found_and_the_difference_is_what_is_left(tmp_path: Path):
     rmse = next(row for row in result.rows if (row.quantity, row.measure) == ("link_position", "rmse"))
     assert rmse.unit == "rad"
     assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
-    assert {path.name for path in result.files} == {"comparison.png", "metrics.json", "metrics.csv"}
+    assert {path.name for path in result.files} == {"comparison.png", "recorded.json", "metrics.json", "metrics.csv"}
     data = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert {row["measure"] for row in data["metrics"]} >= {"rmse", "nrmse", "maximum_error", "bias", "delay", "r2", "rise"}
 
@@ -156,7 +157,7 @@ def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(tmp_pa
     assert "rmse" in result.output
     assert (out / "comparison.svg").is_file()
     again = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
-    assert "3 replaced" in again.output
+    assert "4 replaced" in again.output
 
 
 def test_json_is_one_document(tmp_path: Path):
@@ -179,3 +180,65 @@ def test_no_common_joint_says_what_there_is(tmp_path: Path):
         plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(tmp_path / "lab.csv"),)))
     assert "joint_1" in str(caught.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_bode_of_any_pair_has_its_unit_and_its_gain_in_decibels(tmp_path: Path):
+    log = simulated_chirp(tmp_path)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, given="motor_1_position", output="joint_1.link_velocity"))
+    (response,) = result.responses
+    assert response.unit == "rad/s/rad"
+    gain = {row.measure: row for row in result.rows}["resonance_gain"]
+    assert gain.unit == "dB re rad/s/rad"
+    assert gain.quantity == "link_velocity"
+
+
+def test_bode_says_what_a_log_or_a_recording_has_not(tmp_path: Path):
+    log = simulated_chirp(tmp_path)
+    with pytest.raises(InputError, match="no quantity 'motor_9'"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, given="motor_9"))
+    with pytest.raises(InputError, match="no joint 'elbow'"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, output="elbow.link_position"))
+    recorded = tmp_path / "lab.csv"
+    recorded.write_text("time,q\n" + "".join(f"{0.01 * i},{0.3 * np.sin(0.0628 * i)}\n" for i in range(400)))
+    result = plot(
+        PlotJob(
+            logs=(log,), folder=tmp_path, experiments=(str(recorded),), mapping=("q=joint_1.link_position [rad]",), lag="off",
+            bode=True, given="motor_1_position",
+        )
+    )  # fmt: skip
+    assert any("the recording has no motor_1_position of joint_1" in str(problem) for problem in result.findings)
+
+
+def test_the_octaves_of_a_bode_plot_are_labelled():
+    from asrsim.plots.bode import _label_octaves
+
+    for start, end in ((0.6, 6.0), (0.1, 30.0), (0.01, 400.0), (1.1, 1.9)):
+        axes = new_figure(4, 3).subplots()
+        axes.set_xscale("log")
+        _label_octaves(axes, start, end)
+        ticks = [tick for tick in axes.get_xticks() if start <= tick <= end]
+        assert 2 <= len(ticks) <= 16
+        if end / start < 2000:
+            assert max(b / a for a, b in pairwise(ticks)) <= 2.0
+            assert ticks[0] / start <= 2.0
+            assert end / ticks[-1] <= 2.0
+
+
+def simulated_chirp(tmp_path: Path) -> Path:
+    return simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="soft", duration=4.0)
+
+
+def test_identical_data_has_the_scale_of_what_is_compared(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=200)
+    recorded = tmp_path / "same.csv"
+    samples = read_log(log).samples
+    rows = zip(samples.time.tolist(), samples.values["link_position"][:, 0].tolist(), strict=True)
+    recorded.write_text("time,q\n" + "".join(f"{t!r},{q!r}\n" for t, q in rows))
+    job = PlotJob(
+        logs=(log,), folder=tmp_path, experiments=(str(recorded),), mapping=("q=joint_1.link_position [rad]",), lag="off"
+    )
+    result = plot(job)
+    axes = new_figure(4, 3).subplots()
+    draw_difference(axes, result.runs, result.compared, "joint_1", "link_position")
+    assert axes.get_ylim()[1] < 0.1
+    assert [text.get_text() for text in axes.texts] == ["RMSE 0 rad (0.0 %)"]

@@ -189,3 +189,68 @@ def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
     assert recording.format == "asrsim"
     np.testing.assert_array_equal(recording.time, TIME)
     np.testing.assert_array_equal(recording.column("elbow", "link_position").values, Q[0])
+
+
+def write_many(path: Path, *, bad: int | None = None, restart: bool = False) -> Path:
+    """JointState beside 60 topics that nobody needs, each with jitter, gaps or text; `bad`: ns of one stamp of the first."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = store.types
+    rng = np.random.default_rng(0)
+    vector = types["geometry_msgs/msg/Vector3"](x=1.0, y=2.0, z=3.0)
+    with Writer1(path) as writer:
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        kinds = {
+            "/force_{}": "geometry_msgs/msg/Vector3Stamped",
+            "/value_{}": "std_msgs/msg/Float64",
+            "/word_{}": "std_msgs/msg/String",
+        }
+        others = {
+            name.format(k): (kind, writer.add_connection(name.format(k), kind, typestore=store))
+            for name, kind in kinds.items() for k in range(20)
+        }  # fmt: skip
+        for i, stamp in enumerate((STAMPS + rng.integers(0, 10**6, N)).tolist()):
+            state = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=True)
+            writer.write(states, stamp, store.serialize_ros1(state, "sensor_msgs/msg/JointState"))
+            for name, (kind, connection) in others.items():
+                own = bad if bad is not None and name == "/force_0" and i == 20 else stamp
+                own = int(STAMPS[i % 20]) if restart and name == "/force_0" else own
+                time = types["builtin_interfaces/msg/Time"](sec=own // 10**9, nanosec=own % 10**9)
+                header = types["std_msgs/msg/Header"](seq=i, stamp=time, frame_id="")
+                fields = {
+                    "Vector3Stamped": {"header": header, "vector": vector},
+                    "Float64": {"data": 1.0},
+                    "String": {"data": "x"},
+                }
+                if rng.random() < 0.8:
+                    message = types[kind](**fields[kind.rpartition("/")[2]])
+                    writer.write(connection, stamp, store.serialize_ros1(message, kind))
+    return path
+
+
+@pytest.mark.parametrize("bad", [None, 12 * 10**9, ZERO + 400 * 86400 * 10**9])
+def test_what_nobody_needs_takes_one_note_and_one_bad_stamp_nothing_else(tmp_path: Path, bad: int | None) -> None:
+    recording = read_recording(write_many(tmp_path / "lab.bag", bad=bad), joints=["shoulder", "elbow"])
+    assert recording.joints == ("shoulder", "elbow")
+    assert recording.epoch == pytest.approx(ZERO * 1e-9, abs=1e-3)
+    np.testing.assert_allclose(recording.column("shoulder", "link_position").values, Q[0])
+    assert 0.0 < recording.time[-1] < 0.5
+    assert len(recording.findings) <= 5
+    (aside,) = (f for f in recording.findings if f.code == "not-used")
+    assert "60 columns or topics" in aside.message
+
+
+def test_a_topic_whose_time_restarts_does_not_refuse_the_others(tmp_path: Path) -> None:
+    path = write_many(tmp_path / "lab.bag", restart=True)
+    recording = read_recording(path, joints=["shoulder", "elbow"])
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q[1])
+    assert not any(name.startswith("/force_0/") for name in recording.channels)
+
+
+@pytest.mark.parametrize("topic", ["/force_0", "/word_3"])
+def test_topics_can_be_ignored_whether_they_can_be_read_or_not(tmp_path: Path, topic: str) -> None:
+    path = write_many(tmp_path / "lab.bag", restart=True)
+    recording = read_recording(path, mapping=[f"{topic}=ignore"])
+    assert not any(name.startswith(f"{topic}/") for name in recording.channels)
+    with pytest.raises(RecordingError, match="no such column") as error:
+        read_recording(path, mapping=["/nothing=ignore"])
+    assert len(str(error.value)) < 1000

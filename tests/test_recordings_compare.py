@@ -213,6 +213,28 @@ def test_several_runs_as_a_band(tmp_path: Path) -> None:
     assert band(runs, "elbow", "stiffness") is None
 
 
+def test_a_band_goes_on_through_one_runs_gap_but_not_beyond_its_end(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    runs = [
+        compare(simulation(), read(laboratory(tmp_path, offset=offset, name=f"run{i}.csv")), lag="off")
+        for i, offset in enumerate((-0.01, 0.0, 0.04))
+    ]
+    gappy = runs[2].find("elbow", "link_position")
+    assert gappy is not None
+    values = gappy.recording.copy()
+    count = len(values)
+    values[count // 3 : count // 2] = np.nan
+    values[-count // 10 :] = np.nan
+    series = tuple(replace(s, recording=values) if s is gappy else s for s in runs[2].series)
+    found = band([*runs[:2], replace(runs[2], series=series)], "elbow", "link_position")
+    assert found is not None
+    inside = slice(count // 3 + 1, count // 2 - 1)
+    np.testing.assert_allclose((found.high - found.low)[inside], 0.01, atol=1e-9)
+    assert np.isfinite(found.mean[: -count // 10 - 1]).all()
+    assert np.isnan(found.mean[-1])
+
+
 def test_rows_for_table_json_and_csv(tmp_path: Path) -> None:
     import csv
     import json
@@ -288,3 +310,43 @@ def test_quanser_hub_beside_its_own_reference_as_a_simulation() -> None:
     assert series is not None
     assert series.metrics["r2"] > 0.5
     assert series.metrics["delay"] < 0  # the model does not wait
+
+
+@pytest.mark.parametrize("factor", [20.0, 30.0, 36.0, 43.0, 75.0, 90.0, 600.0, 1600.0])
+def test_what_is_not_close_to_a_units_factor_is_not_called_so(factor: float) -> None:
+    assert suspect_scale(motion(TIME), factor * motion(TIME)) is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "prismatic", "wrong"), [("m", False, True), ("rad", True, True), ("m", True, False), ("rad", False, False)]
+)
+def test_a_unit_of_the_other_kind_of_joint_is_an_error(tmp_path: Path, unit: str, prismatic: bool, wrong: bool) -> None:
+    path = tmp_path / "lab.csv"
+    rows = "".join(f"{t:.3f},{v:.6f},{v:.6f}\n" for t, v in zip(TIME, motion(TIME), strict=True))
+    path.write_text(f"t,elbow_pos [{unit}],elbow_vel\n" + rows)
+    infos = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, prismatic=prismatic),)
+    samples = Samples(time=TIME, joints=("elbow",), values={"link_position": motion(TIME)[:, None]})
+    recording = read_recording(path, joints=["elbow"])
+    if not wrong:
+        assert compare(samples, recording, infos=infos).find("elbow", "link_position") is not None
+        return
+    with pytest.raises(RecordingError, match=rf"is in {unit}, but elbow is"):
+        compare(samples, recording, infos=infos)
+    # Beside what can be compared it is a question.
+    both = Samples(time=TIME, joints=("elbow",), values={**samples.values, "link_velocity": motion(TIME)[:, None]})
+    result = compare(both, recording, infos=infos)
+    assert result.find("elbow", "link_position") is None
+    assert any("it is not compared" in finding.message for finding in result.findings)
+
+
+def test_a_delay_at_the_limit_of_its_search_is_marked(tmp_path: Path) -> None:
+    late = np.interp(TIME - 0.3 * TIME[-1], TIME, np.sin(TIME))
+    for name, values in (("late", late), ("near", np.sin(TIME - 0.01))):
+        rows = "".join(f"{t:.3f},{v:.6f}\n" for t, v in zip(TIME, values, strict=True))
+        (tmp_path / f"{name}.csv").write_text("t,elbow_pos\n" + rows)
+        samples = Samples(time=TIME, joints=("elbow",), values={"link_position": np.sin(TIME)[:, None]})
+        result = compare(samples, read_recording(tmp_path / f"{name}.csv", joints=["elbow"]), lag="off")
+        series = result.find("elbow", "link_position")
+        assert series is not None
+        limit = abs(series.metrics["delay"]) > 0.249 * TIME[-1]
+        assert limit == (name == "late") == any(finding.code == "delay-at-limit" for finding in series.findings)

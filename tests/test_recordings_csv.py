@@ -222,7 +222,7 @@ def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
 
 
 def test_two_time_columns_keep_their_own_samples(tmp_path: Path) -> None:
-    lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{i},{0.013 * i:.3f},{-i}" for i in range(30)]]
+    lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{0.1 * i},{0.013 * i:.3f},{-0.1 * i}" for i in range(30)]]
     recording = read_recording(write(tmp_path / "lab.csv", lines))
     assert "second-time-base" in codes(recording.findings)
     np.testing.assert_allclose(recording.column("joint_1", "link_position").time, 0.01 * np.arange(30))
@@ -289,6 +289,9 @@ def test_bad_mappings_say_what_is_expected(tmp_path: Path, mapping: list[str], w
         (["pwm", "temperature", "ee_pos_x", "voltage"], [None, None, None, None]),
         (["deflection_rad", "position_error_rad"], ["deflection", "position_error"]),
         (["position_V"], [None]),
+        (["tau_ref [N m]", "tau_cmd", "q"], ["reference_1", None, "link_position"]),
+        (["tau_cmd [N m]", "q_cmd", "tau [N m]"], [None, "reference_1", "link_torque"]),
+        (["tau_d [N·m]", "torque [N-m]", "ref (N m)"], ["link_torque", None, "reference_1"]),
     ],
 )  # fmt: skip
 def test_guesses_by_name(tmp_path: Path, names: list[str], expected: list[str | None]) -> None:

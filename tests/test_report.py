@@ -172,7 +172,7 @@ SCROLL = """(async () => {
   }
   await new Promise((done) => setTimeout(done, 200));
 })()"""
-INK = """[...document.querySelectorAll('canvas')].map((canvas) => {
+INK = """[...document.querySelectorAll('.plots canvas')].map((canvas) => {
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
   let count = 0;
   for (let i = 0; i < pixels.length; i += 4) {
@@ -216,7 +216,7 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
 
     mouse("mouseMoved", 0.4)
     browser.evaluate("new Promise((done) => setTimeout(done, 100))")
-    assert re.search(r"\d \| .*\d rad", browser.evaluate("document.querySelector('.legend').textContent"))
+    assert re.search(r"soft -?\d\S* \| stiff -?\d\S* rad", browser.evaluate("document.querySelector('.legend').textContent"))
     assert browser.evaluate("document.querySelector('.time').textContent") == "0.120 s"
     mouse("mousePressed", 0.4, button="left", buttons=1, clickCount=1)
     mouse("mouseMoved", 0.5, button="left", buttons=1)
@@ -232,4 +232,79 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
     browser.evaluate("document.querySelector('#runs button').click()")
     assert browser.evaluate("asrsimCharts.every((chart) => chart.plot.series.every((s, i) => s.run !== 0 || "
                             "!chart.series[i + 1].show))")  # fmt: skip
+    assert browser.complaints == []
+
+
+def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: Path):
+    """As `asrsim plot` leaves them beside a variant."""
+    log = made_up_log(tmp_path / "soft" / "log.mcap")
+    made_up_log(tmp_path / "stiff" / "log.mcap", variant="stiff")
+    lab = tmp_path / "lab.csv"
+    lab.write_text("time,q\n" + "".join(f"{0.01 * i},{0.3 * np.sin(0.0628 * i)}\n" for i in range(100)))
+    options = ["--experiment", str(lab), "--map", "q=joint_1.link_position [rad]", "--align", "off"]
+    assert CliRunner().invoke(app, ["plot", str(log), *options]).exit_code == 0
+    page = write_report(tmp_path, film=False)
+    assert "Beside experiments" in " ".join(parsed(page).words)
+    data = page_data(page)
+    position = next(p for p in data["joints"][0]["plots"] if p["title"] == "position")
+    (recorded,) = (s for s in position["series"] if s["label"] == "link position, recorded")
+    assert data["runs"][recorded["run"]]["label"] == "soft"
+    assert recorded["high"] == pytest.approx(0.3, abs=1e-3)
+    assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
+
+
+def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
+    from asrsim.runs.folder import find_logs
+
+    for variant in ("stiff", "nominal_soft", "soft"):
+        simulated_log("step_2dof", tmp_path / variant / "log.mcap", variant=variant, duration=0.01)
+    (tmp_path / "zero").mkdir()
+    made_up_log(tmp_path / "zero" / "log.mcap", count=20)
+    assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
+
+
+def test_the_motion_comes_small(page: Path):
+    text = page.read_text(encoding="utf-8")
+    motion = json.loads(re.search(r'id="motion-data">(.*?)</script>', text, re.DOTALL)[1])
+    assert [run["label"] for run in motion["runs"]] == ["soft", "stiff"]
+    assert {part["body"] for part in motion["parts"]} <= {joint["child"] for joint in motion["joints"]} | {motion["root"]}
+    assert len(json.dumps(motion)) < 150_000
+
+
+@needs_browser
+@pytest.mark.slow
+def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
+    from asrsim.render import Film
+
+    log = simulated_log("box_push_5dof", tmp_path / "stiff" / "log.mcap", variant="stiff", duration=0.3)
+    browser.open(write_report(log.parent), width=1000)
+    film = Film(log)
+    row = len(film.samples.time) // 2
+    mine = film._frames(row)
+    theirs = browser.evaluate(f"asrsimMotion.frames({float(film.samples.time[row])!r})")
+    assert set(theirs) == set(mine)
+    for body, frame in mine.items():
+        np.testing.assert_allclose(np.reshape(theirs[body], (4, 4)), frame, atol=2e-4)
+    look = """(() => { asrsimMotion.draw(); const gl = document.querySelector('#motion canvas').getContext('webgl2');
+      const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, p = new Uint8Array(4 * w * h);
+      gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p);
+      let brown = 0, sum = 0;
+      for (let i = 0; i < p.length; i += 4) { brown += p[i] - p[i + 2] > 40; sum += p[i] * (i % 9973); }
+      return [brown / (w * h), sum]; })()"""
+    brown, first = browser.evaluate(look)
+    assert brown > 0.05
+    browser.evaluate("document.querySelector('#motion .speed').value = '0.1'")
+    browser.evaluate("document.querySelector('#motion .play').click()")
+    browser.evaluate("new Promise((done) => setTimeout(done, 600))")
+    browser.evaluate("document.querySelector('#motion .play').click()")
+    assert 0.0 < browser.evaluate("asrsimMotion.time()") < 0.3
+    before = browser.evaluate("asrsimMotion.camera()")
+    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
+                           "(document.querySelector('#motion canvas').getBoundingClientRect())")  # fmt: skip
+    for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
+        place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": "left", "buttons": 1, "clickCount": 1}
+        browser.call("Input.dispatchMouseEvent", {"type": kind, **place})
+    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
+    assert browser.evaluate("asrsimMotion.camera().turn") != pytest.approx(before["turn"], abs=1e-3)
+    assert browser.evaluate(look)[1] != first
     assert browser.complaints == []

@@ -11,21 +11,22 @@ import numpy as np
 import pytest
 
 from asrsim import run
+from asrsim.actuators import ACTUATORS
 from asrsim.errors import SimulationError
 from asrsim.registry import Registry
-from asrsim.reproduce import FIGURES, Claim, Figure, Part, Picture, Table
-from asrsim.reproduce.friction import held_by_friction, with_joint_losses
+from asrsim.reproduce import FIGURES, Claim, Figure, Part, Picture, Table, statics
+from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import swings
 from asrsim.reproduce.ringing import fit_ringing
-from asrsim.reproduce.statics import rest
+from asrsim.reproduce.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP, losses, rest
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EQUILIBRIA = {
-    ("dof1_sea", 0.0): (0.79972, 200.0), ("dof1_awas_ii", 0.005): (0.77988, 2.741), ("dof1_awas_ii", 0.04): (0.79998, 3555.6),
-    ("dof1_bavs", 0.001): (0.79442, 10.05), ("dof1_bavs", 0.22): (0.79877, 45.57), ("dof1_qbmove", 0.2): (0.57767, 0.400),
-    ("dof1_qbmove", 0.6): (0.78538, 3.817),
+    ("sea", "soft"): (0.79972, 200.0), ("awas_ii", "soft"): (0.77988, 2.741), ("awas_ii", "stiff"): (0.79998, 3555.6),
+    ("bavs", "soft"): (0.79442, 10.05), ("bavs", "stiff"): (0.79877, 45.57), ("qbmove", "soft"): (0.57767, 0.400),
+    ("qbmove", "stiff"): (0.78538, 3.817),
 }  # fmt: skip
 """Position (rad) and stiffness (N m/rad) of figure 8, worked out elsewhere."""
 
@@ -54,30 +55,58 @@ def test_a_claim_is_judged_by_its_tolerance_and_nan_never_holds(measured, holds)
     assert json.loads(json.dumps(claim(measured).as_dict(), allow_nan=False))["holds"] is holds
 
 
-@pytest.mark.parametrize(("robot", "preset"), EQUILIBRIA)
-def test_equilibria_of_figure_8_follow_from_law_and_file(robot, preset):
-    position, stiffness = EQUILIBRIA[robot, preset]
-    found = rest(sea_soft() if robot == "dof1_sea" else load_robot(EXAMPLES / "urdf" / f"{robot}.urdf"), 0.8, preset)
+@pytest.mark.parametrize("case", EQUILIBRIA)
+def test_equilibria_of_figure_8_follow_from_the_closed_forms(case):
+    position, stiffness = EQUILIBRIA[case]
+    found = rest(case)
     assert found.position == pytest.approx(position, abs=1e-5)
     assert found.spring == pytest.approx(stiffness, rel=1e-3)
 
 
-def sea_soft():
-    """An SEA's soft and stiff settings are parameters of the scenario."""
-    scenario = load_scenario(EXAMPLES / "scenarios" / "step_1dof_sea.yaml", variant="soft")[0]
-    return apply_to_robot(scenario, load_robot(scenario.robot))
+@pytest.mark.parametrize("case", SPRINGS)
+def test_the_closed_forms_are_not_the_simulator_s_and_agree_with_it(case):
+    name, variant = case
+    scenario = load_scenario(EXAMPLES / "scenarios" / f"step_1dof_{name}.yaml", variant=variant)[0]
+    robot = apply_to_robot(scenario, load_robot(scenario.robot))
+    (block,) = robot.actuators
+    law = ACTUATORS.get(name)
+    values = tuple(block.values()[parameter.name] for parameter in law.parameters)
+    preset = float(scenario.references["joint_1"]["stiffness_preset"].value) if name != "sea" else 0.0
+    for deflection in (-0.04, 0.01, 0.045):
+        motors = law.motor_references(0.3 + deflection, preset)
+        assert SPRINGS[case].torque(deflection) == pytest.approx(sum(law.elastic_torques(0.3, *motors, values)), rel=1e-12)
+        assert SPRINGS[case].slope(deflection) == pytest.approx(law.stiffness(0.3, *motors, values), rel=1e-12)
+    assert "asrsim.actuators" not in Path(statics.__file__).read_text(encoding="utf-8")
 
 
 def test_friction_widens_the_rest_to_a_band_that_the_law_bounds():
-    robot = load_robot(EXAMPLES / "urdf" / "dof1_qbmove.urdf")
-    free, held = rest(robot, 0.8, 0.2), rest(with_joint_losses(robot, damping=0.065, friction=0.025), 0.8, 0.2)
+    case = ("qbmove", "soft")
+    free, held = rest(case), rest(case, damping=0.065, friction=0.025)
     assert free.lowest == free.position == free.highest
     assert held.lowest < held.position < held.highest
     assert held.outside(held.position) == 0.0
     assert held.outside(held.highest + 0.1) == pytest.approx(0.1)
+    assert held.outside(held.lowest - 0.2) == pytest.approx(0.2)
     # Small bands are friction over slope.
-    small = rest(with_joint_losses(robot, damping=0.065, friction=1e-6), 0.8, 0.2)
+    small = rest(case, friction=1e-6)
     assert small.highest - small.position == pytest.approx(1e-6 / small.slope, rel=1e-3)
+
+
+def test_losses_are_read_from_a_motion_that_has_them():
+    """Leapfrog of Newton's law with known damping and friction."""
+    case, step, damping, friction = ("awas_ii", "soft"), 1e-3, 0.03, 0.01
+    q, v, found = 0.6, 0.0, []
+    for _ in range(600):
+        found.append(q)
+        force = float(SPRINGS[case].torque(STEP - q)) - MASS * GRAVITY * ARM * math.sin(q)
+        # Viscous and dry losses, implicit: a sum that stops the joint stops it.
+        free = v + step * force / INERTIA
+        slowed = max(abs(free) - step * friction / INERTIA, 0.0) / (1 + step * damping / INERTIA)
+        v = math.copysign(slowed, free)
+        q += step * v
+    got = losses(case, np.array(found), step)
+    assert got.damping == pytest.approx(damping, rel=0.06)
+    assert got.friction == pytest.approx(friction, rel=0.06)
 
 
 @pytest.mark.parametrize("decay", [2.0, 30.0, 200.0])

@@ -335,12 +335,6 @@ def test_pybullet_reads_the_text_exactly(seed: int, tmp_path: Path) -> None:
     assert np.abs(bullet - expected).max() < 1e-13 * np.abs(expected).max()
 
 
-def test_an_engine_that_refuses_a_body_gets_a_unit_one(read: Callable[[str], Robot]) -> None:
-    text, _ = engine_urdf(read(arm(mass="0")), unit_inertia=True)
-    assert text.count('mass value="1.0"') == 2
-    assert text.count('ixx="1.0"') == 2
-
-
 @pytest.mark.parametrize(
     ("kind", "limit", "expected"),
     [

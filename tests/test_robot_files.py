@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from asrsim.errors import RobotError
-from asrsim.robot import Robot, engine_urdf, load_robot, step_findings
+from asrsim.robot import Robot, engine_urdf, load_robot
 from asrsim.robot.expansion import expand_xacro
 from asrsim.robot.packages import packages_of
 
@@ -272,33 +270,3 @@ def test_other_encodings_are_read(tmp_path: Path) -> None:
 
 def test_numbers_too_large_for_physics_are_refused(read: Callable[..., Robot]) -> None:
     assert fails(read, robot(GOOD.replace('mass value="1"', 'mass value="1e308"'))) == ["out-of-range"]
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_damaged_files_give_robots_or_robot_errors(seed: int, tmp_path: Path) -> None:
-    """Whatever is changed in a good file: a checked robot or a RobotError, never another exception."""
-    source = random.Random(seed)
-    texts = [path.read_text() for path in sorted((Path(__file__).parents[1] / "examples/urdf").glob("dof*.urdf"))]
-    values = ["1e308", "nan", "-inf", "0", "-1", "", "5e-324", "x", "0 0 0", "true", "9" * 30, "1*2", "\u00e9"]
-    outcomes = set()
-    for _ in range(60):
-        text = source.choice(texts)
-        for _ in range(source.randint(1, 3)):
-            spots = list(re.finditer(r'(?<==")[^"<>]*(?=")|(?<=>)[^<>\s]+(?=</)', text))
-            spot = source.choice(spots)
-            text = text[: spot.start()] + source.choice(values) + text[spot.end() :]
-            if source.random() < 0.2:
-                lines = text.splitlines()
-                lines.insert(source.randrange(len(lines)), lines.pop(source.randrange(len(lines))))
-                text = "\n".join(lines)
-        path = tmp_path / "damaged.urdf"
-        path.write_text(text)
-        try:
-            found = load_robot(path)
-        except RobotError:
-            outcomes.add("error")
-        else:
-            engine_urdf(found)
-            step_findings(found, step=1e-3)
-            outcomes.add("robot")
-    assert outcomes == {"error", "robot"}

@@ -252,6 +252,12 @@ def test_bombs_and_depth_are_refused():
         parse_yaml("a: &a [*a]")
 
 
+@pytest.mark.parametrize("text", ['{"a\\ud800": 1}', '{"a": {"b": ["x\\udfff"]}}', '{"\\ud83d": {"c": 1}}'])
+def test_half_a_character_is_no_text(text: str) -> None:
+    with pytest.raises(InputError, match=r"\\ud\w{3} in line 1 is half a character"):
+        parse_yaml(text)
+
+
 def test_aliases_and_merges_work():
     node = parse_yaml("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
     assert node.plain() == {"a": {"x": 1, "y": 2}, "b": {"x": 1, "y": 3}, "c": {"x": 1, "y": 2}}
@@ -355,3 +361,43 @@ def test_any_variant_is_merged_or_refused(tmp_path_factory, data):
 def test_a_robot_in_place_of_a_scenario_is_told_how_to_get_one(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="asrsim init"):
         load_scenario(tmp_path / "arm.urdf")
+
+
+def test_the_start_may_be_states_or_the_equilibrium(tmp_path):
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    states = {"a": 0.3, "b": {"velocity": -1, "motor_positions": [0.6, 0.4], "motor_velocities": [0, 1]}, "*": 0.1}
+    given = make_scenario(tmp_path / "arm.urdf", duration=1.0, initial=states)
+    assert given.initial_positions == {"a": 0.3, "*": 0.1}
+    assert given.initial_velocities == {"b": -1.0}
+    assert given.initial_motor_positions == {"b": (0.6, 0.4)}
+    assert given.initial_motor_velocities == {"b": (0.0, 1.0)}
+    assert not given.initial_equilibrium
+    resting = make_scenario(tmp_path / "arm.urdf", duration=1.0, initial="equilibrium")
+    assert resting.initial_equilibrium
+    assert resting.initial_positions == {}
+    for wrong in ("equilibrum", {"a": {"speed": 1}}, {"a": {"motor_positions": []}}, {"a": "fast"}):
+        with pytest.raises(ScenarioError):
+            make_scenario(tmp_path / "arm.urdf", duration=1.0, initial=wrong)
+
+
+def test_engine_and_stepping_take_what_is_registered(tmp_path, monkeypatch):
+    from asrsim.engines import ENGINES
+    from asrsim.simulation.steppings import STEPPINGS
+
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    with pytest.raises(ScenarioError, match="choose from"):
+        make_scenario(tmp_path / "arm.urdf", duration=1.0, engine="theirs")
+    monkeypatch.setitem(ENGINES._entries, "theirs", ENGINES.get("bench"))
+    monkeypatch.setitem(STEPPINGS._entries, "their_stepping", STEPPINGS.get("euler"))
+    made = make_scenario(tmp_path / "arm.urdf", duration=1.0, engine="theirs", stepping="their_stepping")
+    assert (made.engine, made.stepping) == ("theirs", "their_stepping")
+    assert make_scenario(tmp_path / "arm.urdf", duration=1.0).resolved["engine"] in ENGINES
+    assert make_scenario(tmp_path / "arm.urdf", duration=1.0, engine="auto").engine in ENGINES
+
+
+def test_keys_of_the_log_and_of_the_velocity_limit(tmp_path):
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    plain = make_scenario(tmp_path / "arm.urdf", duration=1.0)
+    assert (plain.log_layout, plain.velocity_cutoff) == ("full", None)
+    made = make_scenario(tmp_path / "arm.urdf", duration=1.0, log="compact", velocity_limit_cutoff=False)
+    assert (made.log_layout, made.velocity_cutoff) == ("compact", False)

@@ -79,6 +79,12 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no actuated joint"),
         ("task: {link: tip, poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.link", "no link"),
         ("task: {link: vsa_link, joints: [x], poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.joints", "no actuated"),
+        (
+            "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}, {time: 2.001, position: [0, 0, 0]}]}",
+            7,
+            "task.poses.1.time",
+            "after the run's end at 2 s",
+        ),
         ("ilc: {trajectory: {x: 1}, tolerance: 1}", 7, "ilc.trajectory.x", "no actuated joint"),
         ("expect:\n- {joint: x, quantity: deflection, measure: maximum, value: 1}", 8, "expect.0.joint", "no moving joint"),
     ],

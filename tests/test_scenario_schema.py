@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import ScenarioError
-from asrsim.scenario import load_scenario
+from asrsim.scenario import load_scenario, scenario_from_data
 from asrsim.scenario.docs import tables
 from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import json_schema
@@ -105,7 +105,9 @@ def _fenced(page):
 def test_examples_in_the_docs_are_valid(tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
     (tmp_path / "lab.csv").write_text("time,tau\n0,1\n1,2\n")
-    (scenario,) = _fenced("scenario.md")
+    scenario, *fragments = _fenced("scenario.md")
+    for fragment in fragments:
+        assert scenario_from_data({"robot": str(tmp_path / "arm.urdf"), "duration": 1, **parse_yaml(fragment).plain()})
     (tmp_path / "s.yaml").write_text(scenario)
     assert [variant.variant for variant in load_scenario(tmp_path / "s.yaml")] == ["soft", "stiff"]
     (signals,) = _fenced("signals.md")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators.base import Actuator, saturate
-from asrsim.actuators.rebind import rebind
+from asrsim.rebind import rebind
 
 Array = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import actuators as names
 from asrsim.cli.options import Plugins, load_plugins
 
 if TYPE_CHECKING:
@@ -13,24 +14,39 @@ if TYPE_CHECKING:
 
 
 def actuators(
-    name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False, autocompletion=names)] = None,
+    urdf: Annotated[
+        list[str] | None,
+        typer.Option("--urdf", metavar="JOINT", help="Print the block that puts it on this joint of a URDF; may be repeated."),
+    ] = None,
+    mode: Annotated[int, typer.Option("--mode", min=0, max=6, help="Operation mode of the block.")] = 6,
     plugin: Plugins = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
 ) -> None:
     """List the actuators, or show one: laws, parameters with units, defaults, URDF tags and sources.
 
     Example: asrsim actuators qbmove
+
+    Example: asrsim actuators qbmove --urdf joint_1 --mode 6
     """
     from asrsim.actuators import ACTUATORS
     from asrsim.cli.console import json_errors
 
     with json_errors(json):
         load_plugins(plugin)
+        if urdf and name is None:
+            raise typer.BadParameter("name the actuator: asrsim actuators NAME --urdf JOINT", param_hint="--urdf")
         chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
-    if json:
-        import json as writer
+    if urdf:
+        from asrsim.robot.mounting import block_text
 
-        typer.echo(writer.dumps([_as_dict(actuator) for actuator in chosen], indent=2, ensure_ascii=False))
+        for joint in urdf:
+            typer.echo(block_text(joint, chosen[0].name, mode))
+        return
+    if json:
+        from asrsim.cli.console import say_json
+
+        say_json([_as_dict(actuator) for actuator in chosen])
         return
     from asrsim.cli.tables import print_actuator, print_actuators
 

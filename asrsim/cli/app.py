@@ -22,8 +22,12 @@ COMMANDS = {
     "actuators": "asrsim.cli.actuators",
     "bench": "asrsim.cli.bench",
     "init": "asrsim.cli.init",
+    "examples": "asrsim.cli.examples",
 }
 """Command -> module that holds a function of the command's name; imported when the command is used or listed."""
+
+
+HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
 class LazyGroup(TyperGroup):
@@ -35,22 +39,24 @@ class LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False)
+        single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False, context_settings=HELP)
         single.command(name=cmd_name)(getattr(import_module(COMMANDS[cmd_name]), cmd_name))
         return typer.main.get_command(single)
 
 
 # Without rich's markup, help comes in half the time.
 app = typer.Typer(
-    cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None
-)
+    cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
+    context_settings=HELP,
+)  # fmt: skip
 
 
 def _version(wanted: bool) -> None:
     if wanted:
         from asrsim import __version__
+        from asrsim.cli.console import say
 
-        typer.echo(f"asrsim {__version__}")
+        say(f"asrsim {__version__}")
         raise typer.Exit
 
 
@@ -63,7 +69,7 @@ def root(
 ) -> None:
     """Simulate articulated soft robots: joints driven through springs or variable-stiffness actuators.
 
-    Example: asrsim run scenario.yaml
+    Example: asrsim examples && asrsim run examples/scenarios/step_2dof.yaml
     """
     if debug:
         os.environ["ASRSIM_DEBUG"] = "1"
@@ -74,6 +80,9 @@ def main() -> None:
     # A stream that was closed (>&-) is none at all, and its number would go to the next file that is opened.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    from asrsim.cli.console import clean_streams
+
+    clean_streams()
     code = _call()
     try:
         sys.stdout.flush()
@@ -87,36 +96,40 @@ def main() -> None:
 
 
 def _call() -> int:
+    from asrsim.cli.console import complain, error_lines
+    from asrsim.cli.interrupt import like_an_interruption
     from asrsim.errors import AsrsimError
 
     try:
-        app()
+        with like_an_interruption():
+            app()
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
         from asrsim.cli.interrupt import INTERRUPTED
 
-        sys.stderr.write("asrsim: aborted\n")
+        complain("asrsim: aborted")
         return INTERRUPTED
     except AsrsimError as error:
         if _debugging():
             raise
-        from asrsim.cli.console import error_lines
-
         for line in (*error_lines(error), *getattr(error, "__notes__", ())):
-            sys.stderr.write(f"asrsim: {line}\n")
+            complain(f"asrsim: {line}")
         return 1
+    except BrokenPipeError:
+        # Whoever read our output has gone: there is nobody to tell.
+        return 0
     except OSError as error:
         if _debugging():
             raise
         what = f"{error.filename}: " if error.filename else ""
-        sys.stderr.write(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}\n")
+        complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
         return 1
     except Exception as error:
         if _debugging():
             raise
-        sys.stderr.write(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}\n")
-        sys.stderr.write("asrsim: run with ASRSIM_DEBUG=1 to see where it came from\n")
+        complain(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}")
+        complain("asrsim: run with ASRSIM_DEBUG=1 to see where it came from")
         return 1
     return 0
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.options import Plugins, load_plugins
-from asrsim.errors import OutputError, Problem, RecordingError, did_you_mean
+from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.outfile import check_output, written
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -46,12 +47,14 @@ def bench(
     A row of the CSV is a step, at the row's time. The output has time and per joint position, velocity, references,
     link and elastic torques, stiffness and motor states; floats survive the round trip.
 
-    Example: asrsim bench arm.urdf motion.csv -o out.csv --stepping toolbox
+    Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
     load_plugins(plugin)
     rows = bench_files(robot, motion, out, stepping=stepping, first_step=first_step)
     if not quiet:
-        typer.echo(f"{rows} rows -> {out}")
+        from asrsim.cli.console import say
+
+        say(f"{rows} rows -> {out}")
 
 
 def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None) -> int:
@@ -59,17 +62,15 @@ def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str
     from asrsim.robot import load_robot
     from asrsim.simulation.bench import OUTPUTS, run_bench
 
+    check_output(out, "bench", inputs=[robot_file, motion_file])
     robot = load_robot(robot_file)
     time, motions = read_motion(motion_file, robot)
     results = run_bench(robot, time, motions, stepping=stepping, first_step=first_step)
     names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
     columns = [time.tolist(), *(results[joint][column].tolist() for joint in results for column in OUTPUTS)]
-    try:
-        with out.open("w", newline="", encoding="utf-8") as stream:
-            stream.write(",".join(["time", *names]) + "\n")
-            stream.writelines(",".join(map(repr, row)) + "\n" for row in zip(*columns, strict=True))
-    except OSError as error:
-        raise OutputError(f"{out}: cannot be written ({error.strerror})") from error
+    with written(out, "bench") as stream:
+        stream.write((",".join(["time", *names]) + "\n").encode())
+        stream.writelines((",".join(map(repr, row)) + "\n").encode() for row in zip(*columns, strict=True))
     return len(time)
 
 

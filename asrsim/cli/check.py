@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,9 +30,9 @@ def check(
 ) -> None:
     """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.
 
-    Example: asrsim check robot.urdf scenario.yaml --step 0.001
+    Example: asrsim check examples/urdf/dof2_vertical.urdf examples/scenarios/sine_2dof.yaml
 
-    Example: asrsim check --actuator my_vsa --plugin my_vsa.py
+    Example: asrsim check --actuator my_vsa --plugin examples/plugins/my_vsa.py
     """
     from asrsim.cli import findings
     from asrsim.cli.console import json_errors
@@ -70,7 +70,9 @@ def _check_actuator(name: str, as_json: bool) -> None:
     if as_json:
         from dataclasses import asdict
 
-        _print_json({**asdict(report), "passed": report.passed})
+        from asrsim.cli.console import say_json
+
+        say_json({**asdict(report), "passed": report.passed})
     else:
         from asrsim.cli.tables import print_check_report
 
@@ -81,14 +83,10 @@ def _check_actuator(name: str, as_json: bool) -> None:
 
 def _print(reports: list[FileReport], *, json: bool, quiet: bool) -> None:
     if json:
-        _print_json({"ok": not any(report.errors for report in reports), "files": [report.as_dict() for report in reports]})
+        from asrsim.cli.console import say_json
+
+        say_json({"ok": not any(report.errors for report in reports), "files": [report.as_dict() for report in reports]})
         return
     from asrsim.cli.tables import print_reports
 
     print_reports(reports, quiet=quiet)
-
-
-def _print_json(data: dict[str, Any]) -> None:
-    import json
-
-    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))

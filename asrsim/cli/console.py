@@ -4,21 +4,55 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import IO, Any
+from typing import IO, Any, cast
 
-from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.errors import AsrsimError, InputError, Problem, printable
 
 STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
 }  # fmt: skip
 """Name -> ANSI code."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What a terminal obeys instead of showing it, and halves of characters; newlines and tabs are none."""
+_STYLE = re.compile(rf"\x1b\[(?:0|{'|'.join(STYLES.values())})m")
 MOST = 40
 """Lines of an error that are shown."""
 SHOWN = 6
 """Places listed of a problem that many parts share."""
+
+
+OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
+MOVING_CODES = re.compile(r"(\x1b\[(?:[0-9;]*m|[0-9]*[AK]|\?25[lh])|\r)")
+"""What we write on purpose: colours; on stderr a progress bar's ways of moving too."""
+
+
+class CleanStream:
+    """A text stream through which control characters of files, names and values do not reach the terminal."""
+
+    def __init__(self, stream: IO[str], allowed: re.Pattern[str]) -> None:
+        self._stream = stream
+        self._allowed = allowed
+
+    def write(self, text: str) -> int:
+        """Write the text, cleaned of all that is not ours."""
+        parts = self._allowed.split(text)
+        parts[::2] = [printable(part) for part in parts[::2]]
+        return self._stream.write("".join(parts))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def clean_streams() -> None:
+    """From here on nothing that a file says moves the cursor or changes the terminal."""
+    if not isinstance(sys.stdout, CleanStream):
+        sys.stdout = cast("IO[str]", CleanStream(sys.stdout, OWN_CODES))
+    if not isinstance(sys.stderr, CleanStream):
+        sys.stderr = cast("IO[str]", CleanStream(sys.stderr, MOVING_CODES))
 
 
 def is_terminal(stream: IO[str] | None = None) -> bool:
@@ -44,9 +78,11 @@ def complain(text: str, style: str = "") -> None:
     _write(sys.stderr, styled(text, style, sys.stderr))
 
 
-def say_json(data: Mapping[str, Any]) -> None:
+def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     """One JSON document on stdout. Numbers that JSON has not must be gone."""
-    _write(sys.stdout, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    # JSON has escapes for what a terminal obeys, and for halves of characters.
+    _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int = 2) -> None:
@@ -72,9 +108,12 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int
 
 
 def say_problems(problems: Sequence[Problem], word: str, style: str) -> None:
-    """One line a problem; problems that differ in their place only share a line."""
+    """One line a problem, warnings on stderr; problems that differ in their place only share a line."""
     for line in problem_lines(problems):
-        say(f"{styled(word, style)} {line}")
+        if word == "warning":  # what a program reads from stdout stays free of them
+            complain(f"{styled(word, style, sys.stderr)} {line}")
+        else:
+            say(f"{styled(word, style)} {line}")
 
 
 def problem_lines(problems: Sequence[Problem]) -> list[str]:
@@ -129,7 +168,16 @@ def _unicode() -> bool:
     return (getattr(sys.stdout, "encoding", None) or "").lower().replace("-", "") in ("utf8", "utf16", "utf32")
 
 
+def shown(text: str, *, styles: bool = False) -> str:
+    """The text as a terminal may have it: control characters, which files may hold, as their codes. styles: ours stay."""
+    parts = _STYLE.split(text) if styles else [text]
+    ours = [*_STYLE.findall(text), ""] if styles else [""]
+    clean = (_CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", part) for part in parts)
+    return "".join(part + style for part, style in zip(clean, ours, strict=True))
+
+
 def _write(stream: IO[str], text: str) -> None:
+    text = shown(text, styles=is_terminal(stream))
     try:
         stream.write(text + "\n")
     except UnicodeEncodeError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,12 @@ class FileReport:
             data["robot"] = self.robot.name
             data["links"] = len(self.robot.links)
             data["joints"] = [joint.name for joint in self.robot.moving_joints]
+            data["passive_springs"] = {
+                joint.name: {"stiffness": joint.spring_stiffness, "reference": joint.spring_reference}
+                for joint in self.robot.moving_joints
+                if joint.spring_stiffness
+            }
+            data["mimic"] = {joint.name: vars(joint.mimic) for joint in self.robot.moving_joints if joint.mimic is not None}
             data["actuators"] = [_block(block) for block in self.robot.actuators]
         if self.step is not None:
             data["step"] = self.step
@@ -57,18 +63,21 @@ def robot_report(
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path] | None = None,
 ) -> FileReport:
-    """Findings in a URDF or xacro file, at a step in s."""
+    """Findings in a URDF or xacro file, at a step in s: its own, and those of a run that leaves its references at rest."""
+    from asrsim.scenario.load import scenario_from_data
+
     try:
         robot = load_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
+        warnings = robot.warnings + engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
     except InputError as error:
         return FileReport(path=path, kind="robot", errors=error.problems, warnings=error.warnings)
-    if not robot.moving_joints:
-        problem = Problem(message="the robot has no moving joint: there is nothing to simulate", file=path, code="no-joint")
-        return FileReport(path=path, kind="robot", robot=robot, step=step, errors=(problem,), warnings=robot.warnings)
-    warnings = robot.warnings + engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
+    files = {name: str(folder) for name, folder in (package_paths or {}).items()}
+    keys = {"robot": {"file": str(path), "arguments": xacro_arguments or {}, "packages": files}, "step": step, "duration": step}
+    errors = _unbuildable(scenario_from_data(keys), robot, path)
+    figures = step_figures(robot, step=step) if robot.moving_joints else ()
     return FileReport(
-        path=path, kind="robot", robot=robot, step=step, figures=step_figures(robot, step=step),
-        warnings=warnings + step_findings(robot, step=step),
+        path=path, kind="robot", robot=robot, step=step, figures=figures, errors=errors,
+        warnings=warnings + step_findings(robot, step=step, figures=figures),
     )  # fmt: skip
 
 
@@ -91,11 +100,19 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
             continue
         wrong, notes = check_against_robot(scenario, robot)
         errors.extend(wrong)
-        warnings.extend((*robot.warnings, *engine_urdf(robot, package_paths=scenario.package_paths)[1], *notes))
+        known = robot.warnings
         if not wrong:
             robots.append(apply_to_robot(scenario, robot))
+            known = robots[-1].warnings
+        warnings.extend((*known, *notes))
+        if not wrong:
             warnings.extend(step_findings(robots[-1], step=step or scenario.step))
-            errors.extend(_unbuildable(scenario, robot, path) if step is None else ())
+            if step is not None:
+                scenario = replace(scenario, step=step, duration=step * max(1, round(scenario.duration / step)))
+            built = _unbuildable(scenario, robot, path)
+            errors.extend(built)
+            if not built:
+                warnings.extend(engine_urdf(robot, package_paths=scenario.package_paths)[1])
     first = robots[0] if robots else None
     used_step = step or scenarios[0].step
     return FileReport(
@@ -110,7 +127,7 @@ def _unbuildable(scenario: Scenario, robot: Robot, path: Path) -> tuple[Problem,
     from asrsim.simulation.prepare import prepare
 
     try:
-        prepare(scenario, robot).engine.close()
+        prepare(scenario, robot).make_engine().close()
     except AsrsimError as error:
         return problems_of(error, path)
     return ()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.completion import mountings
 from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
 
 if TYPE_CHECKING:
@@ -20,16 +21,26 @@ def init(
     mode: Annotated[
         int | None, typer.Option("--mode", min=0, max=6, help="Operation mode of all joints instead of the robot file's.")
     ] = None,
+    actuator: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--actuator",
+            "-a",
+            metavar="[JOINT=]NAME",
+            autocompletion=mountings,
+            help="Put this actuator on every joint, or on one; the scenario has it, the robot's file stays.",
+        ),
+    ] = None,
     experiment: Annotated[
         Path | None,
         typer.Option("--experiment", "-e", metavar="FILE", help="Play this recording's commands, compare with its motion."),
     ] = None,
     mapping: Annotated[
         list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is; may be repeated."),
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
     ] = None,
     rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
-    force: Annotated[bool, typer.Option("--force", "-f", help="Replace the file if it is there.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
     schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
     plugin: Plugins = None,
     argument: Arguments = None,
@@ -38,18 +49,23 @@ def init(
 ) -> None:
     """Write a commented starter scenario for a robot, or one from a recording of it.
 
-    Example: asrsim init arm.urdf --mode 6 --out step.yaml
+    Example: asrsim init examples/urdf/plain_arm.urdf --actuator qbmove --out arm.yaml
 
-    Example: asrsim init arm.urdf --experiment lab.csv --map 'alpha=elbow.link_position [deg]' --out lab.yaml
+    Example: asrsim init examples/urdf/dof2_vertical.urdf --experiment examples/recordings/two_joints.csv --out lab.yaml
     """
     load_plugins(plugin)
     packages = folders(package, "--package")
     arguments = pairs(argument, "--arg")
+    given = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
+    if experiment is not None and given:
+        raise typer.BadParameter(
+            "does not go with --experiment: write the actuators into the scenario", param_hint="--actuator"
+        )
     if experiment is not None:
         from asrsim.runs.from_recording import write_from_recording
 
         made = write_from_recording(
-            robot, experiment, out, mapping=mapping or (), rate=rate, mode=mode, force=force, schema=schema,
+            robot, experiment, out, mapping=mapping or (), rate=rate, mode=mode, force=overwrite, schema=schema,
             arguments=arguments, packages=packages,
         )  # fmt: skip
         if not quiet:
@@ -59,9 +75,14 @@ def init(
         raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
     from asrsim.scenario.start_file import write_starter
 
-    written = write_starter(robot, out, mode=mode, force=force, schema=schema, arguments=arguments, packages=packages)
+    written, notes = write_starter(
+        robot, out, mode=mode, actuators=given, force=overwrite, schema=schema, arguments=arguments, packages=packages
+    )
     if not quiet:
-        typer.echo(f"Wrote {', '.join(map(str, written))}. Run it: asrsim run {shlex.quote(str(out))}")
+        from asrsim.cli.console import say, say_problems
+
+        say_problems(notes, "warning", "yellow")
+        say(f"wrote {', '.join(map(str, written))}; run it: asrsim run {shlex.quote(str(out))}")
 
 
 def _print(made: Written, out: Path) -> None:
@@ -75,4 +96,4 @@ def _print(made: Written, out: Path) -> None:
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
     command = f"asrsim run {shlex.quote(str(out))}"
-    typer.echo(f"Wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}. Run it: {command}")
+    say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {command}")

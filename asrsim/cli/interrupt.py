@@ -1,9 +1,15 @@
-"""Ctrl-C: once ends a run cleanly, twice ends the command."""
+"""Ctrl-C: once ends a run cleanly, twice ends the command. SIGTERM is a Ctrl-C; a reader of stdout that has gone is one too."""
 
 from __future__ import annotations
 
+import os
+import select
 import signal
+import stat
+import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -11,27 +17,49 @@ from asrsim.cli.console import complain
 
 INTERRUPTED = 130
 """Exit code of a command that SIGINT ended, as shells have it."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def like_an_interruption() -> Iterator[None]:
+    """SIGTERM raises KeyboardInterrupt, as SIGINT does: files are closed, processes of ours ended."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 class Interruption:
-    """While it is entered, the first SIGINT only sets `requested`; the second raises KeyboardInterrupt."""
+    """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.requested = False
-        self._before: Any = None
+        self._before: dict[int, Any] = {}
+        self._pipe = _piped_stdout()
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self._handle)
+            self._before = {number: signal.signal(number, self._handle) for number in SIGNALS}
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
-            self._before = None
+        for number, before in self._before.items():
+            signal.signal(number, before)
+        self._before = {}
 
     def stop(self) -> bool:
         """For the simulation: whether to end the run."""
+        if self._pipe is not None and not self.requested:
+            # Nobody reads any more (`| head -1`): nobody is told.
+            self.requested = any(event & (select.POLLERR | select.POLLNVAL) for _, event in self._pipe.poll(0))
         return self.requested
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -39,3 +67,17 @@ class Interruption:
             raise KeyboardInterrupt
         self.requested = True
         complain("\nasrsim: stopping; the log will be closed properly (Ctrl-C again to abort)")
+
+
+def _piped_stdout() -> Any:
+    """What tells whether a pipe at stdout has lost its reader; None where stdout is no pipe, or the system cannot tell."""
+    try:
+        number = sys.stdout.fileno()
+        kind = os.fstat(number).st_mode
+    except (AttributeError, OSError, ValueError):
+        return None
+    if not (stat.S_ISFIFO(kind) or stat.S_ISSOCK(kind)) or not hasattr(select, "poll"):
+        return None
+    poll = select.poll()
+    poll.register(number, 0)
+    return poll

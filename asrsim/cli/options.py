@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +23,17 @@ Packages = Annotated[
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
 ]
+Start = Annotated[float | None, typer.Option(help="s, where the pictures begin.", show_default="the log's start")]
+End = Annotated[float | None, typer.Option(help="s, where they end.", show_default="the log's end")]
+
+
+def check_window(start: float | None, end: float | None) -> None:
+    """A window of time that has an inside. Raises typer's BadParameter."""
+    for name, value in (("--start", start), ("--end", end)):
+        if value is not None and not math.isfinite(value):
+            raise typer.BadParameter("must be a number of seconds", param_hint=name)
+    if start is not None and end is not None and not end > start:
+        raise typer.BadParameter(f"must be after --start {start:g}", param_hint="--end")
 
 
 def load_plugins(paths: Sequence[Path] | None) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Plugins, lag_of, load_plugins, mapping_of
+from asrsim.cli.options import End, Plugins, Start, check_window, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 def plot(
-    logs: Annotated[list[Path], typer.Argument(help="Logs (MCAP) of runs; several are drawn as variants by line style.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour."),
+    ],
     experiment: Annotated[
         list[str] | None,
         typer.Option(
@@ -47,6 +50,15 @@ def plot(
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Hz, of the Bode plot.", show_default="what is excited"),
     ] = None,
+    given: Annotated[
+        str | None,
+        typer.Option("--input", metavar="[JOINT.]QUANTITY", help="Of the Bode plot.", show_default="the position's reference"),
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option(metavar="[JOINT.]QUANTITY", help="Of the Bode plot.", show_default="link_position")
+    ] = None,
+    start: Start = None,
+    end: End = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
     ] = None,
@@ -59,9 +71,11 @@ def plot(
 
     Exit code: 0, or 1 if a claim of the scenario does not hold.
 
-    Example: asrsim plot out/step/soft/log.mcap out/step/stiff/log.mcap --format pdf
+    Example: asrsim plot out/step_2dof --format pdf --end 2
 
-    Example: asrsim plot log.mcap --experiment lab.csv --map 'q1=joint_1.link_position [deg]' --out compared
+    Example: asrsim plot out/step_2dof/soft --bode --input equilibrium_position --output link_position
+
+    Example: asrsim plot out/lab/default/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
     """  # fmt: skip
     from asrsim.cli.console import json_errors, say_json
 
@@ -69,8 +83,13 @@ def plot(
         from asrsim.cli.fraction import FractionProgress
         from asrsim.plots.job import PlotJob
         from asrsim.plots.job import plot as draw
+        from asrsim.runs.folder import find_logs
 
         load_plugins(plugin)
+        check_window(start, end)
+        if (given or output) and not bode:
+            raise typer.BadParameter("goes with --bode", param_hint="--input" if given else "--output")
+        logs = [log for place in logs for log in find_logs(place)]
         job = PlotJob(
             logs=tuple(logs),
             folder=out or _folder(logs, alone=not experiment and not bode),
@@ -85,6 +104,10 @@ def plot(
             formats=tuple(formats or ("png",)),
             bode=bode,
             band=band,
+            given=given,
+            output=output,
+            start=start,
+            end=end,
         )
         with FractionProgress(show=not quiet and not json) as progress:
             result = draw(job, progress.update)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 
 from asrsim.cli.bar import Bar
+from asrsim.cli.console import shown
 
 PATIENCE = 0.4
 """s before a bar is shown: short runs end without one, and without the import."""
@@ -18,7 +19,7 @@ class RunProgress(Bar):
 
     def __init__(self, title: str, duration: float, *, show: bool) -> None:
         super().__init__(show=show)
-        self._title = title
+        self._title = shown(title)
         self._duration = duration
         self._part = ""
 

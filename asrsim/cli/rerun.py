@@ -35,7 +35,7 @@ def rerun(
     The log of an interrupted or killed run is compared as far as it goes. Exit code: 0 if all samples are the same, 1 if
     some differ, 130 after Ctrl-C.
 
-    Example: asrsim rerun out/scenario/soft/log.mcap
+    Example: asrsim rerun out/step_2dof/soft/log.mcap
     """
     from asrsim.cli.console import json_errors, say_json
     from asrsim.cli.interrupt import INTERRUPTED, Interruption

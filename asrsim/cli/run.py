@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import engines, variants
 from asrsim.cli.options import Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
-    variant: Annotated[str | None, typer.Option(help="Run this variant only.", show_default="all")] = None,
+    variant: Annotated[
+        str | None, typer.Option(help="Run this variant only.", show_default="all", autocompletion=variants)
+    ] = None,
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
@@ -33,6 +36,13 @@ def run(
     certify: Annotated[
         bool, typer.Option("--certify", help="Run again with half and a quarter of the step and report the numerical error.")
     ] = False,
+    cross_check: Annotated[
+        bool, typer.Option("--cross-check", help="Run again in another engine and report what differs, joint by joint.")
+    ] = False,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="Physics engine: as --set engine=NAME.", show_default="the scenario's", autocompletion=engines),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every warning on its own line.")] = False,
@@ -41,19 +51,20 @@ def run(
     """Simulate a scenario: a log, a summary and plots of every variant; checks what the scenario expects.
 
     Results of an earlier run of the same scenario are replaced, and the command says so; those of another one are kept
-    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, or did
-    not meet what the scenario expects, 130 after Ctrl-C.
+    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, did not
+    meet what the scenario expects, or is contradicted by a cross-check, 130 after Ctrl-C.
 
-    Example: asrsim run scenario.yaml
+    Example: asrsim run examples/scenarios/step_2dof.yaml
 
-    Example: asrsim run scenario.yaml --variant soft --set duration=10 --set references.joint_1.stiffness_preset=0.3
+    Example: asrsim run examples/scenarios/step_2dof.yaml --variant soft --set references.joint_1.stiffness_preset=0.3
     """  # fmt: skip
     from asrsim.cli.console import json_errors
 
     with json_errors(json):
         code = _run(
-            scenario, variant, overrides or [], out, plugin or [], plot=plot, report=report, certify=certify,
-            overwrite=overwrite, quiet=quiet or json, verbose=verbose, json=json,
+            scenario, variant, [*(overrides or []), *([f"engine={engine}"] if engine else [])], out, plugin or [],
+            plot=plot, report=report, certify=certify, cross_check=cross_check, overwrite=overwrite, quiet=quiet or json,
+            verbose=verbose, json=json,
         )  # fmt: skip
     if code:
         raise typer.Exit(code)
@@ -61,14 +72,17 @@ def run(
 
 def _run(
     path: Path, variant: str | None, overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
-    report: bool, certify: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
+    report: bool, certify: bool, cross_check: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
 ) -> int:  # fmt: skip
+    import sys
+
     from asrsim.cli.console import error_as_dict, say_json
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import execute, with_plugins, write_summary
     from asrsim.runs.folder import default_folder
+    from asrsim.runs.lock import owned
     from asrsim.scenario import load_scenario
 
     load_plugins(plugins)
@@ -84,23 +98,27 @@ def _run(
             try:
                 from asrsim.cli.progress import RunProgress
 
-                with RunProgress(title, one.duration, show=not quiet) as progress:
-                    executed = execute(
-                        one, folder, overwrite=overwrite, certify=certify, started=progress.start,
-                        progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
-                    )  # fmt: skip
-                # Told and written at once, so that nothing is lost if drawing fails.
-                done.append(executed)
-                done[-1] = write_summary(done[-1])
-                if plot and executed.run.status != "interrupted":
-                    done[-1] = write_summary(_drawn(done[-1]))
-                if report and executed.run.status != "interrupted":
-                    done[-1] = write_summary(_reported(done[-1]))
+                with owned(folder):
+                    with RunProgress(title, one.duration, show=not quiet) as progress:
+                        executed = execute(
+                            one, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
+                            started=progress.start, progress=progress.update, stop=interruption.stop,
+                            certifying=progress.update_part,
+                        )  # fmt: skip
+                    # Told and written at once, so that nothing is lost if drawing fails.
+                    done.append(executed)
+                    done[-1] = write_summary(done[-1])
+                    if plot and executed.run.status != "interrupted":
+                        done[-1] = write_summary(_drawn(done[-1]))
+                    if report and executed.run.status != "interrupted":
+                        done[-1] = write_summary(_reported(done[-1]))
             except AsrsimError as error:
                 # Nothing of this variant could be built or written: the others would most likely fail alike.
                 failure = (title, error)
             if len(done) > before:
                 print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, told=told)
+                # Whoever reads along sees it now, and is missed at once when he goes.
+                sys.stdout.flush()
             if failure is not None:
                 break
             if interruption.requested:
@@ -137,7 +155,7 @@ def _with_files(executed: Executed, **files: Any) -> Executed:
 def _drawn(executed: Executed) -> Executed:
     from asrsim.plots import draw_run
 
-    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder)))
+    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder, brief=True)))
 
 
 def _reported(executed: Executed) -> Executed:

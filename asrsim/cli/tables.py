@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from rich import markup
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.actuators.checker import CheckReport
-from asrsim.cli.console import SHOWN, problem_lines
+from asrsim.cli.console import SHOWN, problem_lines, shown
 from asrsim.cli.findings import FileReport
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
 from asrsim.robot.tags import parameter_tags
+
+
+def escape(text: str) -> str:
+    """A text of a file, with nothing in it that rich or a terminal obeys."""
+    return markup.escape(shown(text))
 
 
 def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None:
@@ -27,6 +33,7 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None
             if report.robot is not None:
                 for blocks in _alike(report.robot.actuators):
                     _print_blocks(console, blocks)
+                _print_passive(console, report.robot)
                 if report.step is not None:
                     _print_figures(console, report.figures, report.step)
         print_problems(console, report.errors, "error", "bold red")
@@ -60,6 +67,21 @@ def _print_head(console: Console, report: FileReport) -> None:
         if rigid:
             parts.append(f"not driven: {escape(', '.join(rigid[:SHOWN]))}{' ...' if len(rigid) > SHOWN else ''}")
     console.print(" · ".join(parts), soft_wrap=True)
+
+
+def _print_passive(console: Console, robot: Robot) -> None:
+    """What moves or holds joints beside actuators."""
+    springs: dict[str, list[str]] = {}
+    for joint in robot.moving_joints:
+        if joint.spring_stiffness:
+            per, at = ("N/m", "m") if joint.kind == "prismatic" else ("N m/rad", "rad")
+            key = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
+            springs.setdefault(key, []).append(joint.name)
+    for spring, names in springs.items():
+        console.print(f"[bold cyan]passive spring[/], {spring}: {escape(', '.join(names))}", soft_wrap=True)
+    followers = [f"{joint.name} = {joint.mimic}" for joint in robot.moving_joints if joint.mimic is not None]
+    if followers:
+        console.print(f"[bold cyan]mimic[/], not simulated: {escape('; '.join(followers))}", soft_wrap=True)
 
 
 def _undriven(robot: Robot) -> list[str]:
@@ -191,13 +213,13 @@ def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
     """One line an actuator."""
     console = Console(highlight=False)
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading in ("name", "what", "plugin file", "motors", "source"):
+    for heading in ("name", "what", "plugin file", "motors"):
         table.add_column(heading, no_wrap=heading == "plugin file", overflow="fold")
     for actuator in actuators:
         motors = f"{actuator.motors}{' + adjuster' if actuator.adjuster else ''}"
-        table.add_row(actuator.name, actuator.title, f"lib{actuator.name}_plugin.so", motors, actuator.source)
+        table.add_row(actuator.name, actuator.title, f"lib{actuator.name}_plugin.so", motors)
     console.print(table)
-    console.print("[dim]asrsim actuators NAME shows laws and parameters.[/]")
+    console.print("[dim]asrsim actuators NAME shows laws, parameters and sources.[/]")
 
 
 def print_actuator(actuator: type[Actuator]) -> None:
@@ -210,17 +232,15 @@ def print_actuator(actuator: type[Actuator]) -> None:
             console.print(f"law     {escape(part)}")
     second = " + adjuster" if actuator.adjuster else ""
     console.print(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("default", justify="right")
-    for heading in ("unit", "tag"):
-        table.add_column(heading, no_wrap=True)
-    table.add_column("what")
     tags = parameter_tags(actuator)
+    # What a parameter is stands below it: beside it there is no room on a terminal of 80 columns.
+    console.print(f"\n[bold]{'parameter':<26}{'default':>8}  {'unit':<13}tag[/]")
     for parameter in actuator.all_parameters():
-        note = f"{parameter.doc} [dim]({escape(parameter.unused)})[/]" if parameter.unused else parameter.doc
-        table.add_row(parameter.name, f"{parameter.default:.6g}", parameter.unit, f"<{tags[parameter.name]}>", note)
-    console.print(table)
+        tag = escape(f"<{tags[parameter.name]}>")
+        console.print(f"{parameter.name:<26}{parameter.default:>8.6g}  {parameter.unit:<13}{tag}", soft_wrap=True)
+        note = f"{parameter.doc} ({parameter.unused})" if parameter.unused else parameter.doc
+        console.print(Padding(f"[dim]{escape(note)}[/]", (0, 0, 0, 4)))
+    console.print()
     sources = dict.fromkeys(parameter.source for parameter in actuator.all_parameters())
     console.print(f"defaults: {escape('; '.join(sources))}; in mode 1 <ctrl> gains are 0.8, 0, 0.2 and act on the link")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from asrsim.document.composite import merge_items
 from asrsim.document.kinds import Kind, Schema, attempt
@@ -32,6 +32,8 @@ class Key:
     """Name of the constructor's argument; empty: the key's own name."""
     shown: str = ""
     """The default for people, where the value itself says little."""
+    spread: bool = False
+    """Its value is a mapping of several of the constructor's arguments; without the key, none of them is given."""
 
     @property
     def required(self) -> bool:
@@ -67,21 +69,43 @@ class Key:
         return {**self.kind.schema(), "description": doc.strip()}
 
 
-def declare(kind: Kind[Any], *, doc: str, unit: str = "", default: Any = REQUIRED, key: str = "", shown: str = "") -> Any:
-    """A dataclass field that is also a key of a document; `key` is its name there, if it differs."""
-    metadata = {"key": Key(name=key, kind=kind, default=default, doc=doc, unit=unit, shown=shown)}
-    if default is REQUIRED:
+def declare(
+    kind: Kind[Any], *, doc: str, unit: str = "", default: Any = REQUIRED, key: str = "", shown: str = "", spread: bool = False,
+    field_default: Any = None,
+) -> Any:  # fmt: skip
+    """A dataclass field that is also a key of a document.
+
+    key: its name there, if it differs; `base.position` is the key `position` of the group `base`. spread: as in
+    :class:`Key`; the field stands for the others, too. field_default: the dataclass's own default, where it differs from the
+    document's; REQUIRED for none, or a function that makes it.
+    """
+    metadata = {"key": Key(name=key, kind=kind, default=default, doc=doc, unit=unit, shown=shown, spread=spread)}
+    value = default if field_default is None else field_default
+    if value is REQUIRED:
         return dataclasses.field(metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
+    if isinstance(value, dict) or callable(value):
+        return dataclasses.field(default_factory=value.copy if isinstance(value, dict) else value, metadata=metadata)
+    return dataclasses.field(default=value, metadata=metadata)
 
 
-def declared_keys(cls: Any) -> tuple[Key, ...]:
-    """The keys that a dataclass declares by :func:`declare`, in order."""
-    return tuple(
-        dataclasses.replace(field.metadata["key"], name=field.metadata["key"].name or field.name, attribute=field.name)
-        for field in dataclasses.fields(cls)
-        if "key" in field.metadata
-    )
+def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
+    """The keys that a dataclass declares by :func:`declare`, in order. `groups` hold those with dotted names: keys whose
+    kind is a block without keys, spread over the dataclass's fields.
+    """
+    found: dict[str, Key] = {}
+    named = {group.name: group for group in groups}
+    for field in dataclasses.fields(cls):
+        if "key" not in field.metadata:
+            continue
+        declared: Key = field.metadata["key"]
+        head, dot, rest = (declared.name or field.name).partition(".")
+        key = dataclasses.replace(declared, name=rest or head, attribute=field.name)
+        if dot:
+            group = found.get(head, named[head])
+            block = cast("Block[Any]", group.kind)
+            key = dataclasses.replace(group, kind=dataclasses.replace(block, keys=(*block.keys, key)))
+        found[head] = key
+    return tuple(found.values())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +118,8 @@ class Block(Kind[T], Generic[T]):
     noun: str = "mapping"
     doc: str = ""
     may_be_empty: bool = True
+    main: str = ""
+    """Key that a value which is no mapping fills (`robot: arm.urdf`); empty: none."""
     line_argument: str = ""
     """Argument of `build` that takes the block's line; empty: none."""
     read_before: tuple[str, ...] = ()
@@ -102,6 +128,7 @@ class Block(Kind[T], Generic[T]):
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T:
         if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):
             node = Node({}, node.line, None, node.file)
+        node = self.opened(node)
         if not isinstance(node.value, dict):
             raise reading.fault(node, path, f"must be a mapping ({', '.join(self.names)})", code="type")
         good = self._unknown(node, path, reading)
@@ -114,19 +141,25 @@ class Block(Kind[T], Generic[T]):
                         node, path, f"the key '{key.name}' is missing", hint=key.doc or None, code="missing-key", show=False
                     )
                     good = False
-                else:
+                elif not key.spread:
                     arguments[key.argument] = key.default
                 continue
             found = attempt(key.kind, item, (*path, key.name), reading)
             if found is None:
                 good = False
             else:
-                arguments[key.argument] = found[0]
+                arguments.update(found[0] if key.spread else {key.argument: found[0]})
         if not good:
             raise Rejected
         if self.line_argument:
             arguments[self.line_argument] = node.line
         return self._built(arguments, node, path, reading)
+
+    def opened(self, node: Node) -> Node:
+        """The node as a mapping, where its value stands for the main key."""
+        if not self.main or isinstance(node.value, dict):
+            return node
+        return Node({self.main: node}, node.line, {self.main: node.line}, node.file)
 
     def _unknown(self, node: Node, path: KeyPath, reading: Reading) -> bool:
         good = True
@@ -180,14 +213,29 @@ class Block(Kind[T], Generic[T]):
         }
         if required:
             schema["required"] = required
+        if self.main:
+            main = next(key for key in self.keys if key.name == self.main)
+            schema = {"anyOf": [main.kind.schema(), schema]}
         if self.doc:
             schema["description"] = self.doc
         return schema
 
     @property
     def text(self) -> str:
-        return self.noun
+        main = "".join(f"{key.kind.text}, or " for key in self.keys if key.name == self.main)
+        return main + self.noun
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return tuple((f".{key.name}", key.kind) for key in self.keys)
 
     def merge(self, base: Node, over: Node) -> Node:
         kinds = {key.name: key.kind for key in self.keys}
-        return merge_items(base, over, kinds.get)
+        return merge_items(self.opened(base), self.opened(over), kinds.get)
+
+
+def block_of(
+    cls: Callable[..., T], noun: str, *, groups: Sequence[Key] = (), main: str = "", line_argument: str = ""
+) -> Block[T]:
+    """The block whose keys a dataclass declares."""
+    return Block(keys=declared_keys(cls, groups), build=cls, noun=noun, main=main, line_argument=line_argument)

@@ -52,6 +52,10 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
             return f"list [{', '.join(self.names)}]"
         return f"list of {self.of.text}" if self.length is None else f"list of {self.length} x {self.of.text}"
 
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return (("[]", self.of),)
+
 
 @dataclass(frozen=True, kw_only=True)
 class MapOf(Kind[dict[str, T]], Generic[T]):
@@ -62,10 +66,14 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
     """What the names are."""
     star: bool = True
     """`"*"` may stand for all."""
+    bare: bool = False
+    """A value that is no mapping holds for all."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, T]:
         if node.value is None:
             return {}
+        if self.bare and not isinstance(node.value, dict):
+            return {"*": self.of.read(node, path, reading)}
         if not isinstance(node.value, dict):
             raise reading.fault(node, path, f"must be a {self.text}", code="type")
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
@@ -77,11 +85,16 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         return read
 
     def schema(self) -> Schema:
-        return {"type": ["object", "null"], "additionalProperties": self.of.schema()}
+        schema: Schema = {"type": ["object", "null"], "additionalProperties": self.of.schema()}
+        return {"anyOf": [self.of.schema(), schema]} if self.bare else schema
 
     @property
     def text(self) -> str:
-        return f"mapping from {self.noun} to {self.of.text}"
+        return (f"{self.of.text}, or " if self.bare else "") + f"mapping from {self.noun} to {self.of.text}"
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return ((f".<{self.noun}>", self.of),)
 
     def merge(self, base: Node, over: Node) -> Node:
         return merge_items(base, over, lambda _: self.of)
@@ -106,6 +119,10 @@ class Either(Kind[Any]):
     @property
     def text(self) -> str:
         return ", or ".join(kind.text for _, kind in self.options)
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return tuple(("", kind) for _, kind in self.options)
 
     def merge(self, base: Node, over: Node) -> Node:
         for fits, kind in self.options:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -32,6 +33,11 @@ class Kind(ABC, Generic[T_co]):
     @abstractmethod
     def text(self) -> str:
         """For tables in the documentation, a few words."""
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        """Kinds within: (what a value's place adds, such as `.name` or `[]`; kind)."""
+        return ()
 
     def merge(self, base: Node, over: Node) -> Node:
         """`over` laid upon `base`, for variants: replaced unless the kind has parts."""
@@ -154,29 +160,31 @@ class Text(Kind[str]):
 
 @dataclass(frozen=True)
 class Choice(Kind[str]):
-    """One of a few words."""
+    """One of a few words, or of those that a function gives: the names of a registry, which it imports when asked."""
 
-    options: tuple[str, ...]
+    options: tuple[str, ...] | Callable[[], Iterable[str]]
+    noun: str = ""
+    """What the words name, where a table of the documentation need not list them."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What may be chosen."""
+        return tuple(self.options() if callable(self.options) else self.options)
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
         value = str(node.value) if isinstance(node.value, str | int) and not isinstance(node.value, bool) else None
-        if value not in self.options:
-            raise reading.fault(
-                node,
-                path,
-                "is not one of the choices",
-                choices=self.options,
-                hint=did_you_mean(str(node.value), self.options),
-                code="choice",
-            )
+        words = self.words
+        if value not in words:
+            hint = did_you_mean(str(node.value), words)
+            raise reading.fault(node, path, "is not one of the choices", choices=words, hint=hint, code="choice")
         return value
 
     def schema(self) -> Schema:
-        return {"enum": list(self.options)}
+        return {"enum": list(self.words)}
 
     @property
     def text(self) -> str:
-        return " or ".join(f"`{option}`" for option in self.options)
+        return self.noun or " or ".join(f"`{word}`" for word in self.words)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +201,7 @@ class File(Kind[Path]):
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
             raise reading.fault(node, path, f"must be the path of a {self.noun}", code="type")
-        place = reading.locate(node.value)
+        place = reading.locate(node.value, folder=self.folder)
         if not self.exists:
             return place
         try:
@@ -251,6 +259,10 @@ class Optional(Kind[T | None], Generic[T]):
     @property
     def text(self) -> str:
         return self.kind.text + (f" or `{self.word}`" if self.word else "")
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return (("", self.kind),)
 
     def merge(self, base: Node, over: Node) -> Node:
         return self.kind.merge(base, over)

@@ -58,12 +58,12 @@ class Reading:
         )
         return Rejected(message)
 
-    def locate(self, text: str) -> Path:
-        """The file or folder that a name in the document means."""
+    def locate(self, text: str, *, folder: bool = False) -> Path:
+        """The file that a name in the document means; `folder`: or the folder that was attached with its files."""
         if text in self.files:
             return self.files[text]
         inside = next((path for name, path in self.files.items() if name.startswith(f"{text}/")), None)
-        if inside is not None:
+        if folder and inside is not None:
             return inside.parent
         path = Path(text).expanduser()
         return path if path.is_absolute() else self.base / path

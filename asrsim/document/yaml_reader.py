@@ -134,6 +134,7 @@ class _Converter:
         return self._mapping(node, line, depth)
 
     def _scalar(self, node: Any, line: int) -> Value:
+        self._whole(str(node.value), line)
         if node.tag == _PLAIN:
             return plain_scalar(node.value)
         if node.tag != _TAG + "str":
@@ -150,6 +151,7 @@ class _Converter:
                 self._complain("a key must be plain text", key_line)
                 continue
             key = str(key_node.value)
+            self._whole(key, key_line)
             value = self.convert(value_node, depth + 1)
             if key == "<<" and key_node.tag == _PLAIN:
                 merged.extend(value.value if isinstance(value.value, list) else [value])
@@ -165,6 +167,12 @@ class _Converter:
                 if key not in items:
                     items[key], lines[key] = value, other.key_line(key)
         return Node(items, line, lines, self.file)
+
+    def _whole(self, text: str, line: int) -> None:
+        """JSON's escapes can spell half a character, which no file name, log or terminal can hold."""
+        half = next((sign for sign in text if "\ud800" <= sign <= "\udfff"), None)
+        if half is not None:
+            raise _Refused(f"\\u{ord(half):04x} in line {line} is half a character, which no text can hold")
 
     def _complain(self, message: str, line: int, *, key: str | None = None, code: str = "yaml") -> None:
         self.problems.append(Problem(message=message, file=self.file, line=line, key=key, code=code))

@@ -2,44 +2,46 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from asrsim.engines.base import ENGINES, Engine
+from asrsim.engines.base import ENGINES, Engine, EngineEntry, Model
 
 if TYPE_CHECKING:
-    from asrsim.engines.bullet import BulletEngine
     from asrsim.errors import Problem
     from asrsim.robot.model import Robot
     from asrsim.scenario.data import Scenario
 
-
-def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
-    """The scenario's world in PyBullet, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
-    from asrsim.engines.bullet import BulletEngine
-    from asrsim.robot import engine_urdf
-
-    text, warnings = engine_urdf(robot, visuals=False, package_paths=scenario.package_paths)
-    engine = BulletEngine(
-        robot,
-        text,
-        step=scenario.step,
-        gravity=scenario.gravity,
-        base_position=scenario.base_position,
-        base_rpy=scenario.base_rpy,
-        fixed_base=scenario.fixed_base,
-        initial_positions=scenario.initial_positions,
-        world=scenario.world,
-    )
-    return engine, tuple(warnings)
+Made = tuple[Any, "tuple[Problem, ...]"]
 
 
-def _bench(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
+def _bullet(scenario: Scenario, robot: Robot) -> Made:
+    from asrsim.engines.bullet import make_bullet
+
+    return make_bullet(scenario, robot)
+
+
+def _mujoco(scenario: Scenario, robot: Robot) -> Made:
+    from asrsim.engines.mujoco import make_mujoco
+
+    return make_mujoco(scenario, robot)
+
+
+def _bench(scenario: Scenario, robot: Robot) -> Made:
     from asrsim.engines.bench import BenchEngine
 
     return BenchEngine(scenario, robot), ()
 
 
-ENGINES.add("bullet", make_bullet)
-ENGINES.add("bench", _bench)
+ENGINES.add(
+    "bullet", EngineEntry(make=_bullet, doc="PyBullet, with contacts; the default where it is installed", module="pybullet")
+)
+ENGINES.add("mujoco", EngineEntry(make=_mujoco, doc="MuJoCo, many times faster; contacts are softer", module="mujoco"))
+ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' motion is prescribed", prescribed=True))
 
-__all__ = ["ENGINES", "Engine", "make_bullet"]
+
+def default_engine() -> str:
+    """The engine of a run that names none: the first that is installed."""
+    return next(name for name in ENGINES.names() if ENGINES.get(name).available)
+
+
+__all__ = ["ENGINES", "Engine", "EngineEntry", "Model", "default_engine"]

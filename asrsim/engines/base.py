@@ -1,56 +1,113 @@
 """What an engine is: joints with positions and velocities that take torques and step. It never hears of springs.
 
-The hot loop calls `read`, `apply` and `advance` once a substep: an engine may bind the fastest callables it has to them.
+A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). An engine corrects its
+own lags: with `staggered` set, velocities live at half steps, and velocity-dependent torques of the links (Coriolis,
+centrifugal) count at the velocity of the whole step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 from asrsim.registry import Registry
 from asrsim.samples import Array
 
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
+
+Point = tuple[float, float, float]
+
+
+class Model(Protocol):
+    """Kinematics and dynamics of the robot alone at any state, apart from stepping. Arrays are in the order of `joints`."""
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+
+    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(n, n) kg m^2 (kg) of the moving joints; that which torques meet while the base is free, if it floats."""
+
+    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
+        """(n,) N m that give no acceleration, on a base that is held: gravity, Coriolis and centrifugal torques."""
+
+    def inverse_dynamics(
+        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
+    ) -> Array:
+        """(n,) N m that give `accelerations`, on a base that is held; inputs (n,)."""
+
+    def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineKernel:
+    """A step of an engine as ordinary code on arrays, which a compiled loop runs for a whole stretch without the
+    interpreter."""
+
+    look: Callable[..., None]
+    """look(world): fills in `world.positions` and `world.velocities` of the joints; before every move."""
+    move: Callable[..., None]
+    """move(world): one step under `world.forces`, mean torques in N m."""
+    world: Any
+    """A named tuple of arrays and numbers: the engine's live state."""
+    compiled: Mapping[str, Any]
+    """Names that the code of look and move mentions -> what stands for them in compiled code."""
+    load: Callable[[], None]
+    """Makes the symbols that compiled code calls known to the process."""
+    version: str
+    """Of what is called: part of a kept kernel's name."""
+
 
 class Engine(Protocol):
-    """A world with one robot, stepped at a fixed step by semi-implicit Euler (or prescribed)."""
+    """A world with one robot (or prescribed motion), stepped at a fixed step by semi-implicit Euler."""
 
     joints: tuple[str, ...]
     """Moving joints; arrays and sequences below are in this order."""
+    model: Model | None
+    """None where the links have no dynamics: their motion is prescribed."""
+    version: str
+    """Library and version, for the log."""
 
-    def read(self) -> Sequence[Any]:
-        """One entry a joint, whose first two are position (rad) and velocity (rad/s)."""
+    def states(self) -> Any:
+        """What `read` tells, as the engine has it: for the hot loop, which takes it apart by `unpack`."""
 
-    def apply(self, *, forces: Sequence[float]) -> None:
-        """Torques (N m) for the next step, one a joint."""
+    @property
+    def unpack(self) -> Callable[[Any, int], tuple[float, float]]:
+        """unpack(states, j): position and velocity of joint j; ordinary code that compiles with the loop's."""
 
-    def advance(self) -> None:
-        """One step."""
+    def states_type(self) -> Any:
+        """Numba's type of `states`."""
 
-    def set_step(self, step: float) -> None:
-        """Change the step, in s; before the first one."""
+    def read(self) -> tuple[list[float], list[float]]:
+        """Positions (rad, m) and velocities (rad/s, m/s) of the joints, the latter half a step late if staggered."""
 
-    def half_advance(self) -> None:
-        """One step whose forces (gravity and friction; torques are the caller's) act with half their impulse."""
+    def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
+        """One step under mean torques (N m), one a joint. fraction: of the kick, less than 1 for the first of a staggered
+        run."""
 
-    def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
-        """(n, n) kg m^2 at `positions`, the present ones if None."""
+    def prepare(self, step: float, *, staggered: bool) -> None:
+        """Before the first step: its length in s; staggered: see the module."""
 
-    def bias_difference(
-        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
-    ) -> list[float] | None:
-        """Coriolis and centrifugal torques at `velocities` less those at `others`, N m; None where they are always 0."""
+    def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
+        """Joints there, moving so; everything else as at the start."""
 
-    def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
-        """(n,) N m that hold the robot still at `positions`."""
+    def snapshot(self) -> Any:
+        """The engine's whole state, to be given to `restore`."""
 
-    def mechanical_energy(self) -> float:
-        """Kinetic and gravitational energy of the robot's links in J (velocities as the engine has them)."""
+    def restore(self, state: Any) -> None:
+        """Continue from a snapshot of this engine, to the bit."""
 
-    def apply_wrench(
-        self, link: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], frame: str
-    ) -> None:
-        """A force (N) at `point` (m, link frame) and a torque (N m) on a link, for the next step."""
+    def vary(self, robot: Robot) -> bool:
+        """Take over inertials, damping and friction of a robot of the same structure, exactly; False: an engine must be
+        made."""
+
+    def mechanical_energy(self) -> float | None:
+        """Kinetic and gravitational energy of the robot's links in J; None where contacts or a free base exchange it."""
+
+    def apply_wrench(self, index: int, values: Sequence[float]) -> None:
+        """Force (N) and torque (N m), six numbers, of the scenario's wrench `index` for the next step."""
 
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
         """Objects of the world, and the robot's root link if it floats: name -> (x, y, z, qx, qy, qz, qw)."""
@@ -58,9 +115,34 @@ class Engine(Protocol):
     def contacts(self) -> Mapping[str, tuple[float, float, float]]:
         """ "object/other" -> contact force on the object in N, world frame, summed over points."""
 
+    def accelerate(self) -> None:
+        """The loop is compiled: compile what is the engine's own, too."""
+
+    def kernel(self) -> EngineKernel | None:
+        """The engine's step for compiled loops; None where every step goes through Python."""
+
     def close(self) -> None:
         """Release everything."""
 
 
-ENGINES: Registry[Callable[..., Any]] = Registry("engine", entry_point_group="asrsim.engines")
-"""Functions (scenario, robot) -> (engine, warnings); robot: with the scenario's modes and parameters in it."""
+@dataclass(frozen=True, kw_only=True)
+class EngineEntry:
+    """A registered engine."""
+
+    make: Callable[..., tuple[Engine, tuple[Any, ...]]]
+    """(scenario, robot) -> engine and warnings; robot: with the scenario's modes and parameters in it."""
+    doc: str
+    module: str = ""
+    """What must be importable for it; empty: nothing."""
+    prescribed: bool = False
+    """Links move as the scenario's `motion` says."""
+
+    @property
+    def available(self) -> bool:
+        """Whether what it needs is installed."""
+        from importlib.util import find_spec
+
+        return not self.module or find_spec(self.module) is not None
+
+
+ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines")

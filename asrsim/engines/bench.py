@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from asrsim.robot.model import Robot
-from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
@@ -15,8 +15,16 @@ from asrsim.signals.base import Signal
 CHUNK = 4096
 
 
+def _unpack(states: Any, j: int) -> tuple[float, float]:
+    return states[0][j], states[1][j]
+
+
 class BenchEngine:
     """Joints move as signals say (locked without one); torques are taken and change nothing."""
+
+    model = None
+    version = "bench"
+    unpack = staticmethod(_unpack)
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.joints = tuple(joint.name for joint in robot.moving_joints)
@@ -24,68 +32,63 @@ class BenchEngine:
             for_joint(scenario.motion, name, Constant(value=for_joint(scenario.initial_positions, name, 0.0)))
             for name in self.joints
         ]
-        self.set_step(scenario.step)
+        self.prepare(scenario.step, staggered=True)
 
-    def set_step(self, step: float) -> None:
-        """Change the step; the motion starts over."""
+    def prepare(self, step: float, *, staggered: bool) -> None:
+        """The step in s; the motion starts over."""
         self.step = step
+        self._staggered = staggered
         self._k = 0
-        self._first = 0
-        self._rows = self._sample(0)
+        self._sample(0)
 
-    def _sample(self, first: int) -> list[tuple[tuple[float, float, None, None], ...]]:
+    def _sample(self, first: int) -> None:
         """Positions at whole steps and velocities between them, as a stepping engine has them; at rest before the start."""
+        self._first = first
         time = np.round(np.arange(max(first - 1, 0), first + CHUNK) * self.step, 12)
         positions = np.column_stack([signal.values(time) for signal in self._signals])
         if not first:
             positions = np.concatenate([positions[:1], positions])
-        velocities = np.diff(positions, axis=0) / self.step
-        return [
-            tuple((q, v, None, None) for q, v in zip(row, speeds, strict=True))
-            for row, speeds in zip(positions[1:].tolist(), velocities.tolist(), strict=True)
-        ]
+        self._velocities = (np.diff(positions, axis=0) / self.step).tolist()
+        self._positions = positions[1:].tolist()
 
-    def read(self) -> Sequence[tuple[float, float, None, None]]:
-        """Position and velocity of each joint."""
+    def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
+        """The motion's start: it is prescribed."""
+        self.restore(0)
+
+    def states(self) -> tuple[list[float], list[float]]:
+        """See `read`."""
         index = self._k - self._first
-        if index >= CHUNK:
-            self._first = self._k
-            self._rows = self._sample(self._first)
+        if not 0 <= index < CHUNK:
+            self._sample(self._k)
             index = 0
-        return self._rows[index]
+        return self._positions[index], self._velocities[index]
 
-    def apply(self, *, forces: Sequence[float]) -> None:
-        """Nothing: the bench holds the links."""
+    read = states
 
-    def advance(self) -> None:
-        """One step."""
+    def states_type(self) -> Any:
+        """Raises: there is nothing to be won by compiling a bench."""
+        raise NotImplementedError("the bench runs in plain Python")
+
+    def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
+        """One step: the bench holds the links."""
         self._k += 1
 
-    def half_advance(self) -> None:
-        """One step."""
-        self._k += 1
+    def snapshot(self) -> int:
+        """Where the motion is."""
+        return self._k
 
-    def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
-        """Links that nothing can move."""
-        return 1e9 * np.eye(len(self.joints))
+    def restore(self, state: int) -> None:
+        """Continue from there."""
+        self._k = state
 
-    def bias_difference(
-        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
-    ) -> list[float] | None:
-        """None: no dynamics."""
-        return None
+    def vary(self, robot: Robot) -> bool:
+        """Nothing of the robot's counts here."""
+        return True
 
-    def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
-        """(n,) zeros."""
-        return np.zeros(len(self.joints))
+    def mechanical_energy(self) -> None:
+        """Not a thing of the bench."""
 
-    def mechanical_energy(self) -> float:
-        """0: not a thing of the bench."""
-        return 0.0
-
-    def apply_wrench(
-        self, link: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], frame: str
-    ) -> None:
+    def apply_wrench(self, index: int, values: Sequence[float]) -> None:
         """Nothing: the bench holds the links."""
 
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
@@ -95,6 +98,12 @@ class BenchEngine:
     def contacts(self) -> Mapping[str, tuple[float, float, float]]:
         """None."""
         return {}
+
+    def accelerate(self) -> None:
+        """Nothing to compile."""
+
+    def kernel(self) -> None:
+        """None."""
 
     def close(self) -> None:
         """Nothing to release."""

@@ -1,117 +1,91 @@
 """PyBullet behind the engine interface, set up so that its traps do not bite. The only module that imports pybullet.
 
-Undamped unless asked, URDF inertia as in the file, true Coulomb friction of joints, no velocity clamp, no hidden motors.
-Link damping is the loop's: Bullet's own is explicit and lags by half a step.
+Undamped unless asked, inertia as in the data, true Coulomb friction of joints, no velocity clamp, no hidden motors, fixed links
+merged. Velocity torques, which Bullet takes at the lagging velocity, are corrected. Link damping is the loop's.
 """
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asrsim.engines.base import EngineKernel
+from asrsim.engines.bullet_coriolis import Coriolis, FixedBase, FloatingBase
+from asrsim.engines.bullet_friction import ExactFriction, without_stops
+from asrsim.engines.bullet_loading import load_body
 from asrsim.engines.bullet_model import BulletModel
 from asrsim.engines.bullet_world import BulletWorld
-from asrsim.engines.foreign import crashes, quiet
-from asrsim.errors import Problem, RobotError
+from asrsim.engines.foreign import quiet
+from asrsim.errors import Problem
+from asrsim.robot import engine_urdf
+from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Vector, World, for_joint
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.versions import version
 
 NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 SOLVER_ITERATIONS = 500
 SOLVER_RESIDUAL = 1e-18
-"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
-leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+"""With contacts. Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and
+1e-3 rad/s. These leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+
+
+def _unpack(states: Any, j: int) -> tuple[float, float]:
+    state = states[j]
+    return state[0], state[1]
 
 
 class BulletEngine:
-    """A fresh physics client with one robot and its world. `step` in s is Bullet's step."""
+    """A fresh physics client with one robot and its world."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        urdf: str,
-        *,
-        step: float,
-        gravity: Vector = (0.0, 0.0, -9.81),
-        base_position: Vector = (0.0, 0.0, 0.0),
-        base_rpy: Vector = (0.0, 0.0, 0.0),
-        fixed_base: bool = True,
-        initial_positions: Mapping[str, float] | None = None,
-        world: World | None = None,
-        visuals: bool = False,
-    ) -> None:
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
         with quiet():
             import pybullet
 
             self._p = pybullet
+            self._alive = [True]
             self._client = pybullet.connect(pybullet.DIRECT)
+        self.version = f"pybullet {version('pybullet')}"
         self.robot = robot
-        self.step = step
-        self.gravity = gravity
-        self._fixed = fixed_base
+        self._scenario = scenario
+        self._step = scenario.step
+        merged = merge_fixed(robot)
+        exact = scenario.world.empty and any(joint.friction for joint in robot.moving_joints)
+        shown = without_stops(merged.robot) if exact else merged.robot
+        text, self.warnings = engine_urdf(shown, package_paths=scenario.package_paths)
         try:
-            self._body = self._load(urdf, base_position, base_rpy, visuals)
-            self._set_up(initial_positions or {})
-            self._model = BulletModel(pybullet, self._client, self._body, self._indices, gravity=gravity, fixed=fixed_base)
-            self._world = BulletWorld(pybullet, self._client, self._body, world or World(), fixed=fixed_base)
+            self._body = load_body(pybullet, self._client, text, scenario, robot)
+            self._set_up(exact)
+            links = {name: (self._link_index[place.body], place.pose) for name, place in merged.places.items()}
+            self.model = BulletModel(
+                pybullet, self._client, self._body, self._indices, joints=self.joints, gravity=scenario.gravity,
+                fixed=scenario.fixed_base, links=links,
+            )  # fmt: skip
+            self._world = BulletWorld(pybullet, self._client, self._body, scenario.world, fixed=scenario.fixed_base)
         except BaseException:
             self.close()
             raise
         p, client, body = self._p, self._client, self._body
-        self.read: Callable[[], Sequence[Any]] = partial(p.getJointStates, body, self._indices, client)
-        self.apply: Callable[..., None] = partial(
-            p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client
-        )
-        self.advance: Callable[[], None] = partial(p.stepSimulation, client)
-        self.bias_difference = self._model.bias_difference
+        self.states = partial(p.getJointStates, body, self._indices, client)
+        self._apply = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
+        self._simulate = partial(p.stepSimulation, client)
+        self._start = (list(p.getBasePositionAndOrientation(body, client)), self._world.states())
+        self._coriolis: Coriolis | None = None
+        positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
+        self.set_state(positions, [0.0] * len(positions))
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
-    def _load(self, urdf: str, position: Vector, rpy: Vector, visuals: bool) -> int:
-        p = self._p
-        flags = p.URDF_USE_INERTIA_FROM_FILE
-        if not visuals:
-            flags |= p.URDF_IGNORE_VISUAL_SHAPES
-        with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
-            path = Path(folder) / "robot.urdf"
-            path.write_text(urdf, encoding="utf-8")
-            load = partial(
-                p.loadURDF,
-                str(path),
-                basePosition=position,
-                baseOrientation=p.getQuaternionFromEuler(rpy),
-                useFixedBase=self._fixed,
-                flags=flags,
-                physicsClientId=self._client,
-            )
-            try:
-                with quiet():
-                    if "<mesh" in urdf and crashes(load):
-                        message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
-                        raise RobotError(Problem(message=message, file=self.robot.path, code="engine-crash"))
-                    return int(load())
-            except p.error as error:
-                raise RobotError(
-                    Problem(message=f"PyBullet cannot load this robot ({error})", file=self.robot.path, code="engine-load")
-                ) from error
-
-    def _set_up(self, initial_positions: Mapping[str, float]) -> None:
+    def _set_up(self, exact: bool) -> None:
         p, client, body = self._p, self._client, self._body
-        p.setTimeStep(self.step, physicsClientId=client)
-        p.setGravity(*self.gravity, physicsClientId=client)
-        p.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, physicsClientId=client
-        )
+        p.setGravity(*self._scenario.gravity, physicsClientId=client)
         self.base = p.getBodyInfo(body, client)[0].decode()
-        """Name of the root link."""
         self._link_index = {self.base: -1}
         index_of = {}
         for index in range(p.getNumJoints(body, client)):
@@ -127,74 +101,164 @@ class BulletEngine:
         self.joints = tuple(joint.name for joint in moving)
         self._indices = [index_of[joint.name] for joint in moving]
         self._frictions = [joint.friction for joint in moving]
+        self._hold: ExactFriction | None = None
+        if exact:
+            # Bullet's solvers let joints creep that friction holds, or fail where a joint meets its stop.
+            self._hold = ExactFriction(self._scenario, self.robot)
+            self._frictions = [0.0] * len(moving)
+        p.setPhysicsEngineParameter(
+            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, physicsClientId=client
+        )
+
+    def prepare(self, step: float, *, staggered: bool) -> None:
+        """Before the first step."""
+        self._step = step
+        self._p.setTimeStep(step, physicsClientId=self._client)
         self._set_friction(1.0)
-        for joint, index in zip(moving, self._indices, strict=True):
-            position = float(for_joint(initial_positions, joint.name, 0.0))
-            p.resetJointState(body, index, position, 0.0, physicsClientId=client)
+        self._coriolis = None
+        if self._hold is not None:
+            self._hold.prepare(step, staggered=staggered)
+        if staggered:
+            if not self._scenario.fixed_base:
+                self._coriolis = FloatingBase(self._p, self._client, self._body, self._scenario, self.robot, step)
+            elif len(self.joints) > 1:
+                self._coriolis = FixedBase(self.model)
 
     def _set_friction(self, fraction: float) -> None:
-        """Velocity motors at target 0: with force 0 they free the joint, with a force they are its Coulomb friction."""
+        """Velocity motors at target 0: with force 0 they free the joint, with a force they are its Coulomb friction.
+
+        Bullet keeps their impulse, so they are issued anew after every change of step.
+        """
         p = self._p
         for index, friction in zip(self._indices, self._frictions, strict=True):
             p.setJointMotorControl2(
                 self._body, index, p.VELOCITY_CONTROL, targetVelocity=0, force=friction * fraction, physicsClientId=self._client
             )
 
+    def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
+        """Joints there, moving so; everything else as at the start."""
+        p, client, body = self._p, self._client, self._body
+        base, objects = self._start
+        p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
+        p.resetBaseVelocity(body, [0, 0, 0], [0, 0, 0], physicsClientId=client)
+        for index, position, velocity in zip(self._indices, positions, velocities, strict=True):
+            p.resetJointState(body, index, position, velocity, physicsClientId=client)
+        self._world.set_states(objects)
+        for part in (self._coriolis, self._hold):
+            if part is not None:
+                part.reset()
+
+    def accelerate(self) -> None:
+        """Compile what is the engine's own."""
+        if self._hold is not None:
+            self._hold.accelerate()
+
     # -- stepping ---------------------------------------------------------------------------------------------------
 
-    def set_step(self, step: float) -> None:
-        """Change the step; friction is issued anew, since Bullet stores it as an impulse."""
-        self.step = step
-        self._p.setTimeStep(step, physicsClientId=self._client)
-        self._set_friction(1.0)
+    def read(self) -> tuple[list[float], list[float]]:
+        """Positions and velocities of the joints."""
+        states = self.states()
+        return [state[0] for state in states], [state[1] for state in states]
 
-    def half_advance(self) -> None:
-        """One step in which gravity and friction act with half their impulse."""
+    unpack = staticmethod(_unpack)
+
+    def states_type(self) -> Any:
+        """Numba's type of `states`; what need not be taken apart is typed as None."""
+        from numba import types
+
+        kinds: Any = types
+        joint = kinds.Tuple((kinds.float64, kinds.float64, kinds.none, kinds.none))
+        return kinds.UniTuple(joint, len(self.joints))
+
+    def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
+        """One step under mean torques."""
+        if fraction != 1.0:
+            self._first(forces, fraction)
+            return
+        if self._hold is not None:
+            forces = self._hold.forces(self, *self.read(), forces)
+        if self._coriolis is not None:
+            forces = self._coriolis.corrected(self.states(), forces)
+        self._apply(forces=forces)
+        self._simulate()
+
+    def _first(self, forces: Sequence[float], fraction: float) -> None:
+        """A step whose kick is only a part of one: everything that pushes acts with that part of its impulse."""
         p = self._p
-        p.setGravity(*(0.5 * component for component in self.gravity), physicsClientId=self._client)
-        self._set_friction(0.5)
-        self.advance()
-        p.setGravity(*self.gravity, physicsClientId=self._client)
+        if self._hold is not None:
+            forces = self._hold.forces(self, *self.read(), forces, fraction)
+        forces = [fraction * force for force in forces]
+        if self._coriolis is not None:
+            forces = self._coriolis.first(*self.read(), forces, fraction)
+        p.setGravity(*(fraction * component for component in self._scenario.gravity), physicsClientId=self._client)
+        self._set_friction(fraction)
+        self._apply(forces=forces)
+        self._simulate()
+        p.setGravity(*self._scenario.gravity, physicsClientId=self._client)
         self._set_friction(1.0)
+        if self._coriolis is not None:
+            self._coriolis.after_first(self.read()[1])
+        if self._hold is not None:
+            self._hold.after_first(self, self.read()[1])
 
-    def apply_wrench(
-        self, link: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], frame: str
-    ) -> None:
-        """A force and torque on a link for the next step."""
-        p, client, body, index = self._p, self._client, self._body, self._link_index[link]
-        position, rotation, local = self._model.inertial_frame(index)
-        push, turn = np.asarray(force, dtype=float), np.asarray(torque, dtype=float)
-        if frame != "world":
-            push, turn = rotation @ push, rotation @ turn
-        # Bullet's link frame sits in the centre of mass; ours in the joint.
-        turn = turn + np.cross(rotation @ (np.asarray(point, dtype=float) - np.asarray(local)), push)
-        p.applyExternalForce(body, index, push.tolist(), position, p.WORLD_FRAME, physicsClientId=client)
-        p.applyExternalTorque(body, index, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
+    def apply_wrench(self, index: int, values: Sequence[float]) -> None:
+        """Force and torque of the scenario's wrench `index` for the next step."""
+        wrench = self._scenario.wrenches[index]
+        if self._hold is not None:
+            self._hold.wrench(index, values)
+        p, client, body = self._p, self._client, self._body
+        place, rotation = self.model.frame_now(wrench.link)
+        force, torque = np.array(values[:3]), np.array(values[3:])
+        if wrench.frame != "world":
+            force, torque = rotation @ force, rotation @ torque
+        number = self.model.index_of(wrench.link)
+        centre = np.array(self.model.inertial_frame(number)[0])
+        turn = torque + np.cross(place + rotation @ np.array(wrench.point) - centre, force)
+        p.applyExternalForce(body, number, force.tolist(), centre.tolist(), p.WORLD_FRAME, physicsClientId=client)
+        p.applyExternalTorque(body, number, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
 
-    # -- the model and the world -------------------------------------------------------------------------------------
+    def kernel(self) -> EngineKernel | None:
+        """None: every step goes through PyBullet's Python functions."""
+        return None
 
-    def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
-        """(n, n) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
-        return self._model.mass_matrix(positions)
+    def vary(self, robot: Robot) -> bool:
+        """False but for damping and motors, which are not the engine's: changed bodies would differ from loaded ones."""
+        same = all(a == b for a, b in zip(robot.links, self.robot.links, strict=True))
+        return same and [joint.friction for joint in robot.joints] == [joint.friction for joint in self.robot.joints]
 
-    def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
-        """(n,) torques that hold the robot still, on a base that is held."""
-        return self._model.gravity_torques(positions)
+    def snapshot(self) -> Any:
+        """The engine's whole state."""
+        state = self._p.saveState(physicsClientId=self._client)
+        parts = [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        return _Saved(self._p, self._client, state, self._alive), parts
 
-    def mechanical_energy(self) -> float:
-        """Kinetic and gravitational energy of the robot's links in J, on a base that is held."""
-        return self._model.mechanical_energy()
+    def restore(self, state: Any) -> None:
+        """Continue from a snapshot."""
+        saved, states = state
+        self._p.restoreState(saved.number, physicsClientId=self._client)
+        for part, kept in zip((self._coriolis, self._hold), states, strict=True):
+            if part is not None:
+                part.restore(kept)
 
-    def link_point(self, link: str, point: Sequence[float], positions: Sequence[float]) -> tuple[Array, Array, Array]:
-        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame.
+    # -- what is around ---------------------------------------------------------------------------------------------
 
-        Moves the robot to `positions`: for models that are not being simulated.
-        """
-        return self._model.link_point(self._link_index[link], point, positions)
+    def base_state(self) -> tuple[Array, Array, Array]:
+        """Of a floating base: centre of mass (3,) m, rotation (3, 3) of its frame; velocity of the centre and angular velocity
+        in the base's axes, (6,)."""
+        _, rotation = self.model.frame_now(self.base)
+        linear, angular = self._p.getBaseVelocity(self._body, self._client)
+        centre = self._p.getBasePositionAndOrientation(self._body, self._client)[0]
+        return np.array(centre), rotation, np.concatenate([linear, rotation.T @ np.array(angular)])
+
+    def mechanical_energy(self) -> float | None:
+        """Kinetic and gravitational energy of the robot's links in J; None with contacts or a free base."""
+        if not self._scenario.fixed_base or not self._scenario.world.empty:
+            return None
+        return self.model.mechanical_energy()
 
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
         """Poses of the world's objects, and of the base link if it floats."""
-        base = {} if self._fixed else {self.base: self._model.base_pose()}
+        base = {} if self._scenario.fixed_base else {self.base: self.model.base_pose()}
         return base | self._world.poses()
 
     def contacts(self) -> Mapping[str, tuple[float, float, float]]:
@@ -203,5 +267,24 @@ class BulletEngine:
 
     def close(self) -> None:
         """Disconnect the physics client."""
+        self._alive[0] = False
         with suppress(self._p.error), quiet():
             self._p.disconnect(self._client)
+
+
+class _Saved:
+    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
+
+    def __init__(self, p: Any, client: int, number: int, alive: list[bool]) -> None:
+        self._p, self._client, self.number, self._alive = p, client, number, alive
+
+    def __del__(self) -> None:
+        if self._alive[0]:
+            with suppress(Exception):
+                self._p.removeState(self.number, physicsClientId=self._client)
+
+
+def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
+    """The scenario's world in PyBullet, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
+    engine = BulletEngine(scenario, robot)
+    return engine, tuple(engine.warnings)

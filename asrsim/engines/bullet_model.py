@@ -5,39 +5,60 @@ Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from operator import sub
 from typing import Any
 
 import numpy as np
 
+from asrsim.engines.base import Point
+from asrsim.robot.poses import Pose
 from asrsim.samples import Array
 from asrsim.scenario.data import Vector
 
 
 class BulletModel:
-    """Mass matrix, torques, energy and poses of the robot `body`, whose moving joints Bullet numbers `indices`.
+    """See :class:`asrsim.engines.base.Model`. The robot is `body`, whose moving joints Bullet numbers `indices`.
 
-    Arrays are in the order of `indices`. gravity: m/s^2, as the client has it; fixed: the base is held.
+    gravity: m/s^2, as the client has it; fixed: the base is held; links: link of the file -> Bullet's number of the body that
+    it is part of, and its pose in that body's frame.
     """
 
-    def __init__(self, p: Any, client: int, body: int, indices: Sequence[int], *, gravity: Vector, fixed: bool) -> None:
+    def __init__(
+        self, p: Any, client: int, body: int, indices: Sequence[int], *, joints: tuple[str, ...], gravity: Vector, fixed: bool,
+        links: Mapping[str, tuple[int, Pose]],
+    ) -> None:  # fmt: skip
         self._p, self._client, self._body = p, client, body
         self._indices = list(indices)
         self._gravity = gravity
         self._fixed = fixed
+        self._places = links
+        self.joints, self.links = joints, tuple(links)
         # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
         self._to_bullet = sorted(range(len(self._indices)), key=self._indices.__getitem__)
         self._from_bullet = [self._to_bullet.index(j) for j in range(len(self._indices))]
         self._same_order = self._to_bullet == list(range(len(self._indices)))
         # The client by name: the fifth argument is one for flags.
         self._inverse = partial(p.calculateInverseDynamics, body, physicsClientId=client)
+        self._zero = [0.0] * len(self._indices)
+
+    def index_of(self, link: str) -> int:
+        """Bullet's number of the body that a link of the file is part of."""
+        return self._places[link][0]
+
+    def frame_now(self, link: str) -> tuple[Array, Array]:
+        """Origin (3,) m and rotation (3, 3) of a link's frame in the world as it is now."""
+        index, pose = self._places[link]
+        centre, rotation, local = self.inertial_frame(index)
+        origin = np.asarray(centre) - rotation @ np.asarray(local)
+        return origin + rotation @ pose.position, rotation @ pose.rotation
 
     def inertial_frame(self, index: int) -> tuple[Any, Array, Any]:
         """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
 
-        With matrices: Bullet's own transforms of vectors and quaternions work in single precision.
+        With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of
+        frames that it tells beside those of the inertias.
         """
         p, client, body = self._p, self._client, self._body
         dynamics = p.getDynamicsInfo(body, index, client)
@@ -45,7 +66,7 @@ class BulletModel:
             position, inertial = p.getBasePositionAndOrientation(body, client)
             return position, self._matrix(inertial) @ self._matrix(dynamics[4]).T, dynamics[3]
         state = p.getLinkState(body, index, 0, 1, client)
-        return state[0], self._matrix(state[5]), state[2]
+        return state[0], self._matrix(state[1]) @ self._matrix(dynamics[4]).T, dynamics[3]
 
     def base_pose(self) -> tuple[float, ...]:
         """World pose of the root link's URDF frame: x y z in m, quaternion x y z w."""
@@ -53,9 +74,6 @@ class BulletModel:
         x, y, z, w = self._p.getDynamicsInfo(self._body, -1, self._client)[4]
         turned = self._p.getBasePositionAndOrientation(self._body, self._client)[1]
         return (*(centre - rotation @ np.asarray(local)).tolist(), *_product(turned, (-x, -y, -z, w)))
-
-    def _positions(self) -> list[float]:
-        return [state[0] for state in self._states()]
 
     def _states(self) -> Sequence[Any]:
         states: Sequence[Any] = self._p.getJointStates(self._body, self._indices, self._client)
@@ -65,9 +83,9 @@ class BulletModel:
         """`values` of the moving joints in Bullet's order."""
         return list(values) if self._same_order else [values[j] for j in self._to_bullet]
 
-    def mass_matrix(self, positions: Sequence[float] | None = None) -> Array:
+    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
         """(n, n) kg m^2 (kg) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
-        values = self._ordered(self._positions() if positions is None else positions)
+        values = self._ordered([float(value) for value in positions])
         matrix = np.array(self._p.calculateMassMatrix(self._body, values, physicsClientId=self._client), dtype=float)
         n = len(self._indices)
         if not self._fixed:
@@ -76,34 +94,34 @@ class BulletModel:
             matrix = matrix[6:, 6:] - cross.T @ np.linalg.solve(base, cross)
         return matrix[-n:, -n:][np.ix_(self._from_bullet, self._from_bullet)]
 
-    def bias_difference(
-        self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]
-    ) -> list[float] | None:
-        """Velocity torques in N m at `velocities` less those at `others`; None for one joint or a floating base."""
-        n = len(self._indices)
-        if n < 2 or not self._fixed:
-            return None
-        zero = [0.0] * n
+    def bias_difference(self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]) -> list[float]:
+        """Velocity torques in N m at `velocities` less those at `others`, on a base that is held."""
         if self._same_order:
-            return list(map(sub, self._inverse(positions, velocities, zero), self._inverse(positions, others, zero)))
-        here = self._inverse(self._ordered(positions), self._ordered(velocities), zero)
-        there = self._inverse(self._ordered(positions), self._ordered(others), zero)
+            return list(
+                map(sub, self._inverse(positions, velocities, self._zero), self._inverse(positions, others, self._zero))
+            )
+        here = self._inverse(self._ordered(positions), self._ordered(velocities), self._zero)
+        there = self._inverse(self._ordered(positions), self._ordered(others), self._zero)
         return [here[k] - there[k] for k in self._from_bullet]
 
-    def gravity_torques(self, positions: Sequence[float] | None = None) -> Array:
-        """(n,) N m that hold the robot still, on a base that is held."""
+    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
+        """(n,) N m that give no acceleration, on a base that is held."""
+        return self.inverse_dynamics(positions, velocities, self._zero)
+
+    def inverse_dynamics(
+        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
+    ) -> Array:
+        """(n,) N m that give `accelerations`, on a base that is held."""
         p, client = self._p, self._client
-        values = self._ordered(self._positions() if positions is None else positions)
-        # Bullet's routine ignores the base's orientation: gravity is turned in its place.
-        turned = self.inertial_frame(-1)[1].T @ np.array(self._gravity)
-        if self._fixed:
-            zero = [0.0] * len(values)
-        else:
-            zero = [0.0] * (len(values) + 6)
-            values = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *values]
+        states = [self._ordered([float(value) for value in values]) for values in (positions, velocities, accelerations)]
+        # Bullet's routine ignores the orientation of the base (of its inertia's axes): gravity is turned in its place.
+        turned = self._matrix(p.getBasePositionAndOrientation(self._body, client)[1]).T @ np.array(self._gravity)
+        if not self._fixed:
+            still = [0.0] * 6
+            states = [[*still, 1.0, *states[0]], [*still, *states[1]], [*still, *states[2]]]
         p.setGravity(*turned.tolist(), physicsClientId=client)
         try:
-            torques = np.array(p.calculateInverseDynamics(self._body, values, zero, zero, physicsClientId=client), dtype=float)
+            torques = np.array(p.calculateInverseDynamics(self._body, *states, physicsClientId=client), dtype=float)
             return torques[-len(self._indices) :][self._from_bullet]
         finally:
             p.setGravity(*self._gravity, physicsClientId=client)
@@ -121,31 +139,32 @@ class BulletModel:
                 energy -= mass * sum(g * x for g, x in zip(self._gravity, position, strict=True))
         return energy
 
-    def link_point(self, index: int, point: Sequence[float], positions: Sequence[float]) -> tuple[Array, Array, Array]:
-        """Forward kinematics of a point of link `index`: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame.
+    def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame.
 
         Moves the robot to `positions`: for models that are not being simulated.
         """
         p, client, body = self._p, self._client, self._body
-        for joint, value in zip(self._indices, positions, strict=True):
+        index, pose = self._places[link]
+        values = [float(value) for value in positions]
+        for joint, value in zip(self._indices, values, strict=True):
             p.resetJointState(body, joint, value, 0.0, physicsClientId=client)
-        at = np.asarray(point, dtype=float)
+        at = pose.position + pose.rotation @ np.asarray(point, dtype=float)
         if index == -1:
             centre, rotation, local = self.inertial_frame(index)
-            return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation, np.zeros((6, len(self._indices)))
-        state = p.getLinkState(body, index, 0, 1, client)
-        rotation = self._matrix(state[5])
+            place = np.asarray(centre) + rotation @ (at - np.asarray(local))
+            return place, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
+        centre, rotation, local = self.inertial_frame(index)
         # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
         turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
-        zero = [0.0] * len(self._indices)
         linear, angular = p.calculateJacobian(
-            body, index, turned.tolist(), self._ordered(positions), zero, zero, physicsClientId=client
+            body, index, turned.tolist(), self._ordered(values), self._zero, self._zero, physicsClientId=client
         )
         base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
         jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
         jacobian = jacobian[:, -len(self._indices) :][:, self._from_bullet]
-        return np.array(state[4]) + rotation @ at, rotation, jacobian
+        return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation @ pose.rotation, jacobian
 
     def _matrix(self, quaternion: Sequence[float]) -> Array:
         return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

@@ -2,29 +2,73 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Bullet writes to the C streams; keep them out of the user's terminal."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    with Path(os.devnull).open("w") as nowhere:
-        saved = os.dup(1), os.dup(2)
-        os.dup2(nowhere.fileno(), 1)
-        os.dup2(nowhere.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(saved[0], 1)
-            os.dup2(saved[1], 2)
-            os.close(saved[0])
-            os.close(saved[1])
+    """Bullet writes to the C streams; keep them out of the user's terminal. Threads may be in it at the same time."""
+    with _silence:
+        if not _silence.depth:
+            _flush()
+            _silence.saved = [(number, os.dup(number)) for number in (1, 2) if _is_open(number)]
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for number, _ in _silence.saved:
+                os.dup2(nowhere, number)
+            os.close(nowhere)
+        _silence.depth += 1
+    try:
+        yield
+    finally:
+        with _silence:
+            _silence.depth -= 1
+            if not _silence.depth:
+                # What C has printed to a pipe or a file waits in its buffer until then.
+                _flush()
+                for number, copy in _silence.saved:
+                    os.dup2(copy, number)
+                    os.close(copy)
+
+
+class _Silence:
+    """The streams' state while somebody is in :func:`quiet`; entered to look at it or to change it."""
+
+    def __init__(self) -> None:
+        self.depth = 0
+        self.saved: list[tuple[int, int]] = []
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+
+_silence = _Silence()
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
+
+def _flush() -> None:
+    """Empty the buffers of Python's streams and of C's."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    # The C library of the process; on Windows the one that extension modules share.
+    with suppress(OSError, AttributeError):
+        (ctypes.CDLL("ucrtbase") if sys.platform == "win32" else ctypes.CDLL(None)).fflush(None)
 
 
 def crashes(call: Callable[[], object]) -> bool:
@@ -34,6 +78,9 @@ def crashes(call: Callable[[], object]) -> bool:
     child = os.fork()
     if child == 0:
         with suppress(BaseException):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for number in (1, 2):
+                os.dup2(nowhere, number)
             call()
         os._exit(0)
     return os.WIFSIGNALED(os.waitpid(child, 0)[1])

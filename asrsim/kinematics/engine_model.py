@@ -1,4 +1,4 @@
-"""The kinematic model behind an engine: the robot alone on its base, with nothing around it."""
+"""The kinematic model of a run: its engine's, of the robot alone on its base, with the joints' stops."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from asrsim.kinematics.model import Point
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
-    from asrsim.engines.bullet import BulletEngine
+    from asrsim.engines.base import Model
     from asrsim.robot.model import Robot
     from asrsim.scenario.data import Scenario
 
 
 class EngineModel:
-    """Kinematics, mass matrix and gravity of a robot, computed by PyBullet; arrays are in the order of `joints`."""
+    """Kinematics, mass matrix and torques of a robot, computed by an engine's model; arrays are in the order of `joints`."""
 
-    def __init__(self, engine: BulletEngine, robot: Robot) -> None:
-        self._engine = engine
-        self.joints: tuple[str, ...] = engine.joints
+    def __init__(self, model: Model, robot: Robot) -> None:
+        self._model = model
+        self.joints: tuple[str, ...] = model.joints
         self.links: tuple[str, ...] = tuple(link.name for link in robot.links)
         stops = {joint.name: (joint.lower, joint.upper) for joint in robot.moving_joints}
         self.lower: Array = np.array([-np.inf if stops[name][0] is None else stops[name][0] for name in self.joints])
@@ -34,7 +34,7 @@ class EngineModel:
         """Pose and Jacobian come out of one look at the engine; the loop asks for both in turn."""
         key = (np.asarray(positions, dtype=float).tobytes(), link, point)
         if self._last is None or self._last[0] != key:
-            self._last = (key, self._engine.link_point(link, point, [float(value) for value in positions]))
+            self._last = (key, self._model.link_point(link, point, positions))
         return self._last[1]
 
     def pose(self, positions: Array, link: str, point: Point) -> tuple[Array, Array]:
@@ -48,31 +48,30 @@ class EngineModel:
 
     def gravity_torques(self, positions: Array) -> Array:
         """(n,) N m that hold the robot still against gravity."""
-        return self._engine.gravity_torques([float(value) for value in positions])
+        return self._model.bias(positions, np.zeros(len(self.joints)))
 
     def mass_matrix(self, positions: Array) -> Array:
         """(n, n) kg m^2."""
-        return self._engine.mass_matrix([float(value) for value in positions])
+        return self._model.mass_matrix(positions)
 
     def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
         """(k, n) N m that move the rigid robot so, undamped; all arguments (k, n), one posture a row."""
-        torques = np.empty_like(positions)
-        still = [0.0] * len(self.joints)
-        for row, (q, v, a) in enumerate(zip(positions, velocities, accelerations, strict=True)):
-            torques[row] = self.gravity_torques(q)
-            if a.any():
-                torques[row] += self.mass_matrix(q) @ a
-            if v.any() and (bias := self._engine.bias_difference(q.tolist(), v.tolist(), still)) is not None:
-                torques[row] += bias
-        return torques
+        rows = zip(positions, velocities, accelerations, strict=True)
+        return np.array([self._model.inverse_dynamics(q, v, a) for q, v, a in rows]).reshape(positions.shape)
 
 
 @contextmanager
 def model_of(scenario: Scenario, robot: Robot) -> Iterator[EngineModel]:
-    """The model of a scenario's robot on its base under its gravity; without the world's objects, released at the end."""
-    from asrsim.engines import make_bullet
+    """The model of a scenario's robot on its base under its gravity; without the world's objects, released at the end.
+
+    An engine without dynamics has none: the default one's is taken.
+    """
+    from asrsim.engines import ENGINES, default_engine
     from asrsim.scenario.data import World
 
-    engine, _ = make_bullet(replace(scenario, world=World()), robot)
+    name = default_engine() if ENGINES.get(scenario.engine).prescribed else scenario.engine
+    engine, _ = ENGINES.get(name).make(replace(scenario, world=World(), wrenches=(), engine=name), robot)
     with closing(engine):
-        yield EngineModel(engine, robot)
+        if engine.model is None:
+            raise TypeError(f"engine '{name}' has no model")
+        yield EngineModel(engine.model, robot)

@@ -26,15 +26,22 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     robot: with the scenario's modes and parameters in it. A preset that the scenario's references give, constant or
     changing, is kept and compensated for. Raises ScenarioError for what the robot cannot reach or hold.
     """
-    planned: dict[str, dict[str, Signal]] = {}
-    if scenario.task is not None:
-        planned = plan_task(scenario, robot).signals()
-    elif any(scenario.inverse_dynamics.values()):
-        planned = inputs_for_motions(scenario, robot)
+    if scenario.task is None:
+        planned = inputs_for_motions(scenario, robot) if any(scenario.inverse_dynamics.values()) else {}
+        desired: dict[str, Signal] = {
+            joint: scenario.references_of(joint)[name] for joint, signals in planned.items() for name in signals
+        }
+    else:
+        task = plan_task(scenario, robot)
+        planned = task.signals()
+        path = zip([joint.name for joint in robot.moving_joints], task.path.positions.T, strict=True)
+        desired = {name: Sampled(times=task.time, samples=np.ascontiguousarray(column)) for name, column in path}
+    if not planned:
+        return scenario
     references = dict(scenario.references)
     for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    return replace(scenario, references=references) if planned else scenario
+    return replace(scenario, references=references, desired={**desired, **scenario.desired})
 
 
 def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.errors import OutputError
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
 from asrsim.learning.trial import LearningProblem, LearningResult
+from asrsim.outfile import make_folder
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -170,9 +170,6 @@ def write_transfer_figure(path: Path, report: TransferReport, nominal: TransferR
 def _write(path: Path, draw: Callable[[], Figure]) -> None:
     from asrsim.plots.output import save_figure, styled
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {path.parent}: {error.strerror}") from error
+    make_folder(path.parent)
     with styled():
         save_figure(draw(), path.parent, path.stem, [path.suffix[1:]])

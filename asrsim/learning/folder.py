@@ -7,12 +7,16 @@ of another one are kept unless asked for.
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.learning.state import state_origin
+from asrsim.outfile import check_output, is_ours
+from asrsim.runs.folder import inputs_of
+from asrsim.runs.folder import origin_of as run_origin
 from asrsim.scenario.data import Scenario
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
@@ -20,6 +24,11 @@ STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
 )  # fmt: skip
 GUESS, GUESS_PLAYBACK = "guess.csv", "guess.yaml"
 TRIALS = "trial_*.mcap"
+NAMES = {
+    STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario",
+    NUMBERS: "json", PICTURE: "picture", TRANSFER: "picture", LOG: "log",
+}  # fmt: skip
+"""Files of a learning run, beside its trials' logs, and their kinds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,22 +50,20 @@ class Earlier:
 
 def origin_of(scenario: Scenario) -> str:
     """Scenario file and variant, as the state and the numbers keep it."""
-    return json.dumps([str(scenario.path.resolve()) if scenario.path else "", scenario.variant])
+    return json.dumps([run_origin(scenario), scenario.variant])
 
 
 def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool = False) -> Earlier:
-    """Make the folder and look what it holds; with `resume` nothing is to be replaced.
+    """Look what the folder, which must be ours, holds; with `resume` nothing is to be replaced.
 
-    Raises OutputError if it cannot be made, or holds what another scenario or variant learned.
+    Raises OutputError if it holds what another scenario or variant learned, what asrsim did not write, or what is read here.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {folder}: {error.strerror}") from error
+    there = {folder / name: kind for name, kind in NAMES.items()} | dict.fromkeys(sorted(folder.glob(TRIALS)), "log")
+    for path, kind in there.items():
+        check_output(path, kind, inputs=inputs_of(scenario))
     if resume:
         return Earlier()
-    names = (STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG)
-    files = (*(folder / name for name in names if (folder / name).is_file()), *sorted(folder.glob(TRIALS)))
+    files = tuple(path for path in there if path.is_file())
     origin, trials = state_origin(folder / STATE) or (_recorded_origin(folder / NUMBERS), 0)
     if files and not overwrite and origin != origin_of(scenario):
         raise OutputError(
@@ -66,9 +73,14 @@ def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overw
     return Earlier(files=files, trials=trials, finished=(folder / NUMBERS).is_file())
 
 
-def clear(earlier: Earlier) -> None:
-    """Take away an earlier run's files, so that none of them stands beside the new run's. Raises OutputError."""
+def clear(earlier: Earlier, *, but: Collection[Path] = ()) -> None:
+    """Take away an earlier run's files, so that none of them stands beside the new run's, which are `but` these.
+
+    Raises OutputError.
+    """
     for path in earlier.files:
+        if path in but or not is_ours(path, NAMES.get(path.name, "log")):
+            continue
         try:
             path.unlink(missing_ok=True)
         except OSError as error:

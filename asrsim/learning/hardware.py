@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import InputError, OutputError, Problem
+from asrsim.errors import InputError, Problem
 from asrsim.learning.arm import learning_model
 from asrsim.learning.folder import INPUTS, origin_of
 from asrsim.learning.identify import Identified, identify
@@ -23,13 +23,14 @@ from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
+from asrsim.learning.report import trial_data, write_json
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.table import write_inputs
 from asrsim.learning.trial import Law, LearningResult, Trial, trial_of
 from asrsim.recordings.align import LagChoice, align, resample
 from asrsim.recordings.data import Recording
+from asrsim.runs.lock import owned
 from asrsim.samples import Array
-from asrsim.textfile import write_text
 
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 MISSING = 0.02
@@ -65,6 +66,13 @@ def next_input(
     The first input is what `asrsim ilc` left there (learned.csv), or inverse dynamics. lag: how the recording's clock is moved
     onto that of the desired motion. Raises InputError for a recording that does not fit, OutputError.
     """
+    with owned(folder):
+        return _next_input(plant, folder, path, mapping, lag)
+
+
+def _next_input(
+    plant: Plant, folder: Path, path: Path, mapping: Mapping[str, str] | Sequence[str] | Path | None, lag: LagChoice
+) -> HardwareStep:
     from asrsim.recordings import read_recording
 
     content = _digest(path)
@@ -170,13 +178,10 @@ def _digest(path: Path) -> str:
 def _taken(folder: Path) -> list[str]:
     """Digests of the recordings that were taken, in their order."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
     except FileNotFoundError:
         return []
-    except OSError as error:
-        raise OutputError(f"cannot use the folder {folder}: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         hint = "Delete it with hardware.npz to begin anew"
         raise InputError(Problem(message="is no record of trials", file=folder / NUMBERS, hint=hint, code="state")) from error
 
@@ -184,13 +189,11 @@ def _taken(folder: Path) -> list[str]:
 def _write_numbers(
     folder: Path, trials: Sequence[Trial], taken: Sequence[str], joints: Sequence[str], found: Identified | None
 ) -> None:
-    from asrsim.learning.report import trial_data
-
     rows = [{**trial_data(trial, tuple(joints)), "recording": content} for trial, content in zip(trials, taken, strict=True)]
     data: dict[str, object] = {"trials": rows, "best": best_of(list(trials))}
     if found is not None:
         data["identified"] = {"changes": dict(found.draw), "residual": found.residual, "residual_before": found.before}
-    write_text(folder / NUMBERS, json.dumps(data, indent=2) + "\n")
+    write_json(folder / NUMBERS, data)
 
 
 __all__ = ["HardwareStep", "LearningResult", "next_input", "outputs_of"]

@@ -13,6 +13,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, ScenarioError
 from asrsim.learning.plant import Plant
 from asrsim.learning.transfer import Draw
+from asrsim.processes import end_with_parent
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, Scenario, for_joint
 
@@ -77,8 +78,12 @@ class Workers:
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
         if self._pool is not None:
+            if kind is not None:
+                # What is being computed is not wanted any more.
+                for process in list((self._pool._processes or {}).values()):
+                    process.terminate()
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
@@ -100,6 +105,7 @@ class Workers:
 
 def _load(plugins: tuple[Path, ...]) -> None:
     """Users' actuators, in a fresh interpreter."""
+    end_with_parent()
     from asrsim.actuators.user import load_plugin_file
 
     for plugin in plugins:

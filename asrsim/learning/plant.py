@@ -67,8 +67,12 @@ class Plant:
             name = MODES[drive.mode].references[0]
             signal = Sampled(times=self.time, samples=np.ascontiguousarray(inputs[:, column]))
             references[joint] = {**self.scenario.references_of(joint), name: signal}
+        trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
-        return replace(self.scenario, references=references, inverse_dynamics=computed, log_every=log_every)
+        # What the scenario claims is about its own references.
+        return replace(
+            self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=log_every
+        )
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
         """One run with these inputs; every sample kept."""
@@ -93,8 +97,15 @@ class Plant:
 def trajectories(scenario: Scenario) -> dict[str, Scenario]:
     """The scenario for each of its trajectories by name, ready for :func:`make_plant`; one without a name under ""."""
     several = scenario.learning.get("trajectories") or {}
-    rest = {key: value for key, value in scenario.learning.items() if key != "trajectories"}
-    return {name: replace(scenario, learning={**rest, "trajectory": one}) for name, one in several.items()} or {"": scenario}
+    found = {"": scenario} if not several else {}
+    for name, one in several.items():
+        learning, plain = (
+            {key: value for key, value in block.items() if key != "trajectories"}
+            for block in (scenario.learning, scenario.resolved["ilc"])
+        )
+        plain["trajectory"] = scenario.resolved["ilc"]["trajectories"][name]
+        found[name] = replace(scenario, learning={**learning, "trajectory": one}, resolved={**scenario.resolved, "ilc": plain})
+    return found
 
 
 def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:

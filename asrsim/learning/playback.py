@@ -10,7 +10,7 @@ from typing import Any
 
 from asrsim.actuators import MODES
 from asrsim.learning.plant import Plant
-from asrsim.textfile import write_text
+from asrsim.outfile import write_text
 
 DIGITS = 3
 """Of a claimed error, rounded up: a replay on the same plant repeats it bit for bit, on another one it fails."""
@@ -29,8 +29,11 @@ def playback_data(
     data: dict[str, Any] = _renamed(dict(scenario.resolved), files)
     robot = os.path.relpath(scenario.robot, folder)
     data["robot"] = {**data["robot"], "file": robot} if isinstance(data.get("robot"), dict) else robot
-    for key in ("ilc", "name", "variant", "expect"):
+    learned = data.pop("ilc", {})
+    for key in ("name", "variant", "expect"):
         data.pop(key, None)
+    # The error of a replay is that against what was to be learned.
+    data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}
     # A joint's own references replace those for all, so that theirs must stand beside them.
     common = data["references"].get("*", {})
@@ -65,7 +68,7 @@ def write_playback(
 
     text = f"# Plays what `asrsim ilc` found; the inputs are in {inputs.name}.\n"
     data = playback_data(plant, inputs, path.parent, largest=largest, desired=desired)
-    write_text(path, text + yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+    write_text(path, text + yaml.safe_dump(data, sort_keys=False, allow_unicode=True), "learned scenario")
 
 
 def rounded_up(value: float) -> float:

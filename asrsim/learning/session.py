@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from asrsim.errors import OutputError
 from asrsim.learning.arm import learning_model
 from asrsim.learning.figure import write_figure, write_transfer_figure
 from asrsim.learning.folder import (
@@ -35,6 +36,7 @@ from asrsim.learning.report import demand_data, result_data, transfer_data, writ
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
 from asrsim.learning.trial import LearningResult, Trial
+from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -86,16 +88,30 @@ def run_session(
     on_start is told what the model says before the first trial, on_foresight what it foretells of the others after it.
     Raises InputError, SimulationError or OutputError.
     """
+    with owned(folder):
+        return _session(
+            plant, folder, on_start=on_start, on_trial=on_trial, on_foresight=on_foresight, resume=resume, overwrite=overwrite,
+            keep_logs=keep_logs, with_transfer=with_transfer, draws=draws, processes=processes, plugins=plugins,
+            picture=picture,
+        )  # fmt: skip
+
+
+def _session(
+    plant: Plant, folder: Path, *, on_start: Callable[[Prepared], None] | None, on_trial: Callable[[Trial], None] | None,
+    on_foresight: Callable[[Prepared, list[float]], None] | None, resume: bool, overwrite: bool,
+    keep_logs: KeepLogs | None, with_transfer: bool, draws: int | None, processes: int,
+    plugins: Sequence[Path], picture: bool,
+) -> Session:  # fmt: skip
     earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
     block = plant.scenario.learning
     keep = keep_logs or block.get("keep_logs", "last")
     with learning_model(plant) as model, Workers(processes, plugins) as workers:
         prepared = prepare_learning(plant, model)
         plant = prepared.plant
-        clear(earlier)
         if on_start is not None:
             on_start(prepared)
         logger = _Logger(folder, keep == "all")
+
         plants = block.get("plants")
         if plants:
             set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
@@ -110,6 +126,9 @@ def run_session(
         foreseen: list[float] = []
 
         def told(trial: Trial) -> None:
+            # Its state is written: there is something in the place of the earlier run.
+            if trial.number == 0:
+                clear(earlier, but=(folder / STATE, *logger.written))
             if on_trial is not None:
                 on_trial(trial)
             if trial.number == 0 and prepared.settings.law != "auto":
@@ -201,8 +220,8 @@ def write_guess(plant: Plant, folder: Path, *, overwrite: bool = False) -> Prepa
 
     Raises InputError or OutputError.
     """
-    open_folder(folder, plant.scenario, overwrite=overwrite)
-    with learning_model(plant) as model:
+    with owned(folder), learning_model(plant) as model:
+        open_folder(folder, plant.scenario, overwrite=overwrite)
         prepared = prepare_learning(plant, model, lawless=True)
         plant = prepared.plant
         headings, values = plant.table(prepared.inverse.inputs_at(plant.time, model.delays))
@@ -218,6 +237,7 @@ class _Logger:
         self.folder = folder
         self.everything = everything
         self.count = 0
+        self.written: list[Path] = []
 
     def run(self, plant: Plant, inputs: Array) -> Array:
         """Outputs of a trial, logged if all trials are."""
@@ -229,15 +249,25 @@ class _Logger:
     def write(self, plant: Plant, inputs: Array, name: str) -> Array:
         """Outputs of a run that is logged to a file of that name."""
         from asrsim.log import LogWriter
+        from asrsim.runs.described import as_run
 
         writers: list[LogWriter] = []
+        path, aside = self.folder / name, self.folder / f"{name}.part"
 
         def sinks(info: RunInfo) -> list[LogWriter]:
-            writers.append(LogWriter(self.folder / name, info))
+            writers.append(LogWriter(aside, as_run(info, plant.with_inputs(inputs), plant.robot)))
             return writers
 
         try:
-            return plant.outputs(inputs, sinks)
+            outputs = plant.outputs(inputs, sinks)
+            for writer in writers:
+                writer.close()
+                aside.replace(path)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be replaced: {error.strerror or error}") from error
         finally:
             for writer in writers:
                 writer.close()
+                aside.unlink(missing_ok=True)
+        self.written.append(path)
+        return outputs

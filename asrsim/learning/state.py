@@ -5,26 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zlib
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
-from zipfile import BadZipFile
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.errors import InputError, OutputError, Problem
+from asrsim.errors import InputError, Problem
+from asrsim.outfile import make_folder, written
+from asrsim.samples import Array
 
 if TYPE_CHECKING:
     from asrsim.learning.settings import LearningSettings
     from asrsim.learning.trial import LearningProblem, Trial
 
 FORMAT = "asrsim learning state 1"
-UNREADABLE = (
-    OSError, ValueError, LookupError, EOFError, BadZipFile, TypeError, AttributeError, NotImplementedError, RuntimeError,
-    SyntaxError, MemoryError, OverflowError, zlib.error,
-)  # fmt: skip
-"""What a damaged archive may raise."""
 
 
 def fingerprint(problem: LearningProblem, settings: LearningSettings) -> str:
@@ -53,55 +48,65 @@ def save_state(path: Path, mark: str, trials: list[Trial], *, origin: str = "") 
         }
         for trial in trials
     ]
-    beside = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:
-            np.savez(
-                file,
-                head=np.array(json.dumps({"format": FORMAT, "fingerprint": mark, "origin": origin, "trials": scalars})),
-                inputs=np.array([trial.inputs for trial in trials]),
-                outputs=np.array([trial.outputs for trial in trials]),
-            )
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        raise OutputError(f"cannot write the learning state {path}: {error.strerror}") from error
+    make_folder(path.parent)
+    with written(path, "learning state") as file:
+        np.savez(
+            file,
+            head=np.array(json.dumps({"format": FORMAT, "fingerprint": mark, "origin": origin, "trials": scalars})),
+            inputs=np.array([trial.inputs for trial in trials]),
+            outputs=np.array([trial.outputs for trial in trials]),
+        )
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def state_origin(path: Path) -> tuple[str, int] | None:
     """Where a state comes from and how many trials it holds; None if it is no readable state."""
     try:
+        head, _, _ = _stored(path)
+    except InputError:
+        return None
+    return str(head["origin"]), len(head["trials"])
+
+
+def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
+    """What a state holds, checked: its head, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
+    try:
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
-        return str(head["origin"]), len(head["trials"])
-    except UNREADABLE:
-        return None
+            inputs, outputs = stored["inputs"], stored["outputs"]
+        # A damaged file fails in the zip reader, in NumPy or in JSON, each with errors of its own.
+    except Exception as error:
+        raise _no_state(path, str(error) or type(error).__name__) from error
+    if not isinstance(head, dict) or not isinstance(head.get("trials"), list) or not isinstance(head.get("origin"), str):
+        raise _no_state(path, "its head is not that of one")
+    count = len(head["trials"])
+    if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
+        raise _no_state(path, "its arrays are not those of trials")
+    if len(inputs) != count or not all(isinstance(trial, dict) and _plain(trial) for trial in head["trials"]):
+        raise _no_state(path, "its trials are not whole")
+    return head, inputs, outputs
+
+
+def _plain(trial: dict[str, Any]) -> bool:
+    """Whether a trial's values are numbers, lists of numbers or nothing."""
+    lists = [value if isinstance(value, list) else [value] for value in trial.values()]
+    return all(
+        item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for part in lists for item in part
+    )
+
+
+def _no_state(path: Path, why: str) -> InputError:
+    message = f"is no state of a learning run, or is damaged ({why})"
+    return InputError(Problem(message=message, file=path, hint="Delete it to begin anew", code="state"))
 
 
 def load_state(path: Path, mark: str) -> list[Trial]:
     """The trials of a state file. Raises InputError if it is unreadable or of another problem."""
     from asrsim.learning.trial import Trial
 
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            head = json.loads(str(stored["head"]))
-            inputs, outputs = stored["inputs"], stored["outputs"]
-        known = head["format"] == FORMAT and head["fingerprint"] == mark
-        trials = [
-            Trial(
-                **{**scalars, "largest": tuple(scalars["largest"]), "rms": tuple(scalars["rms"])},
-                inputs=inputs[index],
-                outputs=outputs[index],
-            )
-            for index, scalars in enumerate(head["trials"])
-        ]
-    except UNREADABLE as error:
-        raise InputError(
-            Problem(message=f"is no state of a learning run ({error})", file=path, hint="Delete it to begin anew", code="state")
-        ) from error
-    if not known:
+    head, inputs, outputs = _stored(path)
+    if head.get("format") != FORMAT or head.get("fingerprint") != mark:
         raise InputError(
             Problem(
                 message="belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
@@ -110,4 +115,14 @@ def load_state(path: Path, mark: str) -> list[Trial]:
                 code="state-of-another-run",
             )
         )
-    return trials
+    try:
+        return [
+            Trial(
+                **{**scalars, "largest": tuple(scalars["largest"]), "rms": tuple(scalars["rms"])},
+                inputs=inputs[index],
+                outputs=outputs[index],
+            )
+            for index, scalars in enumerate(head["trials"])
+        ]
+    except (TypeError, KeyError) as error:
+        raise _no_state(path, f"its trials are not whole: {error}") from error

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import OutputError
+from asrsim.outfile import make_folder, write_text
 from asrsim.samples import Array
 
 
@@ -17,14 +18,12 @@ def write_inputs(path: Path, time: Array, columns: Sequence[str], values: Array,
 
     Numbers are written so that reading gives the same bits. Raises OutputError where the file cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            for line in comment.splitlines():
-                file.write(f"# {line}\n")
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["time [s]", *(name if name.endswith("]") else f"{name} [rad]" for name in columns)])
-            # repr of a float is the shortest text that reads back as the same float.
-            writer.writerows([repr(float(cell)) for cell in row] for row in np.column_stack([time, values]))
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+    file = io.StringIO()
+    for line in comment.splitlines():
+        file.write(f"# {line}\n")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["time [s]", *(name if name.endswith("]") else f"{name} [rad]" for name in columns)])
+    # repr of a float is the shortest text that reads back as the same float.
+    writer.writerows([repr(float(cell)) for cell in row] for row in np.column_stack([time, values]))
+    make_folder(path.parent)
+    write_text(path, file.getvalue(), "learned input")

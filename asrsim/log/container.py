@@ -68,7 +68,9 @@ class McapContainer:
         self._pending = b""
         self._counts: dict[int, int] = {}
         self._span: tuple[int, int] | None = None
-        self._chunk_indexes: list[bytes] = []
+        # One piece of memory that grows: many small ones would part what the run's arrays free and want again.
+        self._chunk_indexes = bytearray()
+        self._chunks = 0
         self._index_counts = {Opcode.ATTACHMENT_INDEX: 0, Opcode.METADATA_INDEX: 0}
         header = Header(profile="ros2", library=f"asrsim {__version__}")
         body = b""
@@ -134,7 +136,8 @@ class McapContainer:
         offsets = b"".join(struct.pack("<HQ", channel, offset + length + place) for channel, place in index_offsets)
         body = struct.pack("<QQQQI", start, end, offset, length, len(offsets)) + offsets
         body += struct.pack("<QI", len(index), len(name)) + name + struct.pack("<QQ", len(packed), len(content))
-        self._chunk_indexes.append(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body)
+        self._chunk_indexes += struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body
+        self._chunks += 1
         self._pending = b""
         for channel in rows.channels:
             self._counts[channel] += rows.count
@@ -152,7 +155,7 @@ class McapContainer:
             attachment_count=self._index_counts[Opcode.ATTACHMENT_INDEX],
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunk_indexes),
+            chunk_count=self._chunks,
             message_count=sum(self._counts.values()),
             message_end_time=last,
             message_start_time=first,
@@ -163,7 +166,7 @@ class McapContainer:
             Opcode.SCHEMA: b"".join(map(encode, self._schemas.values())),
             Opcode.CHANNEL: b"".join(map(encode, self._channels.values())),
             Opcode.STATISTICS: encode(statistics),
-            Opcode.CHUNK_INDEX: b"".join(self._chunk_indexes),
+            Opcode.CHUNK_INDEX: bytes(self._chunk_indexes),
             Opcode.ATTACHMENT_INDEX: self._attachment_indexes,
             Opcode.METADATA_INDEX: self._metadata_indexes,
         }

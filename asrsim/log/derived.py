@@ -31,14 +31,14 @@ def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array
 
 def deflection(samples: Samples, joints: Sequence[JointInfo]) -> Array:
     """(n, number of joints) rad: equilibrium position minus link position."""
-    return equilibrium_position(samples, joints) - samples.values["link_position"]
+    return equilibrium_position(samples, joints) - _positions(samples)
 
 
 def position_error(samples: Samples, joints: Sequence[JointInfo]) -> Array:
     """(n, number of joints) rad: reference of the position minus link position; NaN in the torque modes (0, 4)."""
     result = np.full((len(samples.time), len(samples.joints)), np.nan)
     for column, joint in _columns(samples, joints):
-        result[:, column] = _reference_position(samples, joint, column) - samples.values["link_position"][:, column]
+        result[:, column] = _reference_position(samples, joint, column) - _column(samples, "link_position", column)
     return result
 
 
@@ -64,6 +64,11 @@ def _columns(samples: Samples, joints: Sequence[JointInfo]) -> list[tuple[int, J
 def _column(samples: Samples, quantity: str, column: int) -> Array:
     values = samples.values.get(quantity)
     return np.full(len(samples.time), np.nan) if values is None else values[:, column]
+
+
+def _positions(samples: Samples) -> Array:
+    columns = [_column(samples, "link_position", column) for column in range(len(samples.joints))]
+    return np.column_stack(columns) if columns else np.empty((len(samples.time), 0))
 
 
 def _reference_position(samples: Samples, joint: JointInfo, column: int) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.errors import LogError, Problem
+from asrsim.plain import Shape, misfit
 from asrsim.samples import JointInfo, RunInfo
 
 FORMAT = "1"
@@ -18,6 +19,18 @@ RESULT_METADATA = "asrsim_result"
 
 _RUN, _URDF, _SCENARIO, _RESOLVED = "run.json", "robot.urdf", "scenario.yaml", "resolved.json"
 _FOLDER = "attachments/"
+_JOINT_SHAPE: Shape = {
+    "name": str, "actuator": str, "mode": (int, None), "namespace": str, "motors": int, "prismatic": bool, "quantities": [str],
+}  # fmt: skip
+_RUN_SHAPE: Shape = {
+    "robot": str, "variant": str, "step": float, "log_every": int, "urdf_path": str, "scenario_path": str,
+    "joints": [_JOINT_SHAPE], "metadata": {"*": str},
+}  # fmt: skip
+_RESOLVED_SHAPE: Shape = {
+    "scenario?": {"robot": (str, {"file": str}), "*": object},
+    "parameters?": {"*": {"*": (float, str)}},
+    "*": object,
+}
 
 
 def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
@@ -69,36 +82,54 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
                 code="foreign-log",
             )
         )
-    try:
-        run: dict[str, Any] = json.loads(attachments[_RUN])
-        version = run["format"]
-    except (ValueError, TypeError, KeyError) as error:
-        raise LogError(Problem(message=f"the description of the run is damaged: {error}", code="corrupt-log")) from error
-    if version != FORMAT:
+    run = _plain(_RUN, attachments[_RUN], {"format": object, "*": object})
+    if run["format"] != FORMAT:
         raise LogError(
             Problem(
                 message="the log has another format than this asrsim reads",
-                value=version,
+                value=run["format"],
                 choices=(FORMAT,),
                 hint="Read it with the version of asrsim that wrote it",
                 code="log-format",
             )
         )
+    _plain(_RUN, attachments[_RUN], _RUN_SHAPE)
+    if not 0 < run["step"] < 1e300 or run["log_every"] < 1:
+        raise _damaged(f"{_RUN}: step and log_every must be larger than 0")
+    joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
+    names = [joint.name for joint in joints]
+    if len(set(names)) < len(names):
+        raise _damaged(f"{_RUN}: a joint stands there twice")
     try:
-        joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
-        return RunInfo(
-            robot=run["robot"],
-            joints=joints,
-            step=run["step"],
-            log_every=run["log_every"],
-            variant=run["variant"],
-            urdf=attachments.get(_URDF, b"").decode(),
-            urdf_path=run["urdf_path"],
-            scenario=attachments.get(_SCENARIO, b"").decode(),
-            scenario_path=run["scenario_path"],
-            resolved=json.loads(attachments.get(_RESOLVED, b"{}")),
-            metadata=run["metadata"],
-            attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},
-        )
-    except (ValueError, TypeError, KeyError) as error:
-        raise LogError(Problem(message=f"the description of the run is damaged: {error}", code="corrupt-log")) from error
+        urdf, scenario = (attachments.get(name, b"").decode() for name in (_URDF, _SCENARIO))
+    except UnicodeDecodeError as error:
+        raise _damaged(str(error)) from error
+    return RunInfo(
+        robot=run["robot"],
+        joints=joints,
+        step=run["step"],
+        log_every=run["log_every"],
+        variant=run["variant"],
+        urdf=urdf,
+        urdf_path=run["urdf_path"],
+        scenario=scenario,
+        scenario_path=run["scenario_path"],
+        resolved=_plain(_RESOLVED, attachments.get(_RESOLVED, b"{}"), _RESOLVED_SHAPE),
+        metadata=run["metadata"],
+        attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},
+    )
+
+
+def _plain(name: str, data: bytes, shape: Shape) -> Any:
+    """The JSON of an attachment, which anybody may have edited. Raises LogError if it has not the shape that we gave it."""
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise _damaged(f"{name}: {error}") from error
+    if fault := misfit(found, shape):
+        raise _damaged(f"{name}: {fault}")
+    return found
+
+
+def _damaged(what: str) -> LogError:
+    return LogError(Problem(message=f"the description of the run is damaged: {what}", code="corrupt-log"))

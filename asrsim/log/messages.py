@@ -1,4 +1,4 @@
-"""ROS 2 message definitions (`ros2msg` text) of everything a log contains: standard ones and two of our own."""
+"""ROS 2 message definitions (`ros2msg` text) of everything a log contains: standard ones and three of our own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ _OWN_TOPICS = {
     *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity", "torque")),
     "elastic_torque_1",
     "elastic_torque_2",
-    "external_torque",
 }
 
 DETAIL_FIELDS: tuple[str, ...] = tuple(name for name in QUANTITIES if name not in _OWN_TOPICS)
@@ -40,6 +39,7 @@ _FIELDS: dict[str, str] = {
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
     ),
     "asrsim_msgs/LinkState": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in LINK_STATE_FIELDS)]),
+    "asrsim_msgs/JointSample": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in QUANTITIES)]),
     "asrsim_msgs/JointDetails": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in DETAIL_FIELDS)]),
 }
 

@@ -15,8 +15,12 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer, Header, McapRecord
 
 from asrsim.errors import OutputError
+from asrsim.outfile import check_output, is_special
 
 MAGIC = b"\x89MCAP0\r\n"
+
+
+_FLAGS = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
 
 
 def encode(record: McapRecord) -> bytes:
@@ -33,6 +37,13 @@ _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0
 _TRAILER = DATA_END + _OPEN_END
 
 
+def _pwrite(file: int, data: memoryview, position: int) -> int:
+    if hasattr(os, "pwrite"):
+        return os.pwrite(file, data, position)
+    os.lseek(file, position, os.SEEK_SET)
+    return os.write(file, data)
+
+
 class McapStorage:
     """The bytes of an MCAP file, appended to in whole records. Raises OutputError if the file cannot be written."""
 
@@ -40,11 +51,17 @@ class McapStorage:
         self.path = path
         head = MAGIC + encode(header) + body
         self._file = -1
+        new = not path.exists()
+        check_output(path, "log")
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+            flags = _FLAGS | (0 if is_special(path) else getattr(os, "O_NOFOLLOW", 0))
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | flags, 0o666)
             self._write(head + _TRAILER, 0)
         except OSError as error:
             self.close()
+            if new:
+                with suppress(OSError):
+                    path.unlink()
             raise self._error(error) from error
         self.size = len(head)
         """Bytes up to the trailer: where the next record goes."""
@@ -89,7 +106,7 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            written = os.pwrite(self._file, rest, position)
+            written = _pwrite(self._file, rest, position)
             rest = rest[written:]
             position += written
 

@@ -43,13 +43,19 @@ class Topic:
     """Its numbers are read back from here."""
 
 
-def robot_topics(joints: Sequence[JointInfo]) -> tuple[Topic, ...]:
-    """Topics that are in every row of a log, the time first."""
+def robot_topics(
+    joints: Sequence[JointInfo], *, compact: bool = False, arrays: bool = True, external: bool = True
+) -> tuple[Topic, ...]:
+    """Topics that are in every row of a log, the time first.
+
+    compact: one message a joint with all its numbers, instead of the toolbox's; arrays: the robot-level arrays that the
+    toolbox's manager publishes too; external: the topic of external torques, which there may be none of.
+    """
     paths = topic_paths(joints)
     topics = [Topic(name=TIME_TOPIC, message="std_msgs/Float64", template=CdrBuilder().float64(Column("time")).build())]
     for joint, path in zip(joints, paths, strict=True):
-        topics += _joint_topics(joint, path)
-    for namespace in dict.fromkeys(joint.namespace for joint in joints):
+        topics += _whole_joint(joint, path) if compact else _joint_topics(joint, path, external=external)
+    for namespace in dict.fromkeys(joint.namespace for joint in joints if arrays and not compact):
         members = [joint for joint in joints if joint.namespace == namespace and joint.mode is not None]
         topics += _array_topics(members, _ros_path(namespace))
     if joints:
@@ -90,7 +96,23 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
     return tuple(paths)
 
 
-def _joint_topics(joint: JointInfo, path: str) -> Iterator[Topic]:
+def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
+    """All numbers of a joint in one message, NaN where it does not record one; users' own quantities beside it."""
+    builder = CdrBuilder().header()
+    for quantity in QUANTITIES:
+        builder.float64(Column("value", quantity, joint.name) if quantity in joint.quantities else None)
+    yield Topic(name=f"{path}/state", message="asrsim_msgs/JointSample", template=builder.build())
+    yield from _own_quantities(joint, path)
+
+
+def _own_quantities(joint: JointInfo, path: str) -> Iterator[Topic]:
+    for quantity in joint.quantities:
+        if quantity not in QUANTITIES:
+            template = CdrBuilder().float64(Column("value", quantity, joint.name)).build()
+            yield Topic(name=path + _ros_path(quantity), message="std_msgs/Float64", template=template)
+
+
+def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[Topic]:
     def source(quantity: str) -> Column | None:
         return Column("value", quantity, joint.name) if quantity in joint.quantities else None
 
@@ -115,15 +137,14 @@ def _joint_topics(joint: JointInfo, path: str) -> Iterator[Topic]:
         yield from scalar(f"torque_el{index}_state", f"elastic_torque_{index}")
     for index, name in enumerate(REFERENCE_TOPICS.get(joint.mode, ()), start=1):
         yield from scalar(name, f"reference_{index}", canonical=False)
-    yield from scalar("external_torque", "external_torque")
+    if external:
+        yield from scalar("external_torque", "external_torque", canonical=False)
     if recorded(DETAIL_FIELDS):
         builder = CdrBuilder().header()
         for quantity in DETAIL_FIELDS:
             builder.float64(source(quantity))
         yield Topic(name=f"{path}/details", message="asrsim_msgs/JointDetails", template=builder.build())
-    for quantity in joint.quantities:
-        if quantity not in QUANTITIES:
-            yield from scalar(_ros_path(quantity)[1:], quantity)
+    yield from _own_quantities(joint, path)
 
 
 def _array_topics(joints: Sequence[JointInfo], path: str) -> Iterator[Topic]:

@@ -39,7 +39,12 @@ class LogWriter:
             metadata={RUN_METADATA: info_metadata(info)},
             compression=compression,
         )
-        self._robot_topics = robot_topics(info.joints)
+        scenario = info.resolved.get("scenario", {})
+        compact = scenario.get("log") == "compact"
+        # The arrays are what the toolbox's manager publishes: they are there where a manager's file is.
+        self._robot_topics = robot_topics(
+            info.joints, compact=compact, arrays=scenario.get("manager") is not None, external="external_torques" in scenario
+        )
         self._layout: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self._rows = self._row_buffer()
         self._description = Topic(

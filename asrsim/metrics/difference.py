@@ -10,12 +10,13 @@ import math
 import numpy as np
 
 from asrsim.metrics.lag import estimate_lag
+from asrsim.metrics.values import mean, rms
 from asrsim.samples import Array
 
 
-def rmse(_time: Array, values: Array, reference: Array) -> float:
-    """Root of the mean squared difference over the samples."""
-    return float(np.sqrt(np.mean((values - reference) ** 2)))
+def rmse(time: Array, values: Array, reference: Array) -> float:
+    """Root of the mean squared difference over time."""
+    return rms(time, values - reference)
 
 
 def nrmse(time: Array, values: Array, reference: Array) -> float:
@@ -29,21 +30,24 @@ def maximum_error(_time: Array, values: Array, reference: Array) -> float:
     return float(np.max(np.abs(values - reference)))
 
 
-def bias(_time: Array, values: Array, reference: Array) -> float:
-    """Mean of value minus reference."""
-    return float(np.mean(values - reference))
+def bias(time: Array, values: Array, reference: Array) -> float:
+    """Mean of value minus reference over time."""
+    return mean(time, values - reference)
 
 
-def r2(_time: Array, values: Array, reference: Array) -> float:
-    """Coefficient of determination 1 - sum (r - v)^2 / sum (r - mean r)^2: 1 perfect, 0 as good as the mean, negative worse."""
-    total = float(np.sum((reference - np.mean(reference)) ** 2))
-    return 1.0 - float(np.sum((reference - values) ** 2)) / total if total > 0 else math.nan
+def r2(time: Array, values: Array, reference: Array) -> float:
+    """Coefficient of determination 1 - mean (r - v)^2 / mean (r - mean r)^2 over time: 1 perfect, 0 as good as the mean,
+    negative worse.
+    """
+    total = mean(time, (reference - mean(time, reference)) ** 2)
+    return 1.0 - mean(time, (reference - values) ** 2) / total if total > 0 else math.nan
 
 
 def delay(time: Array, values: Array, reference: Array, *, limit: float | None = None) -> float:
-    """Time by which the values come after the reference, at the peak of their normalised cross-correlation.
+    """Time by which the values come after the reference, at the peak of their normalised cross-correlation; undefined where
+    chance would correlate them as well, or where the peak lies at the limit of the search.
 
     limit: s, largest delay looked for either way; a quarter of the record by default.
     """
     lag = estimate_lag(time, reference, time, values, limit=limit)
-    return lag.seconds if lag is not None else math.nan
+    return lag.seconds if lag is not None and lag.told else math.nan

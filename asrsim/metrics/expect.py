@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.metrics.measures import MEASURES, measure, option_problems
 from asrsim.metrics.motion import AXES
 from asrsim.quantities import DERIVED, QUANTITIES, unit_of
-from asrsim.samples import Array, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
@@ -27,8 +28,10 @@ RECORDING_OPTIONS = {
     "rate": "a positive number of Hz",
 }
 """Options of a claim with `against` beside those of its measure, as `asrsim plot` has them: what each must be."""
-BODY_QUANTITIES = ("position", "x", "y", "z", "contact_force")
+BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
 """What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts.
+
+`error` is the distance in m of a Cartesian task's `tip` from its path.
 
 `contact_force/<other>` is that of one contact: with `robot`, `ground` or another body.
 """
@@ -94,17 +97,15 @@ def evaluate_expectation(
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float = 0.0) -> bool:
-    """Whether `measured comparison value` holds; the tolerance widens every comparison; NaN never holds."""
+    """Whether `measured comparison value` holds; `==` within the tolerance, which means nothing elsewhere; NaN never holds."""
     if math.isnan(measured):
         return False
     if comparison == "==":
         # The last digits of both numbers are no disagreement.
         return abs(measured - value) <= tolerance + 4e-16 * max(abs(measured), abs(value))
     if comparison in ("<", "<="):
-        bound = value + tolerance
-        return measured < bound if comparison == "<" else measured <= bound
-    bound = value - tolerance
-    return measured > bound if comparison == ">" else measured >= bound
+        return measured < value if comparison == "<" else measured <= value
+    return measured > value if comparison == ">" else measured >= value
 
 
 def check_expectation(expectation: Expectation) -> None:
@@ -121,11 +122,47 @@ def check_expectation(expectation: Expectation) -> None:
         raise _error(expectation, f"'{expectation.comparison}' is no comparison", choices=COMPARISONS)
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
         raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
+    if expectation.tolerance and expectation.comparison != "==":
+        message = f"a tolerance goes with '==' only: '{expectation.comparison}' holds or it does not"
+        hint = "Put the margin into the value"
+        problems.append(Problem(message=message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
+    problems += [] if problems else _unmeasurable(expectation)
     if problems:
         raise ScenarioError(
             [Problem(message=p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
              for p in problems]
         )  # fmt: skip
+
+
+def _unmeasurable(expectation: Expectation) -> list[Problem]:
+    """Options that the measure does not take, found on a made-up series: before the run, not after it."""
+    options = _of_measure(expectation)
+    problems = []
+    parameters = inspect.signature(MEASURES.get(expectation.measure).function).parameters
+    numbers = {"start", "end", *(name for name in options if str(parameters.get(name, "")).startswith(f"{name}: 'float"))}
+    for key in (name for name in options if name in numbers):
+        value = options[key]
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)):
+            problems.append(Problem(message="must be a number", key=f"options.{key}", value=value, code="bad-option"))
+    start, end = options.pop("start", None), options.pop("end", None)
+    if not problems and start is not None and end is not None and not start < end:
+        problems.append(Problem(message="must be before the end", key="options.start", value=start, code="bad-option"))
+    if problems:
+        return problems
+    time = np.linspace(0.0, 1.0, 201)
+    poses = MEASURES.get(expectation.measure).needs == "poses"
+    series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
+    own = expectation.quantity == "link_position" or expectation.against is not None
+    if expectation.body is not None and poses != (expectation.quantity == "position"):
+        series = np.tile(time[:, None], 7) if expectation.quantity == "position" else time
+    try:
+        measure(expectation.measure, time, series, np.ones_like(time) if own else None, **options)
+    except InputError as error:
+        return list(error.problems)
+    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
+        given = ", ".join(f"{key}: {value}" for key, value in options.items())
+        return [Problem(message=f"cannot be measured with {given}: {error}", key="options", code="bad-option")]
+    return []
 
 
 def _of_measure(expectation: Expectation) -> dict[str, Any]:
@@ -165,6 +202,8 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
     if poses is not None:
         columns["position"] = poses
         columns |= {axis: poses[:, index] for axis, index in AXES.items()}
+    if body == TIP and TIP_GOAL in samples.bodies and poses is not None:
+        columns["error"] = np.linalg.norm(poses[:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1)
     forces = np.zeros((len(samples.time), 3))
     touched = poses is not None
     for pair, force in samples.contacts.items():

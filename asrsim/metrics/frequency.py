@@ -1,13 +1,14 @@
 """Frequency response from any excitation: gain, phase, coherence with confidence bands, resonance, bandwidth.
 
-Two estimators, chosen by what the excitation is:
+Three estimators, chosen by what the excitation is:
 
-- *local*, for an excitation that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and
-  Guerin (Non-parametric frequency response estimation using a local rational model, SYSID 2012) and Pintelon, Schoukens,
+- *periodic*, for one that repeats itself (multisine): the transform of whole periods, once the output has settled.
+- *local*, for one that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and Guerin
+  (Non-parametric frequency response estimation using a local rational model, SYSID 2012) and Pintelon, Schoukens,
   Vandersteen and Barbe (Mechanical Systems and Signal Processing 24, 2010). Unlike averaging over segments it has neither
   leakage nor smoothing: a chirp passes each frequency once, and segments would cut it.
-- *welch*, for a sparse periodic excitation (multisine): `scipy.signal.csd` and `welch` with Hann windows, half overlapping,
-  read at the excited lines only.
+- *welch*, for lines that do not repeat within the record: `scipy.signal.csd` with Hann windows, half overlapping, read at the
+  excited lines only.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.metrics.spectra import Spectra, local_rational, uniform, welch
+from asrsim.metrics.excitation import excited_band, lines_of, period_of
+from asrsim.metrics.local import local_rational
+from asrsim.metrics.periodic import by_periods
+from asrsim.metrics.spectra import Spectra, uniform, welch
 from asrsim.samples import Array
 
-_FLOOR = 1e-2
-"""Share of the strongest input power (-20 dB) above which a frequency counts as excited."""
-_FLANK = 0.2
-"""Share of the input power within reach below which a frequency at the band's edge is left out."""
-_REACH = 16
-"""Bins to which the local fit reaches."""
+METHODS = ("auto", "periodic", "local", "welch")
+_STILL, _NOTHING = 1e-7, 1e-12
+"""Share of the output's own size, and size in any SI unit, up to which it "does not move"."""
 _TRUSTED = 0.5
 """Coherence below which a point says nothing."""
 _STILL = 1e-4
@@ -47,8 +48,7 @@ class FrequencyResponse:
     coherence: Array
     """(m,) 0 to 1: share of the output that the input explains, corrected for the number of averages."""
     gain_low: Array
-    """(m,) lower edge of the gain's confidence band, not below 0. For random errors only: the estimator's own bias, about
-    0.1 %, is not in it."""
+    """(m,) lower edge of the gain's confidence band, not below 0."""
     gain_high: Array
     """(m,) upper edge."""
     phase_margin: Array
@@ -56,11 +56,11 @@ class FrequencyResponse:
     confidence: float
     """Probability of the bands, such as 0.95."""
     averages: float
-    """Independent averages (Welch) or degrees of freedom (local) behind each point."""
+    """Periods (periodic), independent averages (welch) or degrees of freedom (local) behind each point."""
     resolution: float
     """Hz between independent points."""
     method: str
-    """local or welch."""
+    """periodic, local or welch."""
     band: tuple[float, float]
     """Hz, the excited band."""
     resonance: tuple[float, float] | None
@@ -90,34 +90,33 @@ def frequency_response(
         excitation: (n,), input; NaN are left out at the ends and bridged inside only up to three samples.
         output: (n,).
         band: Hz, lowest and highest frequency; None: where the input has more than -20 dB of its largest power.
-        method: auto, local or welch.
+        method: auto, periodic, local or welch.
         confidence: Probability of the bands.
 
     Raises:
         RecordingError: Too short, input constant, nothing excited in the band.
     """
-    if method not in ("auto", "local", "welch"):
-        raise RecordingError(Problem(message=f"no method is called '{method}'", choices=("auto", "local", "welch")))
+    if method not in METHODS:
+        raise RecordingError(Problem(message=f"no method is called '{method}'", choices=METHODS))
     t, u, y, findings = uniform(time, excitation, output)
     if len(t) < 64:
         raise RecordingError(
             Problem(message=f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
         )
-    if np.ptp(u) <= 1e-12 * max(1.0, float(np.max(np.abs(u)))):
+    if np.ptp(u) <= 1e-12 * float(np.max(np.abs(u))):
         raise RecordingError(
             Problem(message=f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves",
                     code="constant-excitation", hint="Expected a chirp, multisine or noise")
         )  # fmt: skip
-    moves = bool(np.std(y) > _STILL * np.std(u))
+    # Each in its own units: micrometres are much of a stiff spring, however many newtons they took.
+    moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
             Problem(message=f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
                     "(by friction?) or not connected", code="output-still")
         )  # fmt: skip
     step = float(t[1] - t[0])
-    low, high, sparse = excited_band(u, step, band)
-    chosen = ("welch" if sparse else "local") if method == "auto" else method
-    spectra = welch(u, y, step, low, high) if chosen == "welch" else local_rational(u, y, step, low, high)
+    spectra, chosen, (low, high) = _estimate(u, y, step, band, method)
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
@@ -127,61 +126,36 @@ def frequency_response(
     return _response(spectra, chosen, (low, high), confidence, moves, findings)
 
 
-def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, bool]:
-    """Lowest and highest excited frequency in Hz, and whether the excitation is a set of lines. Raises RecordingError."""
-    from scipy.ndimage import uniform_filter1d
-    from scipy.signal.windows import tukey
-
-    n = len(u)
-    # A window that is flat but for its ends: a round one would hide the ends of a chirp, which are the ends of its band.
-    power = np.abs(np.fft.rfft((u - np.mean(u)) * tukey(n, 0.1))) ** 2
-    f = np.fft.rfftfreq(n, step)
-    inside = (f > 0) & (f <= 0.45 / step)
-    if band is not None:
-        inside &= (f >= band[0]) & (f <= band[1])
-    if not inside.any() or not power[inside].max() > 0:
-        raise RecordingError(
-            Problem(message=f"nothing is resolved between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
-                    code="nothing-excited",
-                    hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz")
-        )  # fmt: skip
-    lines = _lines(np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n))) ** 2, inside)
-    if lines is not None:
-        return float(f[lines[0]]), float(f[lines[1]]), True
-    # Averaged over five bins: a single empty bin of a noise is no edge of its band.
-    smooth = uniform_filter1d(power, 5)
-    excited = np.flatnonzero(inside & (smooth > _FLOOR * smooth[inside].max()))
-    first, last = int(excited[0]), int(excited[-1])
-    # The flank of a chirp's band is no part of it: there the fit leans on stronger neighbours to one side only.
-    while first < last and smooth[first] < _FLANK * smooth[first : first + _REACH].max():
-        first += 1
-    while last > first and smooth[last] < _FLANK * smooth[max(last - _REACH, 0) : last].max():
-        last -= 1
-    return float(f[first]), float(f[last]), False
-
-
-def _lines(power: Array, inside: NDArray[np.bool_]) -> tuple[int, int] | None:
-    """First and last bin of an excitation whose power stands in lines (Hann: three or four bins), else None."""
-    strong = inside & (power > 1e-2 * power[inside].max())
-    runs = int(np.sum(np.diff(strong.astype(int)) == 1))
-    bins = np.flatnonzero(strong)
-    narrow = runs > 0 and len(bins) <= 4.5 * runs and bins[0] > 2
-    if not narrow or float(np.sum(power[strong])) < 0.95 * float(np.sum(power[inside])):
-        return None
-    return int(bins[0]), int(bins[-1])
+def _estimate(
+    u: Array, y: Array, step: float, band: tuple[float, float] | None, method: str
+) -> tuple[Spectra, str, tuple[float, float]]:
+    """Spectra, the method's name and the band. Raises RecordingError."""
+    period = period_of(u) if method in ("auto", "periodic") else None
+    if period is not None:
+        found = by_periods(u, y, step, period, lines_of(u, period, step, band))
+        if found is not None:
+            return found, "periodic", (float(found.frequency[0]), float(found.frequency[-1]))
+    if method == "periodic":
+        message = "the excitation has no period that the record holds twice, with the output settled"
+        raise RecordingError(Problem(message=message, code="not-periodic", hint="Expected a multisine over whole periods"))
+    low, high, sparse = excited_band(u, step, band)
+    chosen = ("welch" if sparse else "local") if method == "auto" else method
+    estimate = welch if chosen == "welch" else local_rational
+    return estimate(u, y, step, low, high), chosen, (low, high)
 
 
 def _response(
     spectra: Spectra, method: str, band: tuple[float, float], confidence: float, moves: bool, findings: list[Problem]
 ) -> FrequencyResponse:
-    from scipy.stats import norm
+    from scipy.stats import f, t
 
     gain = np.abs(spectra.response)
     phase = np.degrees(np.unwrap(np.angle(spectra.response)))
-    # Bendat and Piersol, Random Data, 4th edition, table 9.6: normalised standard deviations of gain and phase (rad).
-    coherence = np.clip(spectra.coherence, 1e-12, 1.0)
-    sigma = np.sqrt((1 - coherence) / (2 * coherence * spectra.averages))
-    width = float(norm.ppf(0.5 + confidence / 2)) * sigma
+    # The error is round in the complex plane; towards the gain and across to it it is Student's, from a variance that is
+    # itself estimated. A response that its own noise hides has no direction: there the whole disc counts.
+    sigma = spectra.deviation / math.sqrt(2)
+    disc = sigma * math.sqrt(2 * float(f.ppf(confidence, 2, 2 * spectra.freedom)))
+    width = np.where(disc < 1, sigma * float(t.ppf(0.5 + confidence / 2, 2 * spectra.freedom)), disc)
     margin = np.where(width < 1, np.degrees(np.arcsin(np.minimum(width, 1.0))), 180.0)
     return FrequencyResponse(
         frequency=spectra.frequency, gain=gain, phase=phase, coherence=np.clip(spectra.coherence, 0, 1),

@@ -11,7 +11,18 @@ from asrsim.samples import Array
 _LONGEST = 200_000
 """Samples of the correlation's grid; longer records are correlated on a coarser one."""
 _NEAR = 0.02
-"""Peaks whose correlation is this near to the best one's are as good: of a periodic signal, the one of least lag is taken."""
+"""Summits whose correlation is this near to the best one's are as good: of a periodic signal, the one of least lag is taken."""
+_VALLEY = 0.2
+"""Correlation lost between two summits."""
+_TOP = 0.1
+"""Share of a summit's height that its parabola reaches down."""
+_BLOCKS = 20
+"""Parts of the record whose slopes give the interval."""
+_CHANCE = 1e-3
+"""Probability up to which a correlation is no chance."""
+_STRETCHES = (0.72, 0.76, 0.8, 0.84, 0.88, 0.92, 1.08, 1.13, 1.18, 1.24, 1.3, 1.36)
+_STRETCHED = 20_000
+"""Samples that stretched series are correlated with at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +39,20 @@ class Lag:
     """The best correlation is at the edge of the search; the true lag may lie beyond."""
     ambiguous: bool
     """Other lags fit as well (a periodic signal); the smallest was taken."""
+    margin: float
+    """s, half width of the 95 % confidence interval about `seconds`, of one summit: which one is no matter of noise."""
+    chance: float
+    """Probability that unrelated series of the same kind correlate as well at some lag within the limit."""
+
+    @property
+    def told(self) -> bool:
+        """Whether the lag says something: no product of chance, and a peak, not the edge of the search."""
+        return self.chance < _CHANCE and self.correlation > 0 and not self.at_limit
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """s, 95 % confidence interval."""
+        return self.seconds - self.margin, self.seconds + self.margin
 
 
 def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array, *, limit: float | None = None) -> Lag | None:
@@ -35,7 +60,8 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
 
     Each is brought to a common even step by linear interpolation (NaN left out). The correlation is normalised over the
     overlap at each lag (mean and size removed there), so that offsets and gains do not matter; lags that leave less than
-    half of the shorter series in the overlap are not looked at. The peak is refined by a parabola.
+    half of the shorter series in the overlap are not looked at. The peak is refined by a parabola over its summit, as wide as
+    noise asks for.
 
     limit: s, largest lag either way; None: a quarter of the shorter series.
     """
@@ -47,22 +73,121 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     step = min(float(np.median(np.diff(t))) for t, _ in (a, b))
     step = max(step, max(spans) / _LONGEST)
     x, y = (np.interp(np.arange(t[0], t[-1] + 0.5 * step, step), t, v) for t, v in (a, b))
-    lags, rho = _normalised(x - np.mean(x), y - np.mean(y), step, offset=float(b[0][0] - a[0][0]), limit=limit)
+    x, y = x - np.mean(x), y - np.mean(y)
+    offset = float(b[0][0] - a[0][0])
+    lags, rho = _normalised(x, y, step, offset=offset, limit=limit)
     if not len(lags):
         return None
     peak, ambiguous = _choose(lags, rho)
-    seconds, correlation = float(lags[peak]), float(rho[peak])
     at_limit = peak in (0, len(rho) - 1)
-    if not at_limit:
-        left, middle, right = rho[peak - 1 : peak + 2]
-        bend = left - 2 * middle + right
-        if bend < 0:
-            shift = 0.5 * (left - right) / bend
-            seconds += float(shift) * step
-            correlation = float(middle - 0.25 * (left - right) * shift)
+    half = _summit(rho, peak)
+    shift, correlation = (0.0, float(rho[peak])) if at_limit else _refined(rho, peak, half)
+    # The highest sample of a rough summit may be on its flank: once more from the parabola's top.
+    if not at_limit and half <= peak + round(shift) < len(rho) - half:
+        peak += round(shift)
+        shift, correlation = _refined(rho, peak, half)
+    margin = _margin(x, y, round((float(lags[peak]) - offset) / step), half) * step
     return Lag(
-        seconds=seconds, correlation=min(correlation, 1.0), limit=limit, at_limit=at_limit and limit > 0, ambiguous=ambiguous
-    )
+        seconds=float(lags[peak]) + shift * step, correlation=min(correlation, 1.0), limit=limit, ambiguous=ambiguous,
+        at_limit=at_limit and limit > 0, margin=margin,
+        chance=_chance(x, y, step, offset=offset, limit=limit, correlation=correlation),
+    )  # fmt: skip
+
+
+def _summit(rho: Array, peak: int) -> int:
+    """Samples on either side of a peak that its parabola is fitted to: its top where noise roughens it, else 1."""
+    below = np.flatnonzero(rho < rho[peak] - min(_TOP * abs(float(rho[peak])), 20 * _roughness(rho)))
+    left = peak - below[below < peak].max(initial=-1) - 1
+    right = below[below > peak].min(initial=len(rho)) - peak - 1
+    return int(max(min(left, right, peak, len(rho) - 1 - peak), 1))
+
+
+def _roughness(rho: Array) -> float:
+    """What a correlation jumps from lag to lag, about twice its noise."""
+    return float(np.median(np.abs(np.diff(rho, 2)))) if len(rho) > 8 else 0.0
+
+
+def _refined(rho: Array, peak: int, half: int) -> tuple[float, float]:
+    """Place of the maximum (samples from the peak) and its height, by a parabola over the summit."""
+    place = np.arange(-half, half + 1)
+    bend, slope, height = np.polyfit(place, rho[peak - half : peak + half + 1], 2)
+    if bend >= 0:
+        return 0.0, float(rho[peak])
+    shift = float(np.clip(-slope / (2 * bend), -half, half))
+    return shift, float(height + slope * shift + bend * shift**2)
+
+
+def _margin(x: Array, y: Array, shift: int, half: int) -> float:
+    """Half width in samples of the 95 % interval of the lag: the slope of the correlation by blocks over its bend.
+
+    The correlation is a sum over blocks of the record; the spread of their slopes at the peak is that of the sum, whatever
+    noise is in either series.
+    """
+    from scipy.stats import t
+
+    start, end = max(0, -shift), min(len(x), len(y) - shift)
+    edge = 2 * half
+    lead = np.arange(max(start, edge - shift), min(end, len(y) - shift - edge))
+    if len(lead) < 2 * _BLOCKS:
+        return float("inf")
+    a, middle = x[lead], y[lead + shift]
+    before, after = y[lead + shift - half], y[lead + shift + half]
+    gain = float(np.dot(a, middle) / max(np.dot(a, a), 1e-300))
+    # What a itself has of slope is no error of the lag.
+    own = np.interp(lead + half, np.arange(len(x)), x) - np.interp(lead - half, np.arange(len(x)), x)
+    slopes = a * (after - before) - gain * a * own
+    blocks = np.array([float(np.sum(block)) for block in np.array_split(slopes / (2 * half), _BLOCKS)])
+    bend = float(np.sum(a * (2 * middle - before - after))) / half**2
+    if bend <= 0:
+        return float("inf")
+    spread = float(np.sqrt(_BLOCKS / (_BLOCKS - 1) * np.sum((blocks - blocks.mean()) ** 2)))
+    return float(t.ppf(0.975, _BLOCKS - 1)) * spread / bend
+
+
+def _chance(x: Array, y: Array, step: float, *, offset: float, limit: float, correlation: float) -> float:
+    """Probability that unrelated series like x and y correlate as well at some lag: the less of two answers."""
+    by_samples = _chance_by_samples(x, y, limit / step, correlation)
+    return by_samples if by_samples < _CHANCE else _chance_by_stretching(x, y, step, offset, limit, correlation)
+
+
+def _chance_by_samples(x: Array, y: Array, limit: float, correlation: float) -> float:
+    """By the number of independent samples that the autocorrelations leave (Bartlett, Journal of the Royal Statistical
+    Society 98, 1935). limit: samples either way.
+    """
+    from scipy.stats import t
+
+    n = min(len(x), len(y))
+    size = 1 << (2 * n - 1).bit_length()
+    product, width = np.ones(n), 1.0
+    for series in (x[:n], y[:n]):
+        own = np.fft.irfft(np.abs(np.fft.rfft(series - np.mean(series), size)) ** 2, size)[:n]
+        product = product * own / max(float(own[0]), 1e-300)
+        fall = np.flatnonzero(own < 0.5 * own[0])
+        width = max(width, float(fall[0]) if len(fall) else float(n))
+    independent = n / max(1.0 + 2.0 * float(np.sum(product[1:] * (1 - np.arange(1, n) / n))), 1.0)
+    # A shape that is met to the last digit is no chance, however slow it is: not fewer than six.
+    freedom = max(independent, 6.0) - 2.0
+    rho = min(abs(correlation), 1 - 1e-12)
+    tail = 2.0 * float(t.sf(rho * np.sqrt(freedom / (1 - rho**2)), freedom))
+    return min(1.0, tail * max(2 * limit / width, 1.0))
+
+
+def _chance_by_stretching(x: Array, y: Array, step: float, offset: float, limit: float, correlation: float) -> float:
+    """By what y, stretched in time, correlates: as well if the two are unrelated, much less if they share an oscillation."""
+    from scipy.stats import t
+
+    every = max(min(len(x), len(y)) // _STRETCHED, 1)
+    x, place, found = x[::every], np.arange(0, len(y), every), []
+    for factor in _STRETCHES:
+        stretched = np.interp(place / factor % (len(y) - 1), np.arange(len(y)), y)
+        _, rho = _normalised(x, stretched - np.mean(stretched), step * every, offset=offset, limit=limit)
+        if len(rho):
+            found.append(float(np.arctanh(min(np.max(rho), 1 - 1e-9))))
+    if len(found) < 3:
+        return 1.0
+    own = float(np.arctanh(min(correlation, 1 - 1e-9)))
+    apart = (own - float(np.mean(found))) / max(float(np.std(found, ddof=1)) * np.sqrt(1 + 1 / len(found)), 1e-12)
+    return float(t.sf(apart, len(found) - 1))
 
 
 def _finite(time: Array, values: Array) -> tuple[Array, Array]:
@@ -94,16 +219,16 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
 
 
 def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
-    """Index of the best peak, of equal ones that of the least lag; and whether there were equal ones."""
+    """Index of the best peak, of summits as high that of the least lag; and whether there were others as high."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
     # The best may be no peak, but the edge of the search on the way to one: of a periodic signal, another period's.
-    near = np.union1d(inner[rho[inner] >= rho[best] - _NEAR], [best])
-    if len(near) < 2:
-        return best, False
-    chosen = int(near[np.argmin(np.abs(lags[near]))])
-    # Peaks side by side are ripples on one summit; others are separated by a valley.
-    apart = [int(i) for i in near if np.min(rho[min(i, chosen) : max(i, chosen) + 1]) < rho[best] - 0.2]
-    if not apart:
-        return best, False
-    return chosen, True
+    near = np.union1d(inner[rho[inner] >= rho[best] - max(_NEAR, 4 * _roughness(rho))], [best])
+    # Peaks side by side are ripples on one summit, which its highest stands for; a valley separates summits.
+    summits = [int(near[0])]
+    for i in map(int, near[1:]):
+        if np.min(rho[summits[-1] : i + 1]) < rho[best] - _VALLEY:
+            summits.append(i)
+        elif rho[i] > rho[summits[-1]]:
+            summits[-1] = i
+    return min(summits, key=lambda i: abs(float(lags[i]))), len(summits) > 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 
@@ -50,13 +49,12 @@ def _crossings(time: Array, x: Array) -> tuple[list[float], list[float]]:
     largest = float(np.max(np.abs(x)))
     tail = x[-max(len(x) // 10, 2) :]
     floor = float(np.clip(4 * np.std(tail), _FLOOR[0] * largest, _FLOOR[1] * largest))
-    state = np.where(x > floor, 1, np.where(x < -floor, -1, 0))
+    state = (x > floor).astype(np.int8) - (x < -floor).astype(np.int8)
     marks = np.flatnonzero(state)
+    turns = np.flatnonzero(np.diff(state[marks]))
     up: list[float] = []
     down: list[float] = []
-    for a, b in pairwise(marks.tolist()):
-        if state[a] == state[b]:
-            continue
+    for a, b in zip(marks[turns].tolist(), marks[turns + 1].tolist(), strict=True):
         i = a + int(np.flatnonzero(x[a : b + 1] * state[b] > 0)[0])
         moment = time[i - 1] + x[i - 1] / (x[i - 1] - x[i]) * (time[i] - time[i - 1])
         (up if state[b] > 0 else down).append(float(moment))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Sequence
@@ -10,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from asrsim.errors import OutputError
-from asrsim.textfile import write_text
+from asrsim import __version__
+from asrsim.outfile import write_text
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -63,17 +64,15 @@ def _cell(row: MetricRow | None) -> str:
 def write_metrics_json(path: Path, rows: Sequence[MetricRow]) -> None:
     """Writes `metrics.json`: a list of rows; undefined numbers are null. Raises OutputError."""
     data = [{**row.__dict__, "value": row.value if math.isfinite(row.value) else None} for row in rows]
-    write_text(path, json.dumps({"metrics": data}, indent=2) + "\n")
+    write_text(path, json.dumps({"generator": f"asrsim {__version__}", "metrics": data}, indent=2) + "\n", "json")
 
 
 def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:
     """Writes the rows as CSV with a header; undefined numbers are empty. Raises OutputError."""
-    try:
-        with path.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(_FIELDS)
-            for row in rows:
-                value = repr(row.value) if math.isfinite(row.value) else ""
-                writer.writerow((row.source, row.joint, row.quantity, row.measure, value, row.unit))
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    stream = io.StringIO()
+    writer = csv.writer(stream)
+    writer.writerow(_FIELDS)
+    for row in rows:
+        value = repr(row.value) if math.isfinite(row.value) else ""
+        writer.writerow((row.source, row.joint, row.quantity, row.measure, value, row.unit))
+    write_text(path, stream.getvalue(), "metrics")

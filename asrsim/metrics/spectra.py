@@ -1,4 +1,4 @@
-"""Estimators of a frequency response from one record: local rational fits, and averaged cross spectra."""
+"""What an estimator of a frequency response gives; records brought to an even step; averaged cross spectra."""
 
 from __future__ import annotations
 
@@ -12,14 +12,6 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError
 from asrsim.samples import Array
 
-_HALF = (8, 16)
-"""Fewest and most bins on either side of a frequency in the local fit: 17 to 33 complex equations for 7 unknowns."""
-_AS_GOOD = 1.2
-"""Residual of the fit without a denominator, over that of the fit with one, up to which the former is taken: about the
-99 % point of the F test with 33 equations."""
-_MOST = 2000
-"""Frequencies at which the local fit is made; longer records are thinned evenly."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Spectra:
@@ -31,6 +23,10 @@ class Spectra:
     """(m,) output / input."""
     coherence: Array
     """(m,) magnitude squared, corrected for its bias."""
+    deviation: Array
+    """(m,) relative standard deviation of the complex response: in each direction it is sqrt(2) less."""
+    freedom: float
+    """Complex degrees of freedom behind each deviation."""
     averages: float
     resolution: float
     """Hz between independent points."""
@@ -63,86 +59,6 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
         # Rounding of the stamps must not add up over a long record.
         t = np.linspace(t[0], t[-1], len(t))
     return t, u, y, findings
-
-
-def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
-    """Local rational estimate at the transform's frequencies in the band, from the whole record without a window.
-
-    At bin k + r, with r scaled to -1 ... 1:  (1 + d1 r + d2 r^2) Y = (g0 + g1 r + g2 r^2) U + t0 + t1 r; g0 is the response.
-    The numerator over the denominator holds one lightly damped resonance exactly, and t0 + t1 r what the record's start and
-    end leave (leakage). Least squares, twice repeated with the denominator's weight (Sanathanan and Koerner). Where the fit
-    without denominator is as good, that one is taken. The residual gives the response's variance, stated as the coherence
-    that has this variance with as many averages.
-    """
-    n = len(u)
-    transform_u = np.fft.rfft(u - np.mean(u)) / n
-    transform_y = np.fft.rfft(y - np.mean(y)) / n
-    f = np.fft.rfftfreq(n, step)
-    last = len(f) - 1
-    bins = np.flatnonzero((f >= low) & (f <= high))
-    half = int(np.clip(len(bins) // 6, *_HALF))
-    if last < 2 * half + 2 or not len(bins):
-        raise RecordingError(Problem(message="the record is too short for its band", code="too-short"))
-    if len(bins) > _MOST:
-        bins = bins[np.unique(np.linspace(0, len(bins) - 1, _MOST).round().astype(int))]
-    # Windows are shifted inwards at the ends (bin 0 holds the removed mean), so r is not centred there.
-    index = np.clip(bins, half + 1, last - half)[:, None] + np.arange(-half, half + 1)
-    r = (index - bins[:, None]) / half
-    powers = np.stack([np.ones_like(r), r, r**2], axis=-1)
-    local_u, size_u = _scaled(transform_u[index])
-    local_y, size_y = _scaled(transform_y[index])
-    gain, leak, poles = powers * local_u[..., None], powers[..., :2] + 0j, -powers[..., 1:] * local_y[..., None]
-    rational = _fit(np.concatenate([gain, leak, poles], axis=-1), local_y, powers)
-    smooth = _fit(np.concatenate([gain, leak], axis=-1), local_y, None)
-    # Without a resonance nearby the denominator only fits noise, and is biased by it: then the polynomial is better.
-    plain = smooth.noise <= _AS_GOOD * rational.noise
-    response = np.where(plain, smooth.response, rational.response)
-    variance = np.where(plain, smooth.variance, rational.variance)
-    relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
-    freedom = 2 * half + 1 - 7
-    return Spectra(
-        frequency=np.asarray(f[bins], dtype=np.float64),
-        response=np.asarray(response * (size_y / size_u)[:, 0], dtype=np.complex128),
-        coherence=1 / (1 + freedom * relative), averages=float(freedom), resolution=1.0 / (n * step),
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Fit:
-    """Local fits at k frequencies."""
-
-    response: NDArray[np.complex128]
-    """(k,)."""
-    variance: Array
-    """(k,) of the response."""
-    noise: Array
-    """(k,) residual power of the output a degree of freedom."""
-
-
-def _fit(matrix: NDArray[np.complex128], output: NDArray[np.complex128], powers: Array | None) -> _Fit:
-    """Least squares of the output (k, w) on the columns of the matrix (k, w, p), whose first one is the response.
-
-    powers: (k, w, 3); the last two columns then are a denominator's, and the fit is repeated with its weight.
-    """
-    weight = np.ones(output.shape)
-    for _ in range(1 if powers is None else 3):
-        # By singular values, which drop what an unexcited neighbourhood leaves open.
-        inverse = np.linalg.pinv(matrix * weight[..., None], rcond=1e-10)
-        solution = np.einsum("kpw,kw->kp", inverse, output * weight)
-        used = weight
-        if powers is not None:
-            denominator = np.abs(1 + np.einsum("kwp,kp->kw", powers[..., 1:], solution[:, -2:]))
-            weight = 1 / np.maximum(denominator, 1e-3)
-    residual = (output - np.einsum("kwp,kp->kw", matrix, solution)) * used
-    noise = np.sum(np.abs(residual) ** 2, axis=1) / (matrix.shape[1] - matrix.shape[2])
-    return _Fit(response=solution[:, 0], variance=np.sum(np.abs(inverse[:, 0]) ** 2, axis=1) * noise, noise=noise)
-
-
-def _scaled(values: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], Array]:
-    """Rows scaled to a root mean square of 1, and their sizes (k, 1)."""
-    size = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
-    size[size == 0] = 1.0
-    return values / size, size
 
 
 def welch(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
@@ -179,7 +95,10 @@ def welch(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
     raw = np.abs(line_cross) ** 2 / np.maximum(line_u * line_y, 1e-300)
     # Pure noise shows 1/averages; removed, so that 0 means no relation.
     coherence = np.clip((raw - 1 / averages) / (1 - 1 / averages), 0, 1) if averages > 1 else raw
+    # Bendat and Piersol, Random Data, 4th edition, table 9.6.
+    known = np.maximum(coherence, 1e-12)
     return Spectra(
         frequency=np.asarray(frequency, dtype=np.float64), response=line_cross / line_u, coherence=coherence,
-        averages=averages, resolution=1.0 / (segment * step),
+        deviation=np.sqrt((1 - known) / (known * averages)), freedom=max(averages - 1, 1.0), averages=averages,
+        resolution=1.0 / (segment * step),
     )  # fmt: skip

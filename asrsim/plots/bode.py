@@ -1,4 +1,4 @@
-"""Bode plots: the link's response to its reference, of simulation and experiment together, with coherence."""
+"""Bode plots: responses of simulation and experiment together, with coherence where it tells something."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.figures import PER_PAGE, Page, describe, new_figure, shorten
+from asrsim.plots.figures import PER_PAGE, Page, describe, shorten
+from asrsim.plots.layout import Grid, set_title
 from asrsim.plots.responses import OUTPUT, Response
 from asrsim.samples import Array
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
+CERTAIN = 0.9
+"""Coherence that says nothing: it is drawn where any falls below."""
 
 
 def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
@@ -32,44 +35,49 @@ def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
 
 
 def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
-    """A Bode plot of responses: colour for the simulation, black for experiments, variants by line style."""
+    """A Bode plot of responses: colours tell simulations apart; experiments are thin and dark."""
     from matplotlib.lines import Line2D
 
     joints = {one.joint.name: one.joint for one in found}
+    labels = list(dict.fromkeys(one.label for one in found))
+    moving = [one for one in found if one.response.moves]
     wide = style.COLUMN_WIDTH * (1.4 if len(joints) == 1 else 1.0)
-    figure = new_figure(wide * len(joints) + style.LEGEND_WIDTH + 0.4, 5.6)
-    axes = figure.subplots(3, len(joints), squeeze=False, sharex="col", gridspec_kw={"height_ratios": [1.6, 1.3, 0.8]})
+    telling = any(float(one.response.coherence.min()) < CERTAIN for one in moving)
+    grid = Grid(columns=len(joints), heights=[2.1, 1.7, *([0.9] if telling else [])], width=wide, right=1.75)
+    figure, axes = grid.figure([], sharex="col")
+    several = len(labels) > 1
     for c, (name, info) in enumerate(joints.items()):
-        draw_bode(axes[0, c], axes[1, c], axes[2, c], [one for one in found if one.joint.name == name])
+        mine = [one for one in moving if one.joint.name == name]
+        draw_bode(axes[0, c], axes[1, c], axes[2, c] if telling else None, mine, several=several)
         axes[0, c].set_title(f"{shorten(name, 40)}\n{describe(info)}", loc="left")
+        axes[-1, c].set_xlabel("frequency (Hz)")
     handles: list[Any] = []
     for one in {(r.variant, r.experiment): r for r in found}.values():
         text = f"{'experiment' if one.experiment else 'simulation'}\n{style.plain(one.label)}"
-        handles.append(Line2D([], [], color=_colour(one), linestyle=style.line_style(one.variant), linewidth=1.6, label=text))
+        text += "" if one.response.moves else "\n(does not move)"
+        look: dict[str, Any] = {"color": _colour(one, several=several), "linewidth": 0.9 if one.experiment else 1.6}
+        handles.append(Line2D([], [], label=text, **look))
+    if any(one.response.resonance for one in moving):
+        handles.append(Line2D([], [], marker="o", ms=3.5, linestyle="", color=style.GREY, label="resonance"))
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
-    confidence = found[0].response.confidence if found else 0.95
-    axes[1, -1].text(
-        1.02, 1.0, f"shaded: {confidence:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top", fontsize=8,
-        color=style.GREY,
-    )  # fmt: skip
-    figure.align_ylabels()
+    if moving and _visible(moving):
+        axes[1, -1].text(
+            1.02, 1.0, f"shaded: {moving[0].response.confidence:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top",
+            fontsize=8, color=style.GREY,
+        )  # fmt: skip
     if title:
-        figure.suptitle(title, fontsize=10.5, x=0.01, ha="left", color=style.BLACK)
+        set_title(figure, title)
     return figure
 
 
-def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response]) -> None:
+def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[Response], *, several: bool = False) -> None:
     """Gain (dB), phase and coherence of one joint's responses on the given axes, with confidence bands."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     levels: list[Array] = []
     angles: list[Array] = []
     for one in found:
         result = one.response
-        colour, line = _colour(one), style.line_style(one.variant)
-        floor = 1e-6 * max(float(result.gain.max()), 1e-12)
-        level = 20 * np.log10(np.maximum(result.gain, floor))
-        low, high = (20 * np.log10(np.maximum(edge, floor)) for edge in (result.gain_low, result.gain_high))
+        look: dict[str, Any] = {"color": _colour(one, several=several), "linewidth": 0.9 if one.experiment else style.WIDTH}
+        level, low, high = _decibels(one)
         trusted = result.coherence >= TRUSTED
         kind = "experiment" if one.experiment else "simulation"
         gid = f"{one.joint.name}.{kind}.{one.variant}"
@@ -78,34 +86,67 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
             (phase, result.phase, (result.phase - result.phase_margin, result.phase + result.phase_margin)),
         ):
             below, above = margin
-            ax.fill_between(result.frequency, below, above, color=colour, alpha=0.15, linewidth=0, where=trusted.tolist())
-            ax.plot(result.frequency, np.where(trusted, values, np.nan), color=colour, linestyle=line, gid=gid)
-            ax.plot(result.frequency, np.where(trusted, np.nan, values), color=colour, linewidth=0.6, alpha=0.35)
-        coherence.plot(result.frequency, result.coherence, color=colour, linestyle=line, linewidth=0.9)
+            ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
+            ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
+            ax.plot(result.frequency, np.where(trusted, np.nan, values), color=look["color"], linewidth=0.6, alpha=0.35)
+        if coherence is not None:
+            coherence.plot(result.frequency, result.coherence, color=look["color"], linewidth=0.9)
         levels.append(level[trusted])
         angles.append(result.phase[trusted])
         if result.resonance is not None:
-            gain.plot(result.resonance[0], 20 * math.log10(result.resonance[1]), "o", ms=3.5, color=colour, zorder=4)
+            gain.plot(result.resonance[0], 20 * math.log10(result.resonance[1]), "o", ms=3.5, color=look["color"], zorder=4)
     for ax, parts in ((gain, levels), (phase, angles)):
         known = np.concatenate(parts) if parts else np.empty(0)
         if len(known):
             edge = 0.1 * max(float(np.ptp(known)), 1.0)
             ax.set_ylim(float(known.min()) - edge, float(known.max()) + edge)
     gain.set_xscale("log")
-    start, end = min(one.response.band[0] for one in found), max(one.response.band[1] for one in found)
-    gain.set_xlim(start, end)
-    # Less than two decades have too few powers of ten for labels.
-    steps = (1.0, 2.0, 3.0, 4.0, 6.0) if end < 15 * start else (1.0, 2.0, 5.0) if end < 100 * start else (1.0,)
-    coherence.xaxis.set_major_locator(LogLocator(subs=steps))
-    coherence.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    coherence.xaxis.set_minor_formatter(NullFormatter())
-    coherence.set_ylim(0.0, 1.05)
-    unit = found[0].unit
-    gain.set_ylabel(f"gain (dB re {unit})" if unit else "gain (dB)")
+    if found:
+        _label_octaves(gain, min(one.response.band[0] for one in found), max(one.response.band[1] for one in found))
+    unit = found[0].unit if found else ""
+    gain.set_ylabel(f"gain\n(dB re {unit})" if unit else "gain (dB)")
     phase.set_ylabel("phase (°)")
-    coherence.set_ylabel("coherence")
-    coherence.set_xlabel("frequency (Hz)")
+    if coherence is not None:
+        coherence.set_ylim(0.0, 1.05)
+        coherence.set_ylabel("coherence")
 
 
-def _colour(one: Response) -> str:
-    return style.EXPERIMENT if one.experiment else style.colour(OUTPUT)
+def _label_octaves(axes: Axes, start: float, end: float) -> None:
+    """Labels at 1, 2, 4 ... Hz and 1/2, 1/4 ...; between them where there are few, at every third octave or so where many."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    axes.set_xlim(start, end)
+    octaves = math.log2(end / start)
+    every = max(1, math.ceil(octaves / 12))
+    exponents = range(math.floor(math.log2(start)), math.ceil(math.log2(end)) + 1)
+    places = [2.0**e for e in exponents if e % every == 0]
+    if octaves < 4:
+        places += [share * place for place in places for share in (1.25, 1.5, 1.75)]
+    axes.xaxis.set_major_locator(FixedLocator(sorted(place for place in places if start <= place <= end)))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.4g}"))
+
+
+def _decibels(one: Response) -> tuple[Array, Array, Array]:
+    """Gain and the edges of its confidence band, dB."""
+    result = one.response
+    floor = 1e-6 * max(float(result.gain.max()), 1e-12)
+    level, low, high = (20 * np.log10(np.maximum(g, floor)) for g in (result.gain, result.gain_low, result.gain_high))
+    return level, low, high
+
+
+def _visible(found: Sequence[Response]) -> bool:
+    """Whether any confidence band is wider than a line."""
+    for one in found:
+        level, low, high = _decibels(one)
+        trusted = one.response.coherence >= TRUSTED
+        if trusted.any() and float(np.max((high - low)[trusted])) > 0.03 * max(float(np.ptp(level[trusted])), 1.0):
+            return True
+    return False
+
+
+def _colour(one: Response, *, several: bool) -> str:
+    mine = style.variant_colour(one.variant) if several else style.colour(OUTPUT)
+    if one.experiment:
+        return style.darker(mine) if several else style.EXPERIMENT
+    return mine

@@ -24,9 +24,12 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
     robot = folder / "robot.urdf"
     robot.write_text(info.urdf or "<robot name='none'/>", encoding="utf-8")
-    # The claims alone: a log must be judged without the files that its run needed.
+    # The claims alone, and the names that they may use: a log must be judged without the files that its run needed.
+    world = data.get("world")
+    named = world.get("objects") if isinstance(world, dict) else None
+    objects = {str(name): {"shape": "sphere", "size": 1.0} for name in named or ()} if isinstance(named, dict) else {}
     scenario = scenario_from_data(
-        {"duration": 1.0, "expect": data["expect"]},
+        {"duration": 1.0, "expect": data["expect"], "world": {"objects": objects}},
         base_dir=Path(info.scenario_path).parent if info.scenario_path else None,
         files=_unpacked(info, folder / "files"),
         robot=robot,

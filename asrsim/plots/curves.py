@@ -56,7 +56,8 @@ class RunCurves:
 class CurveSource:
     """A log's joints and quantities, derived ones too, chunk by chunk.
 
-    joints, quantities: all by default. Raises LogError for unknown names and for files that are no logs.
+    joints, quantities: all by default; start, end: s, only this part. Raises LogError for unknown names and for files that
+    are no logs.
     """
 
     def __init__(
@@ -65,26 +66,33 @@ class CurveSource:
         *,
         joints: Sequence[str] | None = None,
         quantities: Sequence[str] | None = None,
+        start: float | None = None,
+        end: float | None = None,
     ) -> None:
+        self._start, self._end = start, end
         self.reader = open_log(path)
         self.joints = _members(self.reader, joints)
         self._names = _names(self.reader, self.joints, quantities)
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
         """(joint, quantity) of each column."""
         recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
-        self._stored = [name for name in _stored(self._names) if name in recorded]
+        self._stored = [name for name in stored(self._names) if name in recorded]
 
     def span(self, first: float) -> tuple[float, float]:
-        """Start and end of the log in s, the time of its first sample given."""
-        return first, first + self.reader.duration
+        """Start and end of what is read in s, the time of its first sample given."""
+        # A log begins at 0, but for the recording that it may be a repetition of.
+        last = (first if self._start is None else 0.0) + self.reader.duration
+        return first, max(first, last if self._end is None else min(self._end, last))
 
     def chunks(self, progress: Progress | None = None) -> Iterator[tuple[Samples, Array]]:
         """Samples, and their columns as a matrix (n, columns)."""
         duration, start = self.reader.duration, None
-        samples = self.reader.iter_samples(quantities=self._stored, joints=[joint.name for joint in self.joints])
+        samples = self.reader.iter_samples(
+            quantities=self._stored, joints=[joint.name for joint in self.joints], start=self._start, end=self._end
+        )
         for part in _ordered(samples, self.reader.path):
-            table = _table(part, self._names, self.reader.info.joints)
-            yield part, np.concatenate([table[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
+            columns = table(part, self._names, self.reader.info.joints)
+            yield part, np.concatenate([columns[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
             start = float(part.time[0]) if start is None else start
             if progress is not None and duration > 0:
                 progress((float(part.time[-1]) - start) / duration)
@@ -96,32 +104,38 @@ def read_curves(
     joints: Sequence[str] | None = None,
     quantities: Sequence[str] | None = None,
     bodies: bool = True,
+    start: float | None = None,
+    end: float | None = None,
     bins: int = BINS,
     progress: Progress | None = None,
 ) -> RunCurves:
     """Reads a log into thinned curves, chunk by chunk; memory depends on `bins`, not on the duration.
 
-    joints, quantities: all by default; quantities may be derived ones. Raises LogError for unknown names and for files that
-    are no logs.
+    joints, quantities: all by default; quantities may be derived ones; start, end: s, only this part. Raises LogError for
+    unknown names, files that are no logs, and a part without samples.
     """
-    source = CurveSource(path, joints=joints, quantities=quantities)
+    source = CurveSource(path, joints=joints, quantities=quantities, start=start, end=end)
     reader, columns = source.reader, source.columns
     envelope: Envelope | None = None
     world: WorldEnvelope | None = None
     for part, matrix in source.chunks(progress):
         if envelope is None:
-            start, end = source.span(float(part.time[0]))
-            envelope = Envelope(len(columns), start=start, end=end, bins=bins)
-            world = WorldEnvelope(part, start=start, end=end, bins=bins) if bodies else None
+            first, last = source.span(float(part.time[0]))
+            envelope = Envelope(len(columns), start=first, end=last, bins=bins)
+            world = WorldEnvelope(part, start=first, end=last, bins=bins) if bodies else None
         envelope.add(part.time, matrix)
         if world is not None:
             world.add(part)
     if envelope is None:
         raise LogError(
             Problem(
-                message="the log holds no samples",
+                message="the log holds no samples" + ("" if start is None and end is None else " in that time"),
                 file=reader.path,
-                hint="The run ended before its first chunk was written" if reader.truncated else None,
+                hint="The run ended before its first chunk was written"
+                if reader.truncated
+                else f"It lasts {reader.duration:g} s"
+                if start is not None or end is not None
+                else None,
                 code="empty-log",
             )
         )
@@ -192,7 +206,7 @@ def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str]
     return tuple(dict.fromkeys(asked))
 
 
-def _stored(names: Sequence[str]) -> list[str]:
+def stored(names: Sequence[str]) -> list[str]:
     """What must be read for these quantities."""
     needed: dict[str, None] = {}
     for name in names:
@@ -201,19 +215,19 @@ def _stored(names: Sequence[str]) -> list[str]:
     return list(needed)
 
 
-def _table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
-    """Quantity -> (n, joints)."""
-    table: dict[str, Array] = {}
+def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
+    """Quantity, stored or derived -> (n, joints)."""
+    found: dict[str, Array] = {}
     # Infinite values of a run that diverged: their differences are no numbers, and no news.
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:
-                table[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
+                found[name] = DERIVED_FUNCTIONS["position_error"](part, joints) + part.values["link_position"]
             elif name in DERIVED_FUNCTIONS:
-                table[name] = DERIVED_FUNCTIONS[name](part, joints)
+                found[name] = DERIVED_FUNCTIONS[name](part, joints)
             else:
-                table[name] = part.values[name]
-    return table
+                found[name] = part.values[name]
+    return found
 
 
 def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:

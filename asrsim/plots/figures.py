@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
-from asrsim.plots.legends import legend, variants
-from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, frame, quantity_panel
+from asrsim.plots.layout import GAP_Y, Grid, set_title
+from asrsim.plots.legends import legend, limit_handle
+from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
+from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -31,10 +34,10 @@ class Page:
     figure: Figure
 
 
-def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None) -> Iterator[Page]:
+def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False) -> Iterator[Page]:
     """All pages of one run or of several variants, made one at a time: joints, energies, objects.
 
-    quantities: these instead, one row each.
+    quantities: these instead, one row each. brief: the first of the joints' pages only, and no energies.
     """
     if quantities is not None:
         yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
@@ -42,8 +45,9 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     joints = joint_names(runs)
     if len(joints) >= OVERVIEW_FROM:
         yield Page(name="overview", figure=overview_figure(runs))
-    yield from _grid_pages("joints", "", [PANELS[key] for key in JOINT_PANELS], runs)
-    yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
+    yield from islice(_grid_pages("joints", "", [PANELS[key] for key in JOINT_PANELS], runs), 1 if brief else None)
+    if not brief:
+        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
     if any(run.bodies for run in runs):
         yield Page(name="objects", figure=objects_figure(runs))
 
@@ -87,85 +91,86 @@ def grid_figure(
 ) -> Figure:
     """Panels in rows, joints in columns, one legend a row at the right, variants below."""
     rows = [panel for panel in panels if any(content(panel, runs, joint) for joint in joints)]
-    wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 1.0)
-    figure = new_figure(wide * len(joints) + style.LEGEND_WIDTH, style.ROW_HEIGHT * len(rows) + 0.9)
-    axes = figure.subplots(len(rows), len(joints), squeeze=False, sharex=True)
+    wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.85)
+    grid = Grid(columns=len(joints), heights=[style.ROW_HEIGHT - GAP_Y] * len(rows), width=wide)
+    figure, axes = grid.figure([run.label for run in runs], sharex=True)
+    several = len(runs) > 1
     for r, panel in enumerate(rows):
         shown: dict[str, None] = {}
         for c, joint in enumerate(joints):
             shown |= dict.fromkeys(draw_panel(axes[r, c], panel, runs, joint))
             if not content(panel, runs, joint):
                 _empty(axes[r, c])
-        legend(axes[r, -1], [name for name in panel.quantities if name in shown])
+        names = [name for name in panel.of_any(several=several) if name in shown]
+        # One quantity that the axis names already, in the variants' colours.
+        alone = several and len(names) == 1
+        words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
+        legend(axes[r, -1], [] if alone else names, several=several, words=words, extra=_limit_handles(shown))
     for c, joint in enumerate(joints):
         axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)
         axes[-1, c].set_xlabel("time (s)")
-    figure.align_ylabels()
     figure_title(figure, runs, subject, part)
-    variants(figure, [run.label for run in runs])
     return figure
 
 
 def overview_figure(runs: Sequence[RunCurves]) -> Figure:
     """Link position with its reference (and equilibrium) of every joint, small."""
     joints = joint_names(runs)
-    columns = 3 if len(joints) <= 8 else 4
+    columns = 3 if len(joints) <= 8 else 4 if len(joints) <= 24 else 6
     rows = -(-len(joints) // columns)
-    panel = Panel(key="position", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"))
-    figure = new_figure(2.7 * columns + 0.9, 1.6 * rows + 0.9)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    names = (REFERENCE, "equilibrium_position", "link_position")
+    panel = Panel(key="position", words="position", quantities=names, compared=(REFERENCE, "link_position"))
+    grid = Grid(columns=columns, heights=[1.05] * rows, width=2.0, gap_x=0.55, gap_y=0.42, title=0.24, right=1.35)
+    figure, axes = grid.figure([run.label for run in runs], sharex=True)
     shown: dict[str, None] = {}
     for index, ax in enumerate(axes.flat):
         if index >= len(joints):
             ax.set_visible(False)
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
-        ax.set_title(shorten(joints[index], 34), loc="left", fontsize=8)
-        if index % columns:
-            ax.set_ylabel("")
+        ax.set_title(shorten(joints[index], 30), loc="left", fontsize=8)
+        info = next(info for run in runs for info in run.joints if info.name == joints[index])
+        # Neighbours of one kind share a label.
+        ax.set_ylabel("" if index % columns and not info.prismatic else ax.get_ylabel())
         if index + columns >= len(joints):
-            ax.tick_params(labelbottom=True)
-        if index // columns == rows - 1:
             ax.set_xlabel("time (s)")
-    spare = axes.flat[len(joints)] if len(joints) < rows * columns else None
-    if spare is not None:
-        spare.set_visible(True)
-        spare.set_axis_off()
-    legend(spare or axes[0, -1], [name for name in panel.quantities if name in shown], inside=spare is not None)
+            ax.xaxis.set_tick_params(labelbottom=True)
+    several = len(runs) > 1
+    legend(axes[0, -1], [name for name in panel.of_any(several=several) if name in shown], several=several,
+           extra=_limit_handles(shown))  # fmt: skip
     figure_title(figure, runs, "all joints", (1, 1))
-    variants(figure, [run.label for run in runs])
     return figure
 
 
 def objects_figure(runs: Sequence[RunCurves]) -> Figure:
     """Displacement of the world's objects, and the force by which robot and other objects push them."""
     names = tuple(dict.fromkeys(name for run in runs for name in run.bodies))[: 2 * PER_PAGE]
-    figure = new_figure(style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 1.0) * len(names) + style.LEGEND_WIDTH, 4.2)
-    axes = figure.subplots(2, len(names), squeeze=False, sharex=True)
+    several = len(runs) > 1
+    wide = style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 0.85)
+    grid = Grid(columns=len(names), heights=[1.6, 1.4], width=wide, title=0.26)
+    figure, axes = grid.figure([run.label for run in runs], sharex=True)
     for c, body in enumerate(names):
         for r, keys in enumerate((("dx", "dy", "dz"), ("force",))):
-            drawn = []
-            for number, run in enumerate(runs):
-                for key in keys:
-                    curve = run.bodies.get(body, {}).get(key)
-                    if curve is None:
-                        continue
-                    drawn.append(curve)
-                    axes[r, c].plot(
-                        curve.time, curve.values, color=style.colour(key), linestyle=style.line_style(number),
-                        gid=f"{body}.{key}.{number}",
-                    )  # fmt: skip
-            frame(axes[r, c], drawn)
+            found = [(number, key, run.bodies.get(body, {}).get(key)) for number, run in enumerate(runs) for key in keys]
+            drawn = [(number, key, curve) for number, key, curve in found if curve is not None]
+            show_time(axes[r, c], [curve for _, _, curve in drawn])
+            for number, key, curve in drawn:
+                colour = style.variant_colour(number) if several else style.colour(key)
+                line = style.line_style(keys.index(key)) if several else "-"
+                draw_curve(axes[r, c], curve, colour=colour, linestyle=line, gid=f"{body}.{key}.{number}")
+            show_values(axes[r, c], [curve for _, _, curve in drawn], brief=keys == ("force",))
         axes[0, c].set_title(shorten(body, 40), loc="left")
         axes[0, c].set_ylabel("displacement (m)")
         axes[1, c].set_ylabel("contact force\nwithout ground (N)")
         axes[1, c].set_xlabel("time (s)")
-    legend(axes[0, -1], ["dx", "dy", "dz"], words={"dx": "along x", "dy": "along y", "dz": "along z"})
-    legend(axes[1, -1], ["force"], words={"force": "magnitude"})
-    figure.align_ylabels()
+    legend(axes[0, -1], ["dx", "dy", "dz"], words={"dx": "along x", "dy": "along y", "dz": "along z"}, several=several)
+    legend(axes[1, -1], ["force"], words={"force": "magnitude"}, several=several)
     figure_title(figure, runs, "objects", (1, 1))
-    variants(figure, [run.label for run in runs])
     return figure
+
+
+def _limit_handles(shown: Collection[str]) -> list[Any]:
+    return [limit_handle()] if "limit" in shown else []
 
 
 def _empty(axes: Axes) -> None:
@@ -196,7 +201,7 @@ def shorten(text: str, length: int) -> str:
     return style.plain(text if len(text) <= length else f"{text[: length // 2 - 1]}…{text[-(length // 2) + 1 :]}")
 
 
-def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int]) -> None:
+def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int], *, more: str = "") -> None:
     """Robot, scenario, variant, subject and page in one line at the top left."""
     robots = ", ".join(dict.fromkeys(run.info.robot for run in runs))
     scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
@@ -205,8 +210,7 @@ def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: 
         words.append(style.plain(runs[0].label))
     if runs[0].status not in ("complete",):
         words.append(f"run {runs[0].status}")
-    if subject:
-        words.append(subject)
+    words += [text for text in (subject, more) if text]
     if part[1] > 1:
         words.append(f"page {part[0]} of {part[1]}")
-    figure.suptitle(" · ".join(words), fontsize=10.5, x=0.01, ha="left", color=style.BLACK)
+    set_title(figure, " · ".join(words))

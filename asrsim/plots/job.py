@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from asrsim import __version__
 from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
 from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.outfile import make_folder, write_text
 from asrsim.plots.bode import bode_pages
 from asrsim.plots.claims import judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
-from asrsim.plots.output import check_formats, make_folder, save_figure, styled
+from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import LAYOUTS, comparison_pages
 from asrsim.plots.pairing import RunComparison, assign, compare_run
-from asrsim.plots.responses import Experiment, Response, responses
+from asrsim.plots.responses import OUTPUT, Experiment, Response, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
+
+RECORDED = "recorded.json"
+"""The recorded curves of a comparison."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +51,13 @@ class PlotJob:
     bode: bool = False
     band: tuple[float, float] | None = None
     """Hz, of the Bode plot."""
+    given: str | None = None
+    """Input of the frequency response, `quantity` or `joint.quantity`; None: the reference of the position."""
+    output: str | None = None
+    """Its output; None: the link's position."""
+    start: float | None = None
+    """s, where the pictures of runs begin."""
+    end: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +85,6 @@ class PlotResult:
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
-        import math
-
         return {
             "ok": self.ok,
             "runs": [
@@ -123,7 +135,8 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
         [
             read_curves(
                 path, joints=job.joints, quantities=job.quantities if alone else _beside(path),
-                bodies=alone and job.quantities is None, progress=told("reading", n, len(job.logs)),
+                bodies=alone and job.quantities is None,
+                start=job.start, end=job.end, progress=told("reading", n, len(job.logs)),
             )
             for n, path in enumerate(job.logs)
         ]
@@ -200,7 +213,14 @@ def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
             if one is not None and str(r.path) in one.alignments
         ]
         more, said = responses(
-            run.path, label=run.label, variant=number, joints=job.joints, experiments=experiments, band=job.band
+            run.path,
+            label=run.label,
+            variant=number,
+            joints=job.joints,
+            experiments=experiments,
+            band=job.band,
+            given=job.given,
+            output=job.output,
         )
         found += more
         problems += said
@@ -209,6 +229,14 @@ def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
     rows = [*result.rows, *(row for one in found for row in one.rows())]
     said = [replace(p, file=p.file or Path(one.source), key=p.key or one.joint.name) for one in found for p in one.findings]
     return replace(result, responses=tuple(found), rows=tuple(rows), findings=(*result.findings, *problems, *said))
+
+
+def _pair(job: PlotJob) -> str:
+    """The frequency response in words."""
+    output, given = (
+        (text or default).replace("_", " ") for text, default in ((job.output, OUTPUT), (job.given, "its reference"))
+    )
+    return f"{output} to {given}"
 
 
 def _judged(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
@@ -228,13 +256,30 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
                 files += save_figure(page.figure, folder, page.name, formats)
         if result.responses:
             robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs))
-            for page in bode_pages(result.responses, title=f"{robots} · link position to its reference"):
+            for page in bode_pages(result.responses, title=f"{robots} · {_pair(job)}"):
                 files += save_figure(page.figure, folder, page.name, formats)
         if not result.compared and not result.responses:
             for page in run_pages(result.runs, quantities=job.quantities):
                 files += save_figure(page.figure, folder, page.name, formats)
+    if result.compared:
+        files.append(_write_recorded(folder / RECORDED, result))
     if result.rows:
         write_metrics_json(folder / "metrics.json", result.rows)
         write_metrics_csv(folder / "metrics.csv", result.rows)
         files += [folder / "metrics.json", folder / "metrics.csv"]
     return replace(result, files=tuple(files), replaced=sum(path.name in before for path in files))
+
+
+def _write_recorded(path: Path, result: PlotResult) -> Path:
+    """The recorded curves, thinned and on the run's clock, for a report's plots. Raises OutputError."""
+    curves = [
+        {
+            "run": one.label, "joint": pair.joint, "quantity": pair.quantity,
+            "time": [round(t, 6) for t in pair.recording.time.tolist()],
+            "values": [float(f"{v:.6g}") if math.isfinite(v) else None for v in pair.recording.values.tolist()],
+        }
+        for one in result.compared for pair in one.pairs.values()
+    ]  # fmt: skip
+    data = {"generator": f"asrsim {__version__}", "curves": curves}
+    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False), "json")
+    return path

@@ -1,4 +1,4 @@
-"""Legends: quantities by colour right of the axes, variants by line style below everything."""
+"""Legends: quantities right of the axes, variants by colour below everything."""
 
 from __future__ import annotations
 
@@ -20,59 +20,83 @@ def legend(
     words: dict[str, str] | None = None,
     extra: Sequence[Any] = (),
     inside: bool = False,
+    several: bool = False,
 ) -> None:
-    """A legend of quantities right of the axes, outside of the data; `inside` of axes that have none."""
+    """A legend of quantities right of the axes, outside of the data; `inside` of axes that have none.
+
+    several: colours tell runs apart, and quantities have line styles.
+    """
     from matplotlib.lines import Line2D
 
+    plain = [name for name in quantities if not name.startswith("reference")]
     handles: list[Any] = [
         Line2D(
-            [], [], color=style.colour(name), linewidth=2.6 if name.startswith("reference") else 1.6,
-            label=(words or {}).get(name) or _entry(name),
+            [], [], linewidth=2.6 if name.startswith("reference") else 1.6, label=(words or {}).get(name) or _entry(name),
+            color=style.BLACK if several and name in plain else style.colour(name),
+            linestyle=style.line_style(plain.index(name)) if several and name in plain else "-",
         )
         for name in quantities
     ]  # fmt: skip
     if handles or extra:
         place = (0.05, 0.9) if inside else (1.02, 1.0)
-        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place)
+        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place, handlelength=3.0 if several else 2.2)
+
+
+def limit_handle() -> Any:
+    """The legend's entry of limits."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=style.LIMIT, linewidth=0.9, linestyle=LIMIT_LINE, label="limits")
+
+
+LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
+
+
+def variant_rows(labels: Sequence[str], width: float) -> int:
+    """Columns of the legend of variants in a figure of that width (inch)."""
+    longest = max((len(label) for label in labels), default=1)
+    return max(1, min(len(labels), int(width / (0.085 * longest + 0.7))))
 
 
 def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """A legend of line styles below everything, where there are several variants."""
+    """A legend of colours below everything, where there are several variants."""
     from matplotlib.lines import Line2D
 
     if len(labels) < 2:
         return
     handles = [
-        Line2D([], [], color=style.BLACK, linestyle=style.line_style(number), label=label)
+        Line2D([], [], color=style.variant_colour(number), linewidth=2.4, label=style.plain(label))
         for number, label in enumerate(labels)
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(labels), 4), handlelength=3.2)
+    columns = variant_rows(labels, figure.get_figwidth())
+    figure.legend(handles=handles, loc="lower center", ncols=columns, handlelength=2.6, borderaxespad=0.4)
 
 
+# Letters, not mathematics: a parser would take a sixth of a picture's time.
 _WORDS = {
     REFERENCE: "reference",
     "reference_1": "reference 1",
     "reference_2": "reference 2",
-    "link_position": "link $q$",
-    "equilibrium_position": r"equilibrium $\theta_{eq}$",
-    "motor_1_position": r"motor $\theta_1$",
-    "motor_2_position": r"motor $\theta_2$",
-    "deflection": r"deflection $\phi$",
-    "stiffness": r"stiffness $\sigma$",
-    "energy_residual": r"residual $\Delta E$",
-    "numerical_error": r"estimate $\epsilon_q$",
-    "link_torque": r"actuator $\tau_q$",
-    "external_torque": r"external $\tau_{ext}$",
-    "damping_torque": r"damping $\tau_d$",
-    "motor_1_torque": r"motor $\tau_{m,1}$",
-    "motor_2_torque": r"motor $\tau_{m,2}$",
-    "elastic_torque_1": r"spring $\tau_{el,1}$",
-    "elastic_torque_2": r"spring $\tau_{el,2}$",
-    "motor_work": "motor work $W_m$",
-    "spring_energy": "springs $E_{el}$",
-    "friction_loss": "friction $E_f$",
-    "link_work": "link work $W_q$",
-    "damping_loss": "damping $E_d$",
+    "link_position": "link q",
+    "equilibrium_position": "equilibrium",
+    "motor_1_position": "motor θ₁",
+    "motor_2_position": "motor θ₂",
+    "deflection": "deflection ϕ",
+    "stiffness": "stiffness k",
+    "energy_residual": "residual ΔE",
+    "numerical_error": "estimate",
+    "link_torque": "actuator τ",
+    "external_torque": "external τ",
+    "damping_torque": "damping τ",
+    "motor_1_torque": "motor τ₁",
+    "motor_2_torque": "motor τ₂",
+    "elastic_torque_1": "spring τ₁",
+    "elastic_torque_2": "spring τ₂",
+    "motor_work": "motor work",
+    "spring_energy": "springs",
+    "friction_loss": "friction",
+    "link_work": "link work",
+    "damping_loss": "damping",
 }
 
 

@@ -8,12 +8,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import InputError, OutputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.outfile import written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("png", "pdf", "svg")
+METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": "asrsim"},
+    "pdf": {"Creator": "asrsim", "CreationDate": None},
+    "svg": {"Creator": "asrsim", "Date": None},
+}
+"""Of pictures by format: the mark by which we know our own. No dates: the same log gives the same file."""
 
 
 def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
@@ -40,28 +47,16 @@ def styled() -> Iterator[None]:
         yield
 
 
-def make_folder(folder: Path) -> Path:
-    """The folder, made if it is not there. Raises OutputError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    return folder
-
-
 def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
     """Writes a figure as `folder/name.format` for each format; call it inside :func:`styled`. Raises OutputError."""
     paths = []
     for kind in formats:
         path = folder / f"{name}.{kind}"
-        # No dates: the same log gives the same file.
-        metadata = {"png": {"Software": "asrsim"}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
-        try:
-            with warnings.catch_warnings():
-                # A joint may be called in letters that the font has not; boxes in a picture are no news for a terminal.
-                warnings.filterwarnings("ignore", message="Glyph ")
-                figure.savefig(path, format=kind, metadata=metadata)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        # Compressing harder takes longer than all of the drawing.
+        more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
+        with written(path, "picture") as stream, warnings.catch_warnings():
+            # A joint may be called in letters that the font has not; boxes in a picture are no news for a terminal.
+            warnings.filterwarnings("ignore", message="Glyph ")
+            figure.savefig(stream, format=kind, metadata=METADATA[kind], **more)
         paths.append(path)
     return paths

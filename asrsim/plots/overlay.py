@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
-from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, new_figure, shorten
-from asrsim.plots.legends import legend, variants
+from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, shorten
+from asrsim.plots.layout import Grid
+from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
-from asrsim.plots.panels import frame
+from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 
@@ -61,10 +65,10 @@ def overlay_figure(
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
     """For every joint (column) and quantity: simulation over experiment, and their difference below."""
-    wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 1.0)
-    figure = new_figure(wide * len(joints) + style.LEGEND_WIDTH + 0.3, 2.9 * len(quantities) + 0.9)
-    ratios = [ratio for _ in quantities for ratio in (2.1, 1.0)]
-    axes = figure.subplots(2 * len(quantities), len(joints), squeeze=False, sharex="col", gridspec_kw={"height_ratios": ratios})
+    wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.9)
+    heights = [height for _ in quantities for height in (1.75, 0.85)]
+    grid = Grid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
+    figure, axes = grid.figure([one.label for one in compared], sharex="col")
     for c, joint in enumerate(joints):
         info = _info(runs, joint)
         for r, quantity in enumerate(quantities):
@@ -75,58 +79,90 @@ def overlay_figure(
     banded = max((pair.count for one in compared for pair in one.pairs.values()), default=1)
     for r, quantity in enumerate(quantities):
         reference = [REFERENCE] if quantity in _BESIDE_REFERENCE and _has_reference(runs, joints) else []
-        words = {quantity: f"simulation {style.symbol(quantity)}"}
-        legend(axes[2 * r, -1], [quantity, *reference], words=words, extra=_experiment_handles(banded))
-    figure.align_ylabels()
-    figure_title(figure, runs, "simulation and experiment", part)
-    variants(figure, [one.label for one in compared])
+        words = {quantity: "simulation"}
+        legend(
+            axes[2 * r, -1], [quantity, *reference], words=words, extra=_experiment_handles(banded), several=len(compared) > 1
+        )
+    figure_title(figure, runs, "simulation and experiment", part, more=_moved(compared))
     return figure
 
 
 def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str) -> None:
-    """Simulations (colour, variants by line style) under experiments (thin, black; several as a band) on the given axes."""
-    drawn: list[Curve] = []
+    """Simulations (colour, which tells variants apart) under experiments (thin, dark; several as a band) on the given axes."""
+    found = [(n, run, one.pairs[joint, quantity]) for n, (run, one) in enumerate(zip(runs, compared, strict=True))
+             if (joint, quantity) in one.pairs]  # fmt: skip
     shared = len({one.recordings for one in compared}) == 1
-    for number, (run, one) in enumerate(zip(runs, compared, strict=True)):
-        pair = one.pairs.get((joint, quantity))
-        if pair is None:
-            continue
-        line = style.line_style(number)
+    drawn = [
+        curve for _, _, pair in found for curve in (pair.simulation, pair.recording, pair.low, pair.high) if curve is not None
+    ]
+    show_time(axes, drawn)
+    for number, run, pair in found:
+        colour = style.variant_colour(number) if len(compared) > 1 else style.colour(quantity)
         if not (shared and number):
-            drawn += _experiment(axes, pair, "-" if shared else line, f"{joint}.{quantity}.experiment.{number}")
+            ink = style.EXPERIMENT if shared else style.darker(colour)
+            _experiment(axes, pair, ink, f"{joint}.{quantity}.experiment.{number}")
         reference = run.get(joint, REFERENCE)
         if number == 0 and reference is not None and quantity in _BESIDE_REFERENCE:
-            axes.plot(reference.time, reference.values, color=style.colour(REFERENCE), linewidth=2.6, zorder=1.4)
-            drawn.append(_within(reference, pair.simulation))
-        axes.plot(
-            pair.simulation.time, pair.simulation.values, color=style.colour(quantity), linestyle=line, zorder=2.3,
-            linewidth=1.9,
-            gid=f"{joint}.{quantity}.simulation.{number}",
-        )  # fmt: skip
-        drawn.append(pair.simulation)
-    frame(axes, drawn)
-    axes.set_ylabel(style.axis_label(style.name(quantity), style.unit(quantity, _info(runs, joint))))
+            inside = _within(reference, pair.simulation)
+            draw_curve(
+                axes, inside, colour=style.colour(REFERENCE), linewidth=2.6, zorder=1.4, gid=f"{joint}.{quantity}.reference"
+            )
+            drawn.append(inside)
+        draw_curve(
+            axes, pair.simulation, colour=colour, zorder=2.3, linewidth=1.9, gid=f"{joint}.{quantity}.simulation.{number}"
+        )
+    unit = style.unit(quantity, _info(runs, joint))
+    show_values(axes, drawn, brief="N" in unit)
+    axes.set_ylabel(style.axis_label(style.name(quantity), unit))
 
 
 def draw_difference(
     axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str
 ) -> None:
-    """Simulation minus experiment on the given axes."""
-    drawn = []
-    for number, one in enumerate(compared):
-        pair = one.pairs.get((joint, quantity))
-        if pair is None:
-            continue
-        axes.plot(
-            pair.difference.time, pair.difference.values, color=style.tint(style.colour(quantity), number),
-            linestyle=style.line_style(number), linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}",
-        )  # fmt: skip
-        drawn.append(pair.difference)
+    """Simulation minus experiment on the given axes, with its root mean square."""
+    found = [(n, one, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
+    for number, _, pair in found:
+        colour = style.variant_colour(number) if len(compared) > 1 else style.colour(quantity)
+        draw_curve(axes, pair.difference, colour=colour, linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}")
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1.0)
-    limits = axes.get_xlim()
-    frame(axes, drawn)
-    axes.set_xlim(limits)
-    axes.set_ylabel(f"difference\n({style.unit(quantity, _info(runs, joint)) or '-'})")
+    unit = style.unit(quantity, _info(runs, joint))
+    size = max((pair.difference.extent for _, _, pair in found), default=0.0)
+    whole = max(
+        (float(np.ptp(v)) for _, _, p in found if len(v := p.recording.values[np.isfinite(p.recording.values)])), default=0.0
+    )
+    if size > 1e-9 * whole:
+        show_values(axes, [pair.difference for _, _, pair in found], brief="N" in unit)
+    else:
+        # Nothing to see is shown on the scale of what is compared.
+        axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
+    axes.set_ylabel(f"difference\n({unit or '-'})")
+    texts = [(number, _verdict(one, joint, quantity)) for number, one, _ in found[:3]]
+    for place, (number, text) in enumerate(reversed([entry for entry in texts if entry[1]])):
+        first = number == texts[0][0]
+        axes.text(
+            1.0 - 0.3 * place, 1.02, f"{'RMSE ' if first else ''}{text}", transform=axes.transAxes, ha="right", va="bottom",
+            fontsize=7.5, color=style.variant_colour(number) if len(compared) > 1 else style.GREY,
+        )  # fmt: skip
+
+
+def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
+    """Root mean square of the difference, and its share of the recording's range; of several recordings their mean."""
+    found: dict[str, list[float]] = {"rmse": [], "nrmse": []}
+    unit = ""
+    for row in one.rows:
+        if (row.joint, row.quantity) == (joint, quantity) and row.measure in found and math.isfinite(row.value):
+            found[row.measure].append(row.value)
+            unit = row.unit.replace("N m", "N·m") if row.measure == "rmse" else unit
+    if not found["rmse"]:
+        return ""
+    mean, share = (float(np.mean(values)) if values else math.nan for values in found.values())
+    return f"{mean:.3g} {unit}" + (f" ({100 * share:.{0 if share >= 0.1 else 1}f} %)" if math.isfinite(share) else "")
+
+
+def _moved(compared: Sequence[RunComparison]) -> str:
+    """How far the recordings' clocks were moved."""
+    lags = dict.fromkeys(f"{a.lag + 0.0:.4g}" for one in compared for a in one.alignments.values() if abs(a.lag) > 1e-9)
+    return f"recording {', '.join(list(lags)[:4])} s late" if lags else ""
 
 
 def _within(curve: Curve, other: Curve) -> Curve:
@@ -135,15 +171,10 @@ def _within(curve: Curve, other: Curve) -> Curve:
     return Curve(time=curve.time[inside], values=curve.values[inside])
 
 
-def _experiment(axes: Axes, pair: Pair, line: Any, gid: str) -> list[Curve]:
-    curves = [pair.recording]
+def _experiment(axes: Axes, pair: Pair, ink: str, gid: str) -> None:
     if pair.low is not None and pair.high is not None:
-        axes.fill_between(pair.low.time, pair.low.values, pair.high.values, color=style.EXPERIMENT, alpha=0.18, linewidth=0)
-        curves += [pair.low, pair.high]
-    axes.plot(
-        pair.recording.time, pair.recording.values, color=style.EXPERIMENT, linestyle=line, linewidth=0.8, zorder=2.5, gid=gid
-    )
-    return curves
+        axes.fill_between(pair.low.time, pair.low.values, pair.high.values, color=ink, alpha=0.18, linewidth=0)
+    draw_curve(axes, pair.recording, colour=ink, linewidth=0.8, zorder=2.5, gid=gid)
 
 
 def _experiment_handles(count: int) -> list[Any]:
@@ -189,42 +220,39 @@ def side_figure(
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
     """Experiment at the left, simulation at the right with the same axes, one row a joint; as the paper's figures."""
-    figure = new_figure(2 * style.COLUMN_WIDTH + style.LEGEND_WIDTH, 1.9 * len(joints) + 1.0)
-    axes = figure.subplots(len(joints), 2, squeeze=False, sharex=True, sharey="row")
+    grid = Grid(columns=2, heights=[1.6] * len(joints), title=0.3, gap_x=0.45)
+    figure, axes = grid.figure([one.label for one in compared], sharex=True, sharey="row")
     shown: dict[str, None] = {}
+    several = len(compared) > 1
     for r, joint in enumerate(joints):
-        drawn: list[Curve] = []
         info = _info(runs, joint)
-        for number, (run, one) in enumerate(zip(runs, compared, strict=True)):
-            reference = run.get(joint, REFERENCE)
-            if words == "position" and reference is not None and number == 0:
-                for ax in axes[r]:
-                    ax.plot(reference.time, reference.values, color=style.colour(REFERENCE), linewidth=2.6, zorder=1.4)
-                shown[REFERENCE] = None
-            for quantity in quantities:
-                pair = one.pairs.get((joint, quantity))
-                if pair is None:
-                    continue
-                for ax, curve in ((axes[r, 0], pair.recording), (axes[r, 1], pair.simulation)):
-                    line = style.line_style(number)
-                    ax.plot(curve.time, curve.values, color=style.colour(quantity), linestyle=line)
-                    drawn.append(curve)
-                if pair.low is not None and pair.high is not None:
-                    axes[r, 0].fill_between(
-                        pair.low.time, pair.low.values, pair.high.values, color=style.colour(quantity), alpha=0.2, linewidth=0
-                    )
-                    drawn += [pair.low, pair.high]
-                shown[quantity] = None
-        frame(axes[r, 0], drawn)
+        found = [(n, q, one.pairs[joint, q]) for n, one in enumerate(compared) for q in quantities if (joint, q) in one.pairs]
+        shown |= dict.fromkeys(quantity for _, quantity, _ in found)
+        plain = list(dict.fromkeys(quantity for _, quantity, _ in found))
+        drawn = [c for _, _, p in found for c in (p.recording, p.simulation, p.low, p.high) if c is not None]
+        reference = runs[0].get(joint, REFERENCE) if runs else None
+        show_time(axes[r, 0], drawn)
+        if words == "position" and reference is not None and found:
+            for ax in axes[r]:
+                draw_curve(ax, _within(reference, found[0][2].simulation), colour=style.colour(REFERENCE), linewidth=2.6,
+                           zorder=1.4, gid=f"{joint}.reference")  # fmt: skip
+            shown[REFERENCE] = None
+        for number, quantity, pair in found:
+            colour = style.variant_colour(number) if several else style.colour(quantity)
+            line = style.line_style(plain.index(quantity)) if several else "-"
+            for ax, curve, kind in ((axes[r, 0], pair.recording, "experiment"), (axes[r, 1], pair.simulation, "simulation")):
+                draw_curve(ax, curve, colour=colour, linestyle=line, gid=f"{joint}.{quantity}.{kind}.{number}")
+            if pair.low is not None and pair.high is not None:
+                axes[r, 0].fill_between(pair.low.time, pair.low.values, pair.high.values, color=colour, alpha=0.2, linewidth=0)
         unit = style.unit(quantities[-1], info)
+        show_values(axes[r, 0], drawn, brief="N" in unit)
         axes[r, 0].set_ylabel(f"{shorten(joint, 22)}\n{style.axis_label(words, unit)}")
     axes[0, 0].set_title("A  experiment", loc="left")
     axes[0, 1].set_title("B  simulation", loc="left")
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
-    legend(axes[0, -1], [name for name in (REFERENCE, *quantities) if name in shown])
-    figure_title(figure, runs, words, part)
-    variants(figure, [one.label for one in compared])
+    legend(axes[0, -1], [name for name in (REFERENCE, *quantities) if name in shown], several=several)
+    figure_title(figure, runs, words, part, more=_moved(compared))
     return figure
 
 

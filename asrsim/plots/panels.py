@@ -11,6 +11,9 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.legends import LIMIT_LINE
+from asrsim.plots.limits import panel_limits
+from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 
@@ -31,20 +34,26 @@ class Panel:
     """Left out where they are zero all the time."""
     shown: Callable[[JointInfo], bool] = lambda joint: True
     """Joints that have this panel."""
+    compared: tuple[str, ...] | None = None
+    """Quantities of several runs in one picture, which colours tell apart; None: the same, () : no such panel."""
 
-    def of(self, joint: JointInfo) -> tuple[str, ...]:
-        """The quantities that this panel shows of a joint."""
-        return tuple(name for name in self.quantities if self._belongs(name, joint))
+    def of(self, joint: JointInfo, *, several: bool = False) -> tuple[str, ...]:
+        """The quantities that this panel shows of a joint, of one run or of several."""
+        return tuple(name for name in self.of_any(several=several) if self._belongs(name, joint))
+
+    def of_any(self, *, several: bool) -> tuple[str, ...]:
+        """The quantities that it may show of one run, or of several."""
+        return self.quantities if not several or self.compared is None else self.compared
 
     def _belongs(self, name: str, joint: JointInfo) -> bool:
         mode = MODES.get(joint.mode) if joint.mode is not None else None
-        if self.key == "position" and name == "motor_2_position":
+        if self.key in ("position", "motors") and name == "motor_2_position":
             return not style.has_adjuster(joint)
         if name in ("reference_1", "reference_2") and self.key in _REFERENCE_WORD:
             index = int(name[-1]) - 1
             if mode is None or index >= len(mode.references):
                 return False
-            if self.key == "position":
+            if self.key in ("position", "motors"):
                 # What the motors are told; the position that follows from it is the other reference.
                 return not mode.mapped and mode.spring and not mode.references[index].endswith("torque") and (
                     index == 0 or not style.has_adjuster(joint)
@@ -53,7 +62,7 @@ class Panel:
         return True
 
 
-_REFERENCE_WORD = {"position": "", "torque": "link", "motor_torque": "motor"}
+_REFERENCE_WORD = {"position": "", "motors": "", "torque": "link", "motor_torque": "motor"}
 
 PANELS: dict[str, Panel] = {
     panel.key: panel
@@ -62,7 +71,9 @@ PANELS: dict[str, Panel] = {
             key="position",
             words="position",
             quantities=(REFERENCE, "motor_1_position", "motor_2_position", "equilibrium_position", "link_position"),
+            compared=(REFERENCE, "link_position"),
         ),
+        Panel(key="motors", words="motor position", quantities=(), compared=("motor_1_position", "motor_2_position")),
         Panel(key="adjuster", words="adjuster", quantities=("reference_2", "motor_2_position"), shown=style.has_adjuster),
         Panel(key="deflection", words="deflection", quantities=("deflection",)),
         Panel(key="stiffness", words="stiffness", quantities=("stiffness",)),
@@ -71,6 +82,7 @@ PANELS: dict[str, Panel] = {
             words="link torque",
             quantities=("reference_1", "damping_torque", "external_torque", "link_torque"),
             optional=("damping_torque", "external_torque"),
+            compared=("reference_1", "link_torque", "external_torque"),
         ),
         Panel(
             key="motor_torque",
@@ -83,18 +95,22 @@ PANELS: dict[str, Panel] = {
                 "motor_1_torque",
                 "motor_2_torque",
             ),
+            compared=("reference_1", "reference_2", "motor_1_torque", "motor_2_torque"),
         ),
         Panel(
             key="energy",
             words="energy",
             quantities=("motor_work", "friction_loss", "link_work", "damping_loss", "spring_energy"),
             optional=("damping_loss", "friction_loss"),
+            compared=("spring_energy", "motor_work", "link_work"),
         ),
         Panel(key="residual", words="energy residual", quantities=("energy_residual",)),
         Panel(key="numerical_error", words="numerical error", quantities=("numerical_error",)),
     )
 }
-JOINT_PANELS = ("position", "adjuster", "deflection", "stiffness", "torque", "motor_torque")
+_STILL = 1e-6
+"""rad, m: a position that moves less stands still."""
+JOINT_PANELS = ("position", "motors", "adjuster", "deflection", "stiffness", "torque", "motor_torque")
 ENERGY_PANELS = ("energy", "residual", "numerical_error")
 
 
@@ -106,11 +122,12 @@ def quantity_panel(quantity: str) -> Panel:
 def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[str, int, Curve]]:
     """(quantity, number of the run, curve) of everything that a panel shows of a joint, in drawing order."""
     found: list[tuple[str, int, Curve]] = []
-    for name in dict.fromkeys(name for run in runs for info in _info(run, joint) for name in panel.of(info)):
+    several = len(runs) > 1
+    for name in dict.fromkeys(name for run in runs for info in _info(run, joint) for name in panel.of(info, several=several)):
         for number, run in enumerate(runs):
             for info in _info(run, joint):
                 curve = run.get(joint, name)
-                if curve is None or not panel.shown(info) or name not in panel.of(info):
+                if curve is None or not panel.shown(info) or name not in panel.of(info, several=several):
                     continue
                 if name in panel.optional and curve.extent == 0.0:
                     continue
@@ -128,46 +145,47 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
 
 
 def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) -> tuple[str, ...]:
-    """Draws a joint's panel on the given axes, variants by line style; returns the quantities drawn."""
+    """Draws a joint's panel on the given axes, variants by colour; returns the quantities drawn, `limit` among them."""
     drawn = content(panel, runs, joint)
+    several = len(runs) > 1
+    plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
+    show_time(axes, [curve for _, _, curve in drawn])
     for name, number, curve in drawn:
         reference = name.startswith("reference")
-        axes.plot(
-            curve.time,
-            curve.values,
-            color=style.colour(name),
-            linestyle=style.line_style(number),
-            linewidth=2.6 if reference else style.WIDTH,
+        shared = reference and sum(other == name for other, _, _ in drawn) == 1
+        colour = style.variant_colour(number) if several and not shared else style.colour(name)
+        draw_curve(
+            axes, curve, colour=colour, linestyle=style.line_style(plain.index(name)) if several and not reference else "-",
+            linewidth=2.6 if reference else style.WIDTH, gid=f"{joint}.{name}.{number}", zorder=1.5 if reference else 2.0,
+            alpha=0.35 if reference and several and not shared else None,
             label=style.symbol(name) if len(runs) == 1 else f"{style.symbol(name)} {style.plain(runs[number].label)}",
-            gid=f"{joint}.{name}.{number}",
-            zorder=1.5 if reference else 2.0,
-        )
+        )  # fmt: skip
     infos = [info for run in runs for info in _info(run, joint)]
     units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn for info in infos[:1])
-    axes.set_ylabel(style.axis_label(panel.words, " or ".join(filter(None, units))))
-    frame(axes, [curve for _, _, curve in drawn])
-    return tuple(dict.fromkeys(name for name, _, _ in drawn))
+    words = panel.words.replace("torque", "force") if infos and infos[0].prismatic else panel.words
+    axes.set_ylabel(style.axis_label(words, " or ".join(filter(None, units))))
+    limits = [(n, limit) for n, run in enumerate(runs) for limit in panel_limits(run, joint, panel.key)] if drawn else []
+    show_values(
+        axes, [curve for _, _, curve in drawn], limits=[limit for _, limit in limits], brief=any("N" in unit for unit in units),
+        still=_STILL if panel.key in ("position", "link") else 1e-12,
+    )  # fmt: skip
+    low, high = axes.get_ylim()
+    seen = [(n, limit) for n, limit in limits if ((limit.values >= low) & (limit.values <= high)).any()]
+    for number, limit in _distinct(seen):
+        own = several and sum(_equal(limit, other) for _, other in seen) < len(runs)
+        axes.plot(
+            limit.time, limit.values, color=style.variant_colour(number) if own else style.LIMIT, linewidth=0.9,
+            linestyle=LIMIT_LINE, zorder=1.2, gid=f"{joint}.{panel.key}.limit.{number}",
+        )  # fmt: skip
+    return (*dict.fromkeys(name for name, _, _ in drawn), *(["limit"] if seen else []))
 
 
-def frame(axes: Axes, curves: Sequence[Curve]) -> None:
-    """Limits of the axes: the whole time; values that rest are not blown up to show their last digits."""
-    times = [(curve.time[0], curve.time[-1]) for curve in curves if len(curve.time)]
-    if not times:
-        return
-    start, end = min(t[0] for t in times), max(t[1] for t in times)
-    if end > start:
-        # A start that misses 0 by the rounding of a lag would take the 0 off the axis.
-        axes.set_xlim(0.0 if abs(start) < 1e-4 * (end - start) else start, end)
-    finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
-    low = min((float(v.min()) for v in finite if len(v)), default=0.0)
-    high = max((float(v.max()) for v in finite if len(v)), default=0.0)
-    size = max(abs(low), abs(high))
-    if high - low <= 1e-6 * size or size < 1e-12:
-        half = 0.1 * size if size >= 1e-12 else 1.0
-        axes.set_ylim(low - half, high + half)
-    else:
-        margin = 0.07 * (high - low)
-        axes.set_ylim(low - margin, high + margin)
+def _distinct(curves: Sequence[tuple[int, Curve]]) -> list[tuple[int, Curve]]:
+    found: list[tuple[int, Curve]] = []
+    for number, curve in curves:
+        if not any(_equal(curve, other) for _, other in found):
+            found.append((number, curve))
+    return found
 
 
 def _info(run: RunCurves, joint: str) -> list[JointInfo]:

@@ -1,4 +1,4 @@
-"""Frequency responses of runs and recordings: the link's position to its reference."""
+"""Frequency responses of runs and recordings: of a quantity of a joint to another, by default of the link to its reference."""
 
 from __future__ import annotations
 
@@ -11,15 +11,31 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.errors import InputError, LogError, Problem, RecordingError
+from asrsim.errors import InputError, LogError, Problem, RecordingError, did_you_mean
 from asrsim.log import LogReader, open_log
-from asrsim.log.derived import DERIVED_SOURCES, position_error
 from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
+from asrsim.plots import style
+from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
 from asrsim.recordings import Recording, resample
 from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """What a response leads from or to."""
+
+    quantity: str
+    joint: str | None = None
+    """None: of the joint that is looked at."""
+
+    @classmethod
+    def parse(cls, text: str | None, default: str) -> Signal:
+        """`joint.quantity`, or `quantity` of every joint."""
+        joint, _, quantity = (text or default).rpartition(".")
+        return cls(quantity=quantity, joint=joint or None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,20 +52,23 @@ class Response:
     experiment: bool
     unit: str
     """Of the gain; empty where input and output have the same."""
+    output: str
+    """The output's quantity."""
     response: FrequencyResponse
     findings: tuple[Problem, ...] = ()
 
     def rows(self) -> list[MetricRow]:
-        """Resonance, its gain, and bandwidth, as metrics."""
+        """Resonance, its gain in dB, and bandwidth, as metrics."""
         found = self.response
+        decibel = f"dB re {self.unit}" if self.unit else "dB"
         values = {
             "resonance": (found.resonance[0] if found.resonance else math.nan, "Hz"),
-            "resonance_gain": (found.resonance[1] if found.resonance else math.nan, self.unit),
+            "resonance_gain": (20 * math.log10(found.resonance[1]) if found.resonance else math.nan, decibel),
             "bandwidth": (found.bandwidth if found.bandwidth is not None else math.nan, "Hz"),
             "median_coherence": (float(np.median(found.coherence)), ""),
         }
         return [
-            MetricRow(source=self.source, joint=self.joint.name, quantity=OUTPUT, measure=name, value=value, unit=unit)
+            MetricRow(source=self.source, joint=self.joint.name, quantity=self.output, measure=name, value=value, unit=unit)
             for name, (value, unit) in values.items()
         ]
 
@@ -73,78 +92,135 @@ def responses(
     joints: Sequence[str] | None = None,
     experiments: Sequence[Experiment] = (),
     band: tuple[float, float] | None = None,
+    given: str | None = None,
+    output: str | None = None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of every joint whose reference moves, of the run and of its experiments; and what could not be found out.
+    """Responses of every joint whose input moves, of the run and of its experiments; and what could not be found out.
 
-    The input is the position that the references ask for (in the torque modes: the torque), the output the link's position.
-    An experiment without recorded reference is related to the run's, at the times of the recording.
+    given, output: `quantity` or `joint.quantity`, input and output of the response; by default the position that the references
+    ask for (in the torque modes: the torque) and the link's position. By default an experiment without recorded reference is
+    related to the run's, at the times of the recording. Raises LogError for a joint or quantity that the log has not.
     """
     reader = open_log(path)
+    first, last = Signal.parse(given, REFERENCE), Signal.parse(output, OUTPUT)
+    _check(reader, [signal for signal, text in ((first, given), (last, output)) if text is not None])
     found: list[Response] = []
     problems: list[Problem] = []
     for info in reader.info.joints:
-        if joints is not None and info.name not in joints:
+        if (joints is not None and info.name not in joints) or (last.joint not in (None, info.name)):
             continue
-        series = _run_series(reader, info)
+        source = replace(first, joint=first.joint or info.name)
+        series = _run_series(reader, info, source, last, chosen=given is not None)
         if series is None:
             continue
-        time, excitation, output, unit = series
-        if not len(time) or not np.nanmax(excitation) - np.nanmin(excitation) > 1e-9:
+        time, excitation, response, unit = series
+        if not len(time) or not np.nanmax(excitation) - np.nanmin(excitation) > 1e-9 * np.nanmax(np.abs(excitation)):
             continue
         try:
-            result = frequency_response(time, excitation, output, band=band)
+            result = frequency_response(time, excitation, response, band=band)
         except InputError as error:
             problems += [replace(problem, key=info.name, file=path) for problem in error.problems]
             continue
-        entry = partial(Response, joint=info, label=label, variant=variant, unit=unit)
+        entry = partial(Response, joint=info, label=label, variant=variant, unit=unit, output=last.quantity)
         found.append(entry(source=label, experiment=False, response=result, findings=result.findings))
         for one in experiments:
             try:
-                recorded = _recorded(one, info, time, excitation, band)
+                if given is None:
+                    recorded = _recorded(one, info, time, excitation, band, last.quantity)
+                else:
+                    recorded = _recorded_pair(one, info, source, last, band)
             except InputError as error:
                 problems += [replace(problem, key=info.name, file=one.recording.path) for problem in error.problems]
                 continue
             if recorded is not None:
-                response, findings = recorded
+                measured, findings = recorded
                 found.append(
                     entry(
-                        source=one.recording.path.name,
-                        experiment=True,
-                        response=response,
-                        findings=(*findings, *response.findings),
+                        source=one.recording.path.name, experiment=True, response=measured,
+                        findings=(*findings, *measured.findings),
                     )
-                )
+                )  # fmt: skip
     if not found and not problems:
-        message = "no joint has a reference that moves; a frequency response needs one that does"
+        what = "has a reference that moves" if given is None else f"has a {first.quantity} that moves"
+        message = f"no joint {what}; a frequency response needs one that does"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message=message, file=path, hint=hint, code="no-excitation"))
     return found, problems
 
 
-def _run_series(reader: LogReader, info: JointInfo) -> tuple[Array, Array, Array, str] | None:
-    names = [name for name in (*DERIVED_SOURCES["position_error"], OUTPUT) if name in info.quantities]
-    if OUTPUT not in names or "reference_1" not in names:
+def _check(reader: LogReader, signals: Sequence[Signal]) -> None:
+    names, joints = (*available(reader), *EXTRA), tuple(joint.name for joint in reader.info.joints)
+    problems = []
+    for signal in signals:
+        for kind, value, choices in (("quantity", signal.quantity, names), ("joint", signal.joint, joints)):
+            if value is not None and value not in choices:
+                problems.append(
+                    Problem(message=f"the log has no {kind} '{value}'", file=reader.path, key=kind, choices=choices,
+                            hint=did_you_mean(value, choices), code=f"unknown-{kind}")
+                )  # fmt: skip
+    if problems:
+        raise LogError(problems)
+
+
+def _run_series(
+    reader: LogReader, info: JointInfo, first: Signal, last: Signal, *, chosen: bool
+) -> tuple[Array, Array, Array, str] | None:
+    """Time, input, output and the gain's unit; None where the run does not have them."""
+    members = list(dict.fromkeys((info.name, first.joint or info.name)))
+    recorded = {name for joint in reader.info.joints if joint.name in members for name in joint.quantities}
+    names = [name for name in stored([first.quantity, last.quantity, "reference_1"]) if name in recorded]
+    if OUTPUT not in recorded:
         return None
     try:
-        samples = reader.read(quantities=list(dict.fromkeys(names)), joints=[info.name]).samples
-    except LogError:
+        samples = reader.read(quantities=list(dict.fromkeys([OUTPUT, *names])), joints=members).samples
+        columns = table(samples, [first.quantity, last.quantity], reader.info.joints)
+    except (LogError, KeyError):
         return None
-    output = samples.values[OUTPUT][:, 0]
-    reference = position_error(samples, [info])[:, 0] + output
-    if np.isfinite(reference).any():
-        return samples.time, reference, output, ""
-    return samples.time, samples.values["reference_1"][:, 0], output, "rad/(N·m)" if not info.prismatic else "m/N"
+    excitation = columns[first.quantity][:, samples.joints.index(first.joint or info.name)]
+    response = columns[last.quantity][:, samples.joints.index(info.name)]
+    source = first.quantity
+    if not np.isfinite(excitation).any() and not chosen and "reference_1" in samples.values:
+        source, excitation = "reference_1", samples.values["reference_1"][:, samples.joints.index(info.name)]
+    if not np.isfinite(excitation).any() or not np.isfinite(response).any():
+        return None
+    infos = {joint.name: joint for joint in reader.info.joints}
+    units = style.unit(last.quantity, info), style.unit(source, infos[first.joint or info.name])
+    below = f"({units[1]})" if "/" in units[1] or "·" in units[1] else units[1] or "1"
+    unit = "" if units[0] == units[1] else f"{units[0] or '1'}/{below}"
+    return samples.time, excitation, response, unit
+
+
+def _recorded_pair(
+    one: Experiment, info: JointInfo, first: Signal, last: Signal, band: tuple[float, float] | None
+) -> tuple[FrequencyResponse, tuple[Problem, ...]]:
+    """The recording's own response of one column to another. Raises RecordingError where it has not both."""
+    found = []
+    for quantity, joint in ((first.quantity, first.joint), (last.quantity, info.name)):
+        column = next(
+            (c for c in one.recording.channels.values() if c.quantity == quantity and one.joints.get(c.joint or "") == joint),
+            None,
+        )
+        if column is None:
+            raise RecordingError(
+                Problem(message=f"the recording has no {quantity} of {joint}", code="no-quantity",
+                        hint=f"Say which column it is with --map COLUMN={joint}.{quantity}")
+            )  # fmt: skip
+        found.append(column)
+    u, y = found
+    same = u.time is y.time or np.array_equal(u.time, y.time)
+    excitation = u.values if same else resample(u.time, u.values, y.time)
+    return frequency_response(y.time, excitation, y.values, band=band), ()
 
 
 def _recorded(
-    one: Experiment, info: JointInfo, time: Array, excitation: Array, band: tuple[float, float] | None
+    one: Experiment, info: JointInfo, time: Array, excitation: Array, band: tuple[float, float] | None, name: str
 ) -> tuple[FrequencyResponse, tuple[Problem, ...]] | None:
     columns = {
         column.quantity: column
         for column in one.recording.channels.values()
         if column.quantity is not None and column.joint is not None and one.joints.get(column.joint) == info.name
     }
-    output = columns.get(OUTPUT)
+    output = columns.get(name)
     if output is None:
         return None
     mode = MODES.get(info.mode) if info.mode is not None else None

@@ -1,7 +1,8 @@
-"""The look of all pictures, in one place: colours by quantity, line styles by variant, sizes.
+"""The look of all pictures, in one place: colours, line styles, sizes.
 
-Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers tell apart; they go by what a
-quantity belongs to: the link is vermilion and the equilibrium blue in every picture, as in the paper's figures.
+Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers tell apart. Of one run they go
+by what a quantity belongs to: the link is vermilion and the equilibrium blue, as in the paper's figures. Of several runs they
+go by the run, and quantities of one panel by line style.
 """
 
 from __future__ import annotations
@@ -59,10 +60,15 @@ LINE_STYLES: tuple[Any, ...] = (
     (0, (8, 2, 1.2, 2, 1.2, 2)),
     (0, (2.5, 1.2)),
 )
-"""One a variant; more variants begin again."""
+"""One a quantity where colours tell runs apart."""
+VARIANTS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
+"""One a run; more runs begin again."""
 
 COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
 """inch."""
+DPI = 150
+LIMIT = "#c2185b"
+"""Limits of joints, torques and deflections."""
 WIDTH = 1.25
 """pt, of lines."""
 
@@ -73,6 +79,8 @@ RC: dict[str, Any] = {
     "mathtext.fontset": "dejavusans",
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
+    # A place that is given need not be found by measuring all labels.
+    "axes.titley": 1.0,
     "axes.edgecolor": "#8a8a8a",
     "axes.linewidth": 0.7,
     "axes.labelcolor": BLACK,
@@ -82,7 +90,8 @@ RC: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-4, 5),
-    "axes.formatter.use_mathtext": True,
+    # Mathematics would take a parser a label.
+    "axes.formatter.use_mathtext": False,
     "axes.xmargin": 0.0,
     "axes.ymargin": 0.08,
     "grid.color": "#e6e6e6",
@@ -101,8 +110,8 @@ RC: dict[str, Any] = {
     "legend.labelspacing": 0.35,
     "lines.linewidth": WIDTH,
     "lines.solid_capstyle": "round",
-    "figure.dpi": 150,
-    "savefig.dpi": 150,
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
     "figure.facecolor": "white",
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
@@ -119,15 +128,24 @@ def colour(quantity: str) -> str:
 
 
 def line_style(index: int) -> Any:
-    """The line style of the n-th variant, from 0."""
+    """The n-th line style, from 0."""
     return LINE_STYLES[index % len(LINE_STYLES)]
 
 
-def tint(colour_text: str, index: int) -> str:
-    """A lighter colour for later variants, where noise hides the line style."""
-    share = min(0.45 * index, 0.7)
-    parts = [int(colour_text[i : i + 2], 16) for i in (1, 3, 5)]
-    return "#" + "".join(f"{round(part + share * (255 - part)):02x}" for part in parts)
+def variant_colour(index: int) -> str:
+    """The colour of the n-th of several runs, from 0."""
+    return VARIANTS[index % len(VARIANTS)]
+
+
+def darker(colour_text: str) -> str:
+    """A colour for the recording that belongs to a run of that colour."""
+    return "#" + "".join(f"{round(0.55 * int(colour_text[i : i + 2], 16)):02x}" for i in (1, 3, 5))
+
+
+def rgba(colour_text: str, opacity: float) -> tuple[float, float, float, float]:
+    """A colour that lets others through."""
+    red, green, blue = (int(colour_text[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return red, green, blue, opacity
 
 
 def symbol(quantity: str) -> str:

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asrsim.errors import Problem, RecordingError
-from asrsim.recordings.data import Raw, RawSeries
-from asrsim.recordings.messages import Skip, flatten, stamp_of, understand
-from asrsim.recordings.timebase import EPOCH, clean_time
-from asrsim.samples import Array
+from asrsim.recordings.bag_clock import Group, series_of_groups
+from asrsim.recordings.data import Raw
+from asrsim.recordings.messages import Skip, flatten, stamp_of
 
-_FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "Diagnostic")
+_FOREIGN = (
+    "Image",
+    "PointCloud",
+    "LaserScan",
+    "CameraInfo",
+    "OccupancyGrid",
+    "/Log",
+    "String",
+    "TFMessage",
+    "tfMessage",
+    "Diagnostic",
+)
 _NO_TIME = 2**63
 """ns beyond which a stamp is damage, not a time."""
-_SAME_CLOCK = 1.0
-"""s by which a header's stamp may differ from the time of recording and still be of the same clock."""
 
 
 @dataclass
@@ -34,25 +40,16 @@ class _Topic:
     reason: str = ""
 
 
-@dataclass
-class _Group:
-    """Messages of one topic with the same labels."""
+def read_bag(path: Path, ignored: Collection[str] = ()) -> Raw:
+    """All numeric series of a bag, but of the topics that are ignored.
 
-    topic: str
-    kind: str
-    labels: list[tuple[str, str | None]]
-    logged: list[int] = field(default_factory=list)
-    stamped: list[int | None] = field(default_factory=list)
-    rows: list[list[float]] = field(default_factory=list)
-
-
-def read_bag(path: Path) -> Raw:
-    """All numeric series of a bag. Raises RecordingError where nothing in it can be read, saying what it holds."""
+    Raises RecordingError where nothing in it can be read, saying what it holds.
+    """
     findings: list[Problem] = []
     with ExitStack() as stack:
         form, topics, messages = _open(path, stack, findings)
-        groups = _collect(topics, messages, path, findings)
-    unknown = [topic for topic in topics.values() if topic.decode is None]
+        groups = _collect(topics, messages, path, findings, ignored)
+    unknown = [topic for topic in topics.values() if topic.decode is None and topic.name not in ignored]
     findings += [
         Problem(message=f"topic is not read: {t.reason}", file=path, key=t.name, value=t.kind, code="unknown-message-type")
         for t in unknown
@@ -68,8 +65,9 @@ def read_bag(path: Path) -> Raw:
                 "in the file",
             )
         )  # fmt: skip
-    series, epoch = _series(groups, path, findings)
-    return Raw(format=form, series=series, findings=tuple(findings), epoch=epoch)
+    series, epoch = series_of_groups(groups, path, findings)
+    names = tuple(topic.name for topic in topics.values())
+    return Raw(format=form, series=series, findings=tuple(findings), epoch=epoch, names=names)
 
 
 def _open(
@@ -190,13 +188,14 @@ class _Types:
 
 
 def _collect(
-    topics: dict[int, _Topic], messages: Iterator[tuple[int, int, bytes]], path: Path, findings: list[Problem]
-) -> list[_Group]:
-    groups: dict[tuple[int, tuple[tuple[str, str | None], ...]], _Group] = {}
+    topics: dict[int, _Topic], messages: Iterator[tuple[int, int, bytes]], path: Path, findings: list[Problem],
+    ignored: Collection[str],
+) -> list[Group]:  # fmt: skip
+    groups: dict[tuple[int, tuple[tuple[str, str | None], ...]], Group] = {}
     broken: dict[int, int] = {}
     for topic_id, logged, data in messages:
         topic = topics[topic_id]
-        if topic.decode is None:
+        if topic.decode is None or topic.name in ignored:
             continue
         try:
             message = topic.decode(data)
@@ -212,7 +211,7 @@ def _collect(
         key = (topic_id, tuple(labels))
         group = groups.get(key)
         if group is None:
-            group = groups[key] = _Group(topic.name, topic.kind, labels)
+            group = groups[key] = Group(topic.name, topic.kind, labels)
         group.logged.append(logged)
         group.stamped.append(stamp_of(message))
         group.rows.append(values)
@@ -227,41 +226,3 @@ def _collect(
         if len(group.rows) < 2
     ]
     return [group for group in groups.values() if len(group.rows) > 1]
-
-
-def _series(groups: list[_Group], path: Path, findings: list[Problem]) -> tuple[tuple[RawSeries, ...], float | None]:
-    """Series on one clock: header stamps where they agree with the time of recording, else the time of recording."""
-    clocks = [_offset(group) for group in groups]
-    known = [offset for offset in clocks if offset is not None]
-    # All topics stamped by one other clock (simulated time, the robot's uptime) is one base as well.
-    one_other = len(known) == len(clocks) and np.ptp(known) < _SAME_CLOCK
-    nanoseconds: list[np.ndarray[Any, np.dtype[np.int64]]] = []
-    for group, offset in zip(groups, clocks, strict=True):
-        stamps = offset is not None and (abs(offset) < _SAME_CLOCK or one_other)
-        if offset is not None and not stamps:
-            findings.append(
-                Problem(message=f"two time bases: header stamps are {abs(offset):.6g} s off the time of recording, and not all "
-                        "topics have them; the time of recording is used", file=path, key=group.topic, code="two-time-bases")
-            )  # fmt: skip
-        nanoseconds.append(np.array(group.stamped if stamps else group.logged, dtype=np.int64))
-    first = min(int(ns.min()) for ns in nanoseconds)
-    zero = first if first * 1e-9 > EPOCH else 0
-    series: list[RawSeries] = []
-    for group, ns in zip(groups, nanoseconds, strict=True):
-        seconds: Array = np.asarray((ns - zero) * 1e-9, dtype=np.float64)
-        keep, found = clean_time(seconds, None, path=path, name=group.topic)
-        findings += found
-        time, rows = seconds[keep], np.array(group.rows)[keep]
-        for i, (label, named) in enumerate(group.labels):
-            joint, quantity, unit = understand(group.topic, group.kind, label, named)
-            name = group.topic if label == "data" else f"{group.topic}/{label}"
-            series.append(RawSeries(name=name, time=time, values=rows[:, i], unit=unit, joint=joint, quantity=quantity))
-    return tuple(series), (zero * 1e-9 if zero else None)
-
-
-def _offset(group: _Group) -> float | None:
-    """Median of header stamp minus time of recording in s; None where a message has no stamp."""
-    stamps = [stamp for stamp in group.stamped if stamp is not None]
-    if len(stamps) < len(group.stamped):
-        return None
-    return float(np.median(np.array(stamps, dtype=np.int64) - np.array(group.logged, dtype=np.int64))) * 1e-9

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,32 +11,39 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.adjust import scaled, windowed
+from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import guess, has_positions, joint_numbers, tokens_of
-from asrsim.recordings.read_csv import find_column
+from asrsim.recordings.names import find_column, guess, has_positions, joint_numbers, tokens_of
+from asrsim.recordings.oddities import oddities
 from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
-from asrsim.samples import Array
 
 _KNOWN = {**QUANTITIES, **DERIVED}
+_NAMED = 12
+_TURNS = 20.0
+"""Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 
 
 def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
     """The recording; raises RecordingError with all problems of the mapping."""
     findings = list(raw.findings)
+    raw = windowed(path, raw, maps)
     by_index = _explicit(path, raw, maps)
     columns = _columns(path, raw, by_index, joints, findings)
     columns = _without_repeats(path, columns, findings)
     base = max(columns, key=lambda column: len(column.time)).time
-    findings += _oddities(path, columns)
+    findings += oddities(path, columns)
+    # Only what was mapped by hand gets so far.
     findings += [
         Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
                 hint=f"State it: --map '{column.source}={column.joint}.{column.quantity} [unit]'", code="unknown-unit")
         for column in columns
         if column.quantity and column.conversion.endswith("assumed") and (unit := unknown_unit(column.source))
     ]  # fmt: skip
-    if len({id(series.time) for series in raw.series}) > 1:
-        sizes = sorted({len(series.time) for series in raw.series}, reverse=True)
+    mapped = [column for column in columns if column.quantity]
+    if len({id(column.time) for column in mapped}) > 1:
+        sizes = sorted({len(column.time) for column in mapped}, reverse=True)
         findings.append(
             Problem(message=f"its columns have times of their own, with {', '.join(map(str, sizes[:6]))} samples; each is kept",
                     file=path, code="several-times")
@@ -47,6 +55,8 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
                     code="nothing-mapped", hint="Say what a column is with --map COLUMN=JOINT.QUANTITY, or in a file beside it "
                     f"({path.name}.yaml)")
         )  # fmt: skip
+    used = {column.source for column in columns if column.quantity}
+    findings = condense(set_aside(findings, used, {column.source for column in columns} - used))
     return Recording(
         path=path, format=raw.format, time=base, channels={column.source: column for column in columns},
         findings=tuple(findings), epoch=raw.epoch,
@@ -60,8 +70,13 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
     for one in maps:
-        if one.role == "time":
+        if one.role in ("time", "window"):
             continue
+        if one.role == "ignore":
+            parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
+            if parts or (one.column in raw.names and one.column not in names):
+                found |= dict.fromkeys(parts, one)
+                continue
         index = find_column(one.column, names)
         if index is None or (one.column.lstrip("#").isdigit() and raw.format == "csv"):
             # Numbers count the file's columns, of which the time is one; headerless names carry that number.
@@ -69,7 +84,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
             index = names.index(label) if label in names else index
         if index is None:
             problems.append(
-                Problem(message="there is no such column", file=path, key=one.column, choices=tuple(names[:40]),
+                Problem(message="there is no such column", file=path, key=one.column, choices=_shown(names),
                         hint=did_you_mean(one.column, names), code="no-such-column")
             )  # fmt: skip
             continue
@@ -103,12 +118,14 @@ def _columns(
         if index not in explicit and series.quantity is None
     }  # fmt: skip
     # A 0 anywhere says that this file counts from 0.
+    counted |= {int(m[1]) for series in raw.series if series.quantity and (m := re.search(r"(\d+)\]?$", series.name))}
     counted = counted | {meaning.number for meaning in meanings.values() if meaning.quantity and meaning.number is not None}
     # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
     words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
     named_by_words = len(words) > 1 or (bool(words) and bool(known))
     columns: list[Column] = []
     homeless: list[str] = []
+    doubts: dict[str, list[str]] = {}
     for index, series in enumerate(raw.series):
         unit = find_unit(series.unit) or split_header(series.name)[1]
         one = explicit.get(index)
@@ -116,7 +133,7 @@ def _columns(
             if one.role == "ignore":
                 columns.append(_column(series, unit, None, None, f"not used: {one.origin}"))
             else:
-                columns.append(_scaled(_column(series, one.unit or unit, one.joint, one.quantity, one.origin), one))
+                columns.append(scaled(_column(series, one.unit or unit, one.joint, one.quantity, one.origin), one))
             continue
         if series.quantity is not None:
             joint = series.joint
@@ -129,6 +146,10 @@ def _columns(
             )
             continue
         meaning = meanings[index]
+        if meaning.quantity is not None and (doubt := _doubt(series, unit, meaning.quantity)):
+            doubts.setdefault(doubt, []).append(series.name)
+            columns.append(_column(series, unit, None, None, f"not used: looks like {meaning.quantity}, but {doubt}"))
+            continue
         if meaning.quantity is None:
             columns.append(_column(series, unit, series.joint, None, f"not used: {meaning.reason}"))
             continue
@@ -138,12 +159,35 @@ def _columns(
             columns.append(_column(series, unit, None, None, "not used: which joint it is of is unclear"))
         else:
             columns.append(_column(series, unit, joint, meaning.quantity, f"guessed: {meaning.reason}"))
+    findings += [
+        Problem(message=f"not used, since {doubt}", file=path, key=", ".join(names[:6]), code="unclear-unit",
+                hint=f"State the unit: --map '{names[0]}=JOINT.QUANTITY [unit]'")
+        for doubt, names in doubts.items()
+    ]  # fmt: skip
     if homeless:
         findings.append(
             Problem(message=f"which joint these columns are of is unclear: {', '.join(homeless)}", file=path, choices=known,
                     hint="Say it with --map COLUMN=JOINT.QUANTITY", code="unclear-joint")
         )  # fmt: skip
     return columns
+
+
+def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:
+    """Why the numbers under a guessed name are hardly in SI; "" without doubt."""
+    if unit is not None:
+        return ""
+    if (stated := unknown_unit(series.name)) is not None:
+        return f"its unit [{stated}] is not known"
+    values = series.values[np.isfinite(series.values)]
+    angle = _KNOWN[quantity].unit == "rad" or quantity == "reference_1"
+    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
+        return f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
+    return ""
+
+
+def _shown(names: Sequence[str]) -> tuple[str, ...]:
+    """Names for a message: of very many the first."""
+    return (*names[:_NAMED], f"and {len(names) - _NAMED} more") if len(names) > _NAMED + 1 else tuple(names)
 
 
 def _plain_name(name: str) -> str:
@@ -178,27 +222,22 @@ def _column(series: RawSeries, unit: Unit | None, joint: str | None, quantity: s
     if unit is None:
         said = f"{expected} assumed" if expected and not origin.startswith("named") else ""
         return Column(time=series.time, values=series.values, unit=expected, joint=joint, quantity=quantity,
-                      source=series.name, conversion=said, origin=origin)  # fmt: skip
+                      source=series.name, conversion=said, origin=origin, part=series.part, label=series.label,
+                      shift=series.shift)  # fmt: skip
     values = series.values if unit.factor == 1.0 else series.values * unit.factor
     said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
     si = "" if unit.si == "1" else unit.si
     return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, origin=origin)  # fmt: skip
-
-
-def _scaled(column: Column, one: ColumnMap) -> Column:
-    """With the mapping's own factor and offset."""
-    if one.scale == 1.0 and one.offset == 0.0:
-        return column
-    said = f"x {one.scale:g}" + (f" + {one.offset:g}" if one.offset else "")
-    conversion = f"{column.conversion}; {said}" if column.conversion else said
-    return replace(column, values=column.values * one.scale + one.offset, conversion=conversion)
+                  conversion=said, stated=True, origin=origin, part=series.part, label=series.label,
+                  shift=series.shift)  # fmt: skip
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
     """One column a quantity: what was said wins over what the file names, and that over a guess; then the first."""
     rank = {"command line": 0, "map file": 0, "named in the file": 1}
-    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), i))
+    # A position that was told stands before the torque that a controller made of it.
+    torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
+    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], i))
     owner: dict[tuple[str | None, str], int] = {}
     problems: list[Problem] = []
     result = list(columns)
@@ -226,38 +265,3 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
     if problems:
         raise RecordingError(problems)
     return result
-
-
-def _oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
-    """Constant columns and stretches without numbers, of the columns that are used."""
-    found: list[Problem] = []
-    for column in columns:
-        missing = np.isnan(column.values)
-        if missing.all():
-            found.append(Problem(message="has no number at all", file=path, key=column.source, code="empty-column"))
-            continue
-        if column.quantity is None:
-            continue
-        if missing.any():
-            found.append(
-                Problem(message=_stretches(column.time, missing), file=path, key=column.source, code="missing-stretch",
-                        hint="They are left out of every comparison, not bridged")
-            )  # fmt: skip
-        values = column.values[~missing]
-        if len(values) > 2 and np.ptp(values) == 0.0:
-            hint = None if "reference" in column.quantity else "Was the sensor connected?"
-            found.append(
-                Problem(message=f"is constant at {values[0]:g} {column.unit}".rstrip(), file=path, key=column.source,
-                        code="constant-column", hint=hint)
-            )  # fmt: skip
-    return found
-
-
-def _stretches(time: Array, missing: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> str:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
-    starts, ends = edges[::2], edges[1::2] - 1
-    longest = int(np.argmax(ends - starts))
-    return (
-        f"{int(missing.sum())} of {len(missing)} samples have no number, in {len(starts)} stretches; the longest from "
-        f"{time[starts[longest]]:.6g} s to {time[ends[longest]]:.6g} s"
-    )

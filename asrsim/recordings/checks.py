@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.errors import Problem
-from asrsim.recordings.data import Recording
+from asrsim.quantities import PRISMATIC_UNITS
+from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -21,9 +23,13 @@ _FACTORS = (
     (1000.0, "the recording seems to be in thousandths (mm, mN m, ms)"),
     (0.001, "the recording seems to be in thousands, or was converted from thousandths once too often"),
 )
+_ALONE = 12.0
+"""Times the usual departure from the neighbours' mean, beyond which a single sample is no noise."""
+_SHARE = 0.2
+"""Of the range, likewise."""
 _TURNED = 0.7
 _GEAR = 8.0
-_WIDTH = 1.6
+_WIDTH = 1.25
 """A factor is suspected if the ratio of sizes is within this factor of it; real robots differ by less from their model."""
 
 
@@ -83,6 +89,48 @@ def _size(values: Array) -> tuple[float, float]:
         return math.nan, math.nan
     low, high = np.percentile(finite, (5, 95))
     return float(high - low), float(np.mean(np.abs(finite)))
+
+
+def lone(values: Array) -> NDArray[np.bool_]:
+    """Samples (n,) far from both neighbours, which agree with each other: single glitches, not steps and not noise."""
+    found = np.zeros(len(values), dtype=bool)
+    if len(values) < 10:
+        return found
+    off = values[1:-1] - 0.5 * (values[:-2] + values[2:])
+    extent = float(np.ptp(np.percentile(values, (2, 98))))
+    spread = 1.4826 * float(np.median(np.abs(off)))
+    far = np.abs(off) > max(_ALONE * spread, _SHARE * extent, 1e-12)
+    found[1:-1] = far & (np.abs(values[2:] - values[:-2]) < 0.3 * np.abs(off))
+    return found if found.mean() < 0.01 or found.sum() == 1 else np.zeros(len(values), dtype=bool)
+
+
+def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
+    """What is wrong with a column whose stated unit cannot be one of that joint: m of a revolute one, rad of a prismatic one.
+
+    mode: of the run, whose reference is a position or a torque; None: its unit is not asked for.
+    """
+    quantity = str(column.quantity)
+    # Second references and motors have units of their own (AwAS-II's adjuster moves in m).
+    if (
+        not column.stated
+        or not column.unit
+        or quantity in ("reference_2", "motor_2_position", "motor_2_velocity", "motor_2_torque")
+    ):
+        return None
+    torque = column.unit in ("N m", "N")
+    if quantity == "reference_1" and mode is not None and torque != (mode in (0, 4)):
+        told = "position" if torque else "torque"
+        return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {told} in mode {mode}",
+                       key=column.source, code="wrong-unit")  # fmt: skip
+    units = PRISMATIC_UNITS.values() if prismatic else PRISMATIC_UNITS.keys()
+    if column.unit not in (*PRISMATIC_UNITS, *PRISMATIC_UNITS.values()) or column.unit in units:
+        return None
+    kind, right = ("prismatic", "m") if prismatic else ("revolute", "rad")
+    return Problem(
+        message=f"is in {column.unit}, but {joint} is {kind}, whose positions are in {right}", key=column.source,
+        code="wrong-unit",
+        hint=f"Give the unit of its numbers: --map '{column.source}={joint}.{quantity} [unit]', or =ignore",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,8 +14,9 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign
+from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
+from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array, JointInfo, Samples
 
@@ -105,13 +106,24 @@ def compare(
     """
     pairing, findings = match_joints(samples.joints, recording, joints)
     found: dict[tuple[str, str], tuple[Array, Column]] = {}
+    known = {info.name: info for info in infos}
+    wrong: list[Problem] = []
     for column in recording.channels.values():
         joint = pairing.get(column.joint or "")
         if joint is None or column.quantity is None or (quantities is not None and column.quantity not in quantities):
             continue
         values = simulated(samples, joint, column.quantity, infos)
-        if values is not None:
+        if values is None:
+            continue
+        info = known.get(joint)
+        problem = None if info is None else wrong_unit(column, joint, prismatic=info.prismatic, mode=info.mode)
+        if problem is not None:
+            wrong.append(replace(problem, file=recording.path))
+        else:
             found[joint, column.quantity] = (values, column)
+    if wrong and not found:
+        raise RecordingError(condense(wrong))
+    findings += [replace(problem, message=f"{problem.message}; it is not compared") for problem in wrong]
     if not found:
         raise _nothing_common(samples, recording, pairing, quantities)
 
@@ -213,11 +225,21 @@ def _series(
     if both.sum() < 2:
         findings.append(Problem(message="has no two samples with numbers in both", code="no-overlap"))
     metrics = {name: _measured(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
+    if (problem := _delay_at_limit(metrics["delay"], grid[both])) is not None:
+        findings.append(problem)
     steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
         metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
+
+
+def _delay_at_limit(delay: float, time: Array) -> Problem | None:
+    """That a delay was found at the edge of its search, a quarter of the record, and means nothing but that."""
+    if len(time) < 2 or not abs(delay) >= 0.25 * float(time[-1] - time[0]) - float(np.median(np.diff(time))):
+        return None
+    return Problem(message=f"its delay, {delay:.4g} s, is the limit of the search: the true one lies beyond, or there is none",
+                   code="delay-at-limit")  # fmt: skip
 
 
 def _measured(name: str, time: Array, a: Array, b: Array | None = None) -> float:
@@ -248,11 +270,18 @@ class Band:
 def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
     """The recordings of several comparisons with one simulation as a band, on the first's time; None if none has it.
 
-    NaN where fewer than all runs have a number, so that the band never jumps where one of them ends.
+    NaN before the last run begins and after the first one ends, so that the band never jumps there; in a run's gap inside, the
+    band is that of the others.
     """
     found = [s for s in (c.find(joint, quantity) for c in comparisons) if s is not None]
     if not found:
         return None
     time = found[0].time
     runs = np.stack([s.recording if s.time is time else resample(s.time, s.recording, time) for s in found])
-    return Band(time=time, mean=runs.mean(axis=0), low=runs.min(axis=0), high=runs.max(axis=0), count=len(found))
+    known = np.isfinite(runs)
+    within = np.maximum.accumulate(known, axis=1) & np.maximum.accumulate(known[:, ::-1], axis=1)[:, ::-1]
+    there = within.all(axis=0) & known.any(axis=0)
+    low, high, mean = (np.full(len(time), np.nan) for _ in range(3))
+    low[there], high[there] = np.nanmin(runs[:, there], axis=0), np.nanmax(runs[:, there], axis=0)
+    mean[there] = np.nanmean(runs[:, there], axis=0)
+    return Band(time=time, mean=mean, low=low, high=high, count=len(found))

@@ -26,6 +26,12 @@ class RawSeries:
     """Joint that the file itself names (JointState)."""
     quantity: str | None = None
     """Quantity that the kind of message fixes."""
+    part: Path | None = None
+    """Of files that were joined, the one that it is from."""
+    label: str = ""
+    """Its name there."""
+    shift: float = 0.0
+    """s that were added to the time there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +43,8 @@ class Raw:
     findings: tuple[Problem, ...] = ()
     epoch: float | None = None
     """Unix time in s of time 0, where the file had absolute stamps."""
+    names: tuple[str, ...] = ()
+    """Columns and topics that the file has, those without numbers too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +64,16 @@ class Column:
     """Name of the column in the file."""
     conversion: str
     """What was done to the numbers: "deg -> rad, x 0.0174533", "rad assumed", "" for nothing."""
-    origin: str
+    stated: bool = False
+    """The file or the mapping states the unit; else it is assumed."""
+    origin: str = ""
     """Why it is mapped so: "command line", "map file", "named in the file", "guessed: ...", "not used: ..."."""
+    part: Path | None = None
+    """Of files that were joined, the one that it is from."""
+    label: str = ""
+    """Its name there."""
+    shift: float = 0.0
+    """s that were added to the time there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +82,7 @@ class Recording:
 
     path: Path
     format: str
-    """csv, mcap, rosbag1, rosbag2, mat, asrsim."""
+    """csv, json, mcap, rosbag1, rosbag2, mat, asrsim; joined: of several files."""
     time: Array
     """(n,) s, strictly increasing; its start as in the file (absolute stamps: from the first, see `epoch`)."""
     channels: Mapping[str, Column]

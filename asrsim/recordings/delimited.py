@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem
-from asrsim.recordings.sniff import COMMENTS, MISSING, Layout, number, sniff, split, stamp_ns
+from asrsim.recordings.cells import COMMENTS, MISSING, number, printable, split, spread, stamp_ns
+from asrsim.recordings.sniff import Layout, sniff
 from asrsim.recordings.timebase import lines_text
 from asrsim.samples import Array
 
@@ -31,10 +32,12 @@ class Table:
     zeros: Mapping[int, int]
     """Column of stamps -> Unix time in ns of its first one (of a time of day: since midnight)."""
     findings: tuple[Problem, ...]
+    words: Mapping[int, str] = field(default_factory=dict)
+    """Column of text -> its one word, where it is the same in all rows."""
 
 
 @dataclass
-class _Faults:
+class Faults:
     """Lines that were not plain numbers, by what was wrong with them."""
 
     ragged: list[int] = field(default_factory=list)
@@ -44,12 +47,14 @@ class _Faults:
     missing: dict[int, int] = field(default_factory=dict)
     comments: list[int] = field(default_factory=list)
     headers: list[int] = field(default_factory=list)
+    words: dict[int, set[str]] = field(default_factory=dict)
+    """Column of text -> its words, at most two."""
 
 
 def read_table(path: Path) -> Table:
     """The numbers of a delimited text file. Raises RecordingError if there are none."""
     layout = sniff(path)
-    faults = _Faults()
+    faults = Faults()
     blocks: list[Array] = []
     lines: list[NDArray[np.int64]] = []
     zero: dict[int, int] = {}
@@ -68,7 +73,8 @@ def read_table(path: Path) -> Table:
     values = np.concatenate(blocks) if len(blocks) > 1 else blocks[0]
     return Table(
         layout=layout, values=values, lines=np.concatenate(lines), zeros=zero,
-        findings=tuple(_report(path, layout, faults, len(values))),
+        findings=tuple(report(path, layout, faults, len(values))),
+        words={column: next(iter(found)) for column, found in faults.words.items() if len(found) == 1},
     )  # fmt: skip
 
 
@@ -81,7 +87,7 @@ def _blocks(stream: Iterator[str], first: int) -> Iterator[tuple[int, list[str]]
 
 def _fast(block: list[str], layout: Layout) -> Array | None:
     """All lines at once by numpy's C reader; None if any line needs a closer look."""
-    if layout.stamps or layout.text or layout.quoted:
+    if layout.stamps or layout.text or layout.quoted or layout.widths:
         return None
     columns = len(layout.names)
     if layout.decimal == ",":
@@ -95,16 +101,18 @@ def _fast(block: list[str], layout: Layout) -> Array | None:
 
 
 def _slow(
-    start: int, block: Sequence[str], layout: Layout, faults: _Faults, zero: dict[int, int]
+    start: int, block: Sequence[str], layout: Layout, faults: Faults, zero: dict[int, int]
 ) -> tuple[Array, NDArray[np.int64]]:
     """Line by line: rows of the wrong length are left out, cells that are no numbers become NaN; both are noted."""
     columns, decimal, separator = len(layout.names), layout.decimal, layout.separator
-    plain = not (layout.stamps or layout.text or layout.quoted)
+    plain = not (layout.stamps or layout.text or layout.quoted or layout.widths)
     stamps, text = set(layout.stamps), set(layout.text)
     rows: list[list[float]] = []
     kept: list[int] = []
     for count, line in enumerate(block, start=start):
         cells = split(line.strip("\r\n"), separator, quoted=layout.quoted)
+        if layout.widths:
+            cells = spread(cells, layout.widths)
         if plain and len(cells) == columns:
             try:
                 rows.append([float(cell.replace(",", ".") if decimal == "," else cell) for cell in cells])
@@ -127,16 +135,19 @@ def _slow(
         if tuple(cells) == layout.names:
             faults.headers.append(count)
             continue
-        rows.append([_cell(cell, i, count, decimal, stamps, text, faults, zero) for i, cell in enumerate(cells)])
+        rows.append([value_of(cell, i, count, decimal, stamps, text, faults, zero) for i, cell in enumerate(cells)])
         kept.append(count)
     return np.array(rows, dtype=float).reshape(len(rows), columns), np.array(kept, dtype=np.int64)
 
 
-def _cell(
-    cell: str, column: int, line: int, decimal: str, stamps: set[int], text: set[int], faults: _Faults, zero: dict[int, int]
+def value_of(
+    cell: str, column: int, line: int, decimal: str, stamps: set[int], text: set[int], faults: Faults, zero: dict[int, int]
 ) -> float:
     """One cell's number; NaN, and a note of it, where it has none."""
     if column in text:
+        words = faults.words.setdefault(column, set())
+        if cell and len(words) < 2:
+            words.add(printable(cell))
         return float("nan")
     if column in stamps:
         moment = stamp_ns(cell)
@@ -153,7 +164,7 @@ def _cell(
     return value
 
 
-def _report(path: Path, layout: Layout, faults: _Faults, rows: int) -> list[Problem]:
+def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Problem]:
     """The notes as findings, one a kind."""
     found: list[Problem] = []
 
@@ -163,7 +174,9 @@ def _report(path: Path, layout: Layout, faults: _Faults, rows: int) -> list[Prob
 
     if layout.skipped:
         add(f"passed over above the numbers: {lines_text(list(layout.skipped))}", layout.skipped, "preamble")
-    if layout.header_line is None:
+    if layout.misfit:
+        add(f"{layout.misfit}; columns go by their numbers", [layout.misfit_line or 1], "header-misfit")
+    elif layout.header_line is None:
         add("has no header; columns are called column_1, column_2, ...", (), "no-header",
             hint="Name them with --map 2=joint_1.link_position")  # fmt: skip
     if faults.ragged:
@@ -172,13 +185,14 @@ def _report(path: Path, layout: Layout, faults: _Faults, rows: int) -> list[Prob
             f"{lines_text(faults.ragged)}", faults.ragged, "ragged-row")  # fmt: skip
     for column in sorted({column for _, column, _ in faults.cells}):
         bad = [(line, cell) for line, at, cell in faults.cells if at == column]
-        add(f"{len(bad)} cells are no numbers and count as missing, such as '{bad[0][1][:30]}': "
+        add(f"{len(bad)} cells are no numbers and count as missing, such as '{printable(bad[0][1][:30])}': "
             f"{lines_text([line for line, _ in bad])}", [bad[0][0]], "not-a-number", layout.names[column])  # fmt: skip
     for column, count in sorted(faults.missing.items()):
         if count < rows:
             add(f"{count} of {rows} cells are empty", (), "missing-cells", layout.names[column])
-    for column in layout.text:
-        add("holds text and is not read", (), "text-column", layout.names[column])
+    if layout.text:
+        add("hold text and are not read" if len(layout.text) > 1 else "holds text and is not read", (), "text-column",
+            ", ".join(layout.names[column] for column in layout.text[:6]))  # fmt: skip
     if faults.headers:
         add(f"the header is repeated: {lines_text(faults.headers)}", faults.headers, "repeated-header",
             hint="Two recordings in one file?")  # fmt: skip

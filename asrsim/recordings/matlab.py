@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import tokens_of
-from asrsim.recordings.timebase import clean_time, scale_time
+from asrsim.recordings.names import VOCABULARY, tokens_of
+from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import split_header
 from asrsim.samples import Array
 
 _TIME_NAMES = {"time", "t", "timestamp", "stamp", "tout", "zeit"}
+_REASONS = 3
+"""Reasons that are given for a file of which nothing can be read."""
+_OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 
 def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
@@ -35,46 +41,52 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     findings: list[Problem] = []
     series: list[RawSeries] = []
     epoch: float | None = None
-    for prefix, table in _tables(
-        {key: value for key, value in content.items() if not key.startswith("__")}, "", findings, path
-    ):
-        chosen = _time_of(table, prefix, maps)
-        if chosen is None and rate is None:
-            if len(table) > 0:
-                findings.append(
-                    Problem(message=f"no time among {', '.join(table)}; these are not read", file=path, key=prefix or None,
-                            code="no-time", hint="Name the time with --map NAME=time or give --rate")
-                )  # fmt: skip
+    plain = {key: value for key, value in content.items() if not key.startswith("__")}
+    for prefix, table in _tables(plain, "", findings, path):
+        clocks = _times_of(table, prefix, maps)
+        if not clocks and rate is None:
+            findings.append(
+                Problem(message=f"no time among {_listed(table)}; these are not read", file=path, key=prefix or None,
+                        code="no-time", hint="Name the time with --map NAME=time or give --rate")
+            )  # fmt: skip
             continue
-        if chosen is None:
+        bases: dict[str, tuple[Array, NDArray[np.bool_], Array]] = {}
+        if not clocks:
             length = max(len(values) for values in table.values())
-            time, keep = np.arange(length) / float(rate or 1.0), np.ones(length, dtype=bool)
-        else:
-            unit = split_header(chosen)[1]
-            given = next((one.unit.factor for one in maps if one.role == "time" and one.unit is not None), None)
-            factor = given if given is not None else unit.factor if unit is not None and unit.si == "s" else None
-            time, start, found = scale_time(table[chosen], factor, path=path, name=prefix + chosen)
+            even = np.arange(length) / float(rate or 1.0)
+            bases[""] = (even, np.ones(length, dtype=bool), even)
+        for name in clocks:
+            try:
+                time, keep, start = _clock(table[name], prefix + name, maps, path, findings)
+            except RecordingError as error:
+                if not prefix and len(clocks) == 1:
+                    raise
+                findings += error.problems
+                continue
             epoch = epoch if epoch is not None else start
-            keep, more = clean_time(time, None, path=path, name=prefix + chosen)
-            findings += [*found, *more]
-        kept = time[keep]
+            bases[name] = (time, keep, time[keep])
+        others: dict[int, list[str]] = {}
         for name, values in table.items():
-            if name == chosen:
+            if name in clocks:
                 continue
-            if len(values) != len(time):
-                findings.append(
-                    Problem(message=f"has {len(values)} samples, its time has {len(time)}; it is not read", file=path,
-                            key=prefix + name, code="length")
-                )  # fmt: skip
+            base = _base_of(name, len(values), {clock: len(time) for clock, (time, _, _) in bases.items()})
+            if base is None:
+                others.setdefault(len(values), []).append(prefix + name)
                 continue
-            series.append(RawSeries(name=prefix + name, time=kept, values=values[keep]))
+            series.append(RawSeries(name=prefix + name, time=bases[base][2], values=values[bases[base][1]]))
+        lengths = ", ".join(str(len(time)) for time, _, _ in bases.values())
+        findings += [
+            Problem(message=f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read",
+                    file=path, key=_listed(names), code="length")
+            for count, names in others.items()
+        ]  # fmt: skip
     if not series:
         raise RecordingError(
-            findings
+            condense(findings)[:_REASONS]
             or Problem(message="holds no series of numbers", file=path, code="no-numbers",
                        hint="Expected vectors with a time beside them, a struct with both, or a matrix with time in column 1")
         )  # fmt: skip
-    return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch)
+    return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch, names=tuple(plain))
 
 
 def _tables(
@@ -83,26 +95,30 @@ def _tables(
     """Groups of vectors that share a struct (the file itself is one), with the group's prefix."""
     table: dict[str, Array] = {}
     for name, value in content.items():
-        if isinstance(value, Mapping):
-            yield from _tables(value, f"{prefix}{name}.", findings, path)
+        if type(value).__name__ in _OBJECTS:
+            # Before all others: such a value is an array of objects, too.
+            findings.append(
+                Problem(message="is a MATLAB object (timeseries, table, function), whose format is not documented; not read",
+                        file=path, key=prefix + name, code="mat-object",
+                        hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
+            )  # fmt: skip
+        elif isinstance(value, Mapping):
+            # A signal of a Simulink dataset: its name stands beside its values.
+            own = _label(content) if name in ("Values", "values") else ""
+            inner = f"{own}." if own and not prefix.endswith(f"{own}.") else ""
+            yield from _tables(value, f"{prefix}{inner}{name}.", findings, path)
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-            for i, item in enumerate(value):
+            for i, item in enumerate(np.asarray(value, dtype=object).ravel() if isinstance(value, np.ndarray) else value):
                 if isinstance(item, Mapping):
                     # Simulink: signals(i).values belongs to the time one level up.
-                    label = _label(item) or f"{name}[{i}]"
+                    label = _label(item) or f"{name}_{i + 1}"
                     nested = item.get("values", item.get("data", item.get("Data")))
-                    if nested is not None:
+                    if nested is not None and not _label_of_time(item):
                         _add(table, label, nested)
                     else:
                         yield from _tables(
                             item, f"{prefix}{name}.{label}." if _label(item) else f"{prefix}{name}[{i}].", findings, path
                         )
-        elif type(value).__name__ in ("MatlabOpaque", "MatlabFunction"):
-            findings.append(
-                Problem(message="is a MATLAB object (timeseries, table), which the file format does not document; not read",
-                        file=path, key=prefix + name, code="mat-object",
-                        hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
-            )  # fmt: skip
         else:
             # A timeseries saved as a struct: the data carry its name.
             _add(table, _label(content) or name if name in ("Data", "data") else name, value)
@@ -110,10 +126,15 @@ def _tables(
         return
     nested = content.get("signals")
     if isinstance(nested, Mapping) and "values" in nested:
-        _add(table, str(nested.get("label") or "signals"), nested["values"])
+        _add(table, _label(nested) or _label(content) or "signals", nested["values"])
     columns = {name: values for name, values in table.items() if len(values) > 1}
     if columns:
         yield prefix, columns
+
+
+def _label_of_time(item: Mapping[str, Any]) -> bool:
+    """Whether a struct has a time of its own."""
+    return any(str(key).lower() in _TIME_NAMES and np.size(value) > 1 for key, value in item.items())
 
 
 def _label(item: Mapping[str, Any]) -> str:
@@ -138,19 +159,64 @@ def _add(table: dict[str, Array], name: str, value: Any) -> None:
             table[f"{name}_{i + 1}"] = array[:, i]
 
 
-def _time_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]) -> str | None:
-    """The vector that holds time: the mapped one, one named so, or the first column of a matrix if it rises evenly."""
+def _clock(
+    values: Array, name: str, maps: Sequence[ColumnMap], path: Path, findings: list[Problem]
+) -> tuple[Array, NDArray[np.bool_], float | None]:
+    """A time in s, the samples of it to keep, and the Unix time of its zero."""
+    unit = split_header(name)[1]
+    given = next((one.unit.factor for one in maps if one.role == "time" and one.unit is not None), None)
+    factor = unit.factor if unit is not None and unit.si == "s" else None
+    time, start, found = scale_time(values, factor if given is None else given, path=path, name=name)
+    suspected = suspect_time(values, factor, path=path, name=name) if factor is not None and given is None else []
+    keep, more = clean_time(time, None, path=path, name=name)
+    findings += [*found, *suspected, *more]
+    return time, keep, start
+
+
+def _times_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]) -> list[str]:
+    """The vectors that hold time: the mapped one, those named so (`t`, and `tsim` beside an `xsim`), or the first column of a
+    matrix if it rises evenly."""
     for one in maps:
         if one.role == "time":
-            for name in table:
-                if one.column in (name, prefix + name):
-                    return name
-    for name in table:
-        words = [word for word in tokens_of(split_header(name)[0]) if not word.isdigit()]
-        if words and words[-1] in _TIME_NAMES:
-            return name
+            found = [name for name in table if one.column in (name, prefix + name)]
+            if found:
+                return found[:1]
+    named = [name for name in table if _is_time(name, table)]
+    if named:
+        return named
     for name, values in table.items():
         steps = np.diff(values)
         if name.endswith("_1") and len(steps) > 2 and np.all(steps > 0) and np.ptp(steps) < 2 * np.median(steps):
-            return name
-    return None
+            return [name]
+    return []
+
+
+def _is_time(name: str, table: Mapping[str, Array]) -> bool:
+    words = [word for word in tokens_of(split_header(name)[0]) if not word.isdigit()]
+    if words and words[-1] in _TIME_NAMES:
+        return True
+    if words and words[0] in ("t", "time") and len(words) > 1 and set(words) & VOCABULARY <= {"t"}:
+        return bool(np.all(np.diff(table[name]) > 0))
+    # tsim beside xsim: a time of that length that rises.
+    suffix = name[1:]
+    if not name.startswith("t") or len(suffix) < 2 or not np.all(np.diff(table[name]) > 0):
+        return False
+    return any(other != name and re.fullmatch(rf"\w{{1,2}}{re.escape(suffix)}(_\d+)?", other) for other in table)
+
+
+def _base_of(name: str, length: int, clocks: Mapping[str, int]) -> str | None:
+    """The clock of a vector: of its length; of several, the one that shares most of its ending, else the first."""
+    fitting = [clock for clock, size in clocks.items() if size == length]
+    plain = re.sub(r"_\d+$", "", name)
+    return max(fitting, key=lambda clock: _shared(clock, plain), default=None)
+
+
+def _shared(a: str, b: str) -> int:
+    """Letters at the end of both names that are the same."""
+    pairs = zip(reversed(a), reversed(b), strict=False)
+    return next((i for i, (x, y) in enumerate(pairs) if x != y), min(len(a), len(b)))
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

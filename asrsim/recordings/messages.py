@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -26,6 +27,7 @@ _LINK_STATE = {
     "q": "link_position", "dq": "link_velocity", "ref_1": "reference_1", "ref_2": "reference_2", "tau": "link_torque",
     "stiff": "stiffness",
 }  # fmt: skip
+_ARRAY = re.compile(r"(?P<prefix>.*?)(?P<field>names?|position|velocity|effort)[\[_.]?(?P<place>\d+)\]?")
 _FIELDS: dict[type, tuple[str, ...]] = {}
 
 
@@ -91,6 +93,21 @@ def _sequence(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[st
             yield place, name, float(item)
         elif isinstance(item, dict) or is_dataclass(item):
             yield from _walk(item, f"{place}.", ())
+
+
+def named_joints(labels: Sequence[str], words: Mapping[int, str], topic: str) -> dict[int, tuple[str | None, str | None]]:
+    """Column -> (joint, quantity) of a JointState in a table: the word under `name0` is the joint of `position0`.
+
+    words: column of text -> its one word. topic: of the messages, or the file's name.
+    """
+    spelled = {i: match for i, label in enumerate(labels) if (match := _ARRAY.fullmatch(label))}
+    joints = {(m["prefix"], int(m["place"])): words[i] for i, m in spelled.items() if m["field"] in _NAME_FIELDS and i in words}
+    found: dict[int, tuple[str | None, str | None]] = {}
+    for i, match in spelled.items():
+        joint = joints.get((match["prefix"], int(match["place"])))
+        if joint is not None and match["field"] in _JOINT_STATE:
+            found[i] = understand(topic, "sensor_msgs/JointState", match["field"], joint)[:2]
+    return found
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None, str]:

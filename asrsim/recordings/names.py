@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.units import Unit, fits
+from asrsim.recordings.units import Unit, fits, split_header
 
 _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
@@ -40,11 +40,12 @@ _PLAIN = {
 }
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
-    "current", "voltage", "volt", "pwm", "temp", "temperature", "raw", "counts", "status", "index", "acc", "acceleration",
+    "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
+    "temperature", "status", "index", "acc", "acceleration",
     "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
     "covariance", "id", "seq", "flag", "strain", "gauge",
 }  # fmt: skip
-_VOCABULARY = {
+VOCABULARY = {
     *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
     "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
     "field", "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis",
@@ -130,7 +131,7 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     number = numbers[0] if len(numbers) == 1 and joint is None else None
     if len(numbers) > 1:
         return Guess(quantity=None, reason="more than one number in its name")
-    spare = tuple(word for word in plain if word not in _VOCABULARY)
+    spare = tuple(word for word in plain if word not in VOCABULARY)
     return Guess(quantity=quantity, number=number, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}")
 
 
@@ -163,7 +164,8 @@ def _quantity(
     if found & {"stiffness", "stiff", "sigma"}:
         return (None if reference else "stiffness"), None
     if reference:
-        if velocity or torque:
+        # The command of a torque is a reference where its unit says that it is one; its name alone may mean a limit or a sum.
+        if velocity or (torque and si not in ("N m", "N")):
             return None, None
         own = _after(words, _REFERENCE)
         return ("reference_2" if own == 2 else "reference_1"), own
@@ -182,7 +184,7 @@ def _quantity(
         own = None if "hub" in found else _after(words, {"motor", "mot", "rotor", "theta", "m"})
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
     # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
-    only = bool(plain) and found <= _VOCABULARY and si in ("rad", "m")
+    only = bool(plain) and found <= VOCABULARY and si in ("rad", "m")
     if velocity or torque or found & _POSITION or only or (named and (not plain or si in ("rad", "m"))):
         return f"link_{kind}", None
     return None, None
@@ -193,4 +195,16 @@ def _after(words: list[str], keys: set[str]) -> int | None:
     for word, following in pairwise(words):
         if word in keys and following in ("1", "2"):
             return int(following)
+    return None
+
+
+def find_column(wanted: str, labels: Sequence[str]) -> int | None:
+    """Index of a column by its header, with or without unit, by case-blind name, or by its number from 1."""
+    plain = [split_header(label)[0] for label in labels]
+    for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
+        for spelling in (wanted, wanted.lower()):
+            if spelling in candidates:
+                return list(candidates).index(spelling)
+    if wanted.lstrip("#").isdigit() and 1 <= int(wanted.lstrip("#")) <= len(labels):
+        return int(wanted.lstrip("#")) - 1
     return None

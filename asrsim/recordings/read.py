@@ -13,14 +13,17 @@ from asrsim.quantities import QUANTITIES
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.build import build
 from asrsim.recordings.data import Raw, RawSeries, Recording
-from asrsim.recordings.mapping import resolve_mapping
+from asrsim.recordings.join import join, parts_of
+from asrsim.recordings.mapping import ColumnMap, resolve_mapping
 from asrsim.recordings.matlab import read_mat
-from asrsim.recordings.read_csv import read_csv
+from asrsim.recordings.names import find_column
+from asrsim.recordings.read_csv import read_text, series_of
+from asrsim.recordings.read_json import is_json, read_json
 
 FORMATS = {
     ".csv": "delimited text", ".txt": "delimited text", ".tsv": "delimited text", ".dat": "delimited text",
     ".log": "delimited text", ".asc": "delimited text", ".mcap": "MCAP", ".bag": "ROS 1 bag", ".db3": "ROS 2 bag",
-    ".mat": "MATLAB (to version 7)",
+    ".mat": "MATLAB (to version 7)", ".json": "JSON", ".jsonl": "JSON", ".ndjson": "JSON",
 }  # fmt: skip
 """File endings that are read; a folder with a metadata.yaml is a ROS 2 bag, any other ending is tried as text."""
 
@@ -35,7 +38,8 @@ def read_recording(
     """Reads an experiment's file.
 
     Args:
-        path: Delimited text, MCAP (of robots or our own logs), ROS 1 or ROS 2 bag, or a MATLAB file.
+        path: Delimited text, JSON, MCAP (of robots or our own logs), ROS 1 or ROS 2 bag, or a MATLAB file;
+            `command.csv+response.csv` joins files of one experiment.
         mapping: From columns to quantities: items `COLUMN=JOINT.QUANTITY [unit]` (or `COLUMN=time [ms]`,
             `COLUMN=ignore`), a table of the same, or a YAML file. Added to (and winning over) the YAML beside the file,
             `lab.csv.yaml` or `lab.map.yaml`. What is not mapped is guessed from names.
@@ -49,34 +53,48 @@ def read_recording(
         RecordingError: With what was found and what was expected.
     """
     path = Path(path)
-    if not path.exists():
-        raise RecordingError(Problem(message="there is no such file", file=path, code="no-file"))
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise RecordingError(Problem(message="the sampling rate must be positive", value=rate, code="bad-rate"))
+    parts = parts_of(path)
+    if len(parts) == 1:
+        maps = resolve_mapping(mapping, path)
+        return build(path, _raw(path, maps, rate), maps, joints)
+    beside = [resolve_mapping(mapping, part) for part in parts]
+    raws = [_raw(part, maps, rate, partly=True) for part, maps in zip(parts, beside, strict=True)]
+    every = {(one.column, one.role): one for maps in beside for one in maps}
+    return build(path, join(path, parts, raws), tuple(every.values()), joints)
+
+
+def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: bool = False) -> Raw:
+    """The series of one file; `partly`: a time that is mapped may be in another one."""
+    if not path.exists():
+        raise RecordingError(Problem(message="there is no such file", file=path, code="no-file"))
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError(
             Problem(message="the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
         )
-    maps = resolve_mapping(mapping, path)
     suffix = path.suffix.lower()
+    ignored = {one.column for one in maps if one.role == "ignore"}
     try:
         if path.is_dir():
             if not (path / "metadata.yaml").is_file():
                 raise RecordingError(
                     Problem(message="is a folder without a metadata.yaml, so no ROS 2 bag", file=path, code="no-bag")
                 )
-            raw = read_bag(path)
-        elif suffix == ".mcap":
-            raw = _own_log(path) if _is_own_log(path) else read_bag(path)
-        elif suffix in (".bag", ".db3"):
-            raw = read_bag(path)
-        elif suffix == ".mat":
-            raw = read_mat(path, maps, rate)
-        else:
-            raw = read_csv(path, maps, rate)
+            return read_bag(path, ignored)
+        if suffix == ".mcap":
+            return _own_log(path) if _is_own_log(path) else read_bag(path, ignored)
+        if suffix in (".bag", ".db3"):
+            return read_bag(path, ignored)
+        if suffix == ".mat":
+            return read_mat(path, maps, rate)
+        table = read_json(path) if is_json(path) else read_text(path, maps)
+        if partly:
+            here = [one for one in maps if one.role != "time" or find_column(one.column, table.layout.names) is not None]
+            maps = here
+        return series_of(table, path, maps, rate, form="json" if is_json(path) else "csv")
     except OSError as error:
         raise RecordingError(Problem(message=f"cannot be read: {error.strerror or error}", file=path, code="no-file")) from None
-    return build(path, raw, maps, joints)
 
 
 def _is_own_log(path: Path) -> bool:

@@ -12,39 +12,32 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import tokens_of
+from asrsim.recordings.messages import named_joints
 from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
-from asrsim.recordings.timebase import clean_time, scale_time
+from asrsim.recordings.time_columns import time_columns
+from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import Unit, find_unit, split_header
 from asrsim.samples import Array
 
-_TIME_WORDS = {
-    "time",
-    "t",
-    "timestamp",
-    "stamp",
-    "zeit",
-    "uhrzeit",
-    "temps",
-    "tempo",
-    "tiempo",
-    "tijd",
-    "elapsed",
-    "clock",
-    "datetime",
-    "date",
-    "millis",
-}
-_COUNTERS = {"sample", "samples", "index", "idx", "n", "no", "nr", "count", "counter", "frame", "row", "seq", "cycle"}
-"""Names of columns that count rows: they rise evenly and are no time."""
 _MARKS = (-999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -1e9, 1e9)
 """Numbers that some recorders write where they have none."""
-_MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
+_ONE_DAY = 86_400.0
+"""s: stamps of two clocks that are nearer than this count from one zero."""
 
 
-def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
-    """The series of a text file on clean times. Raises RecordingError with what was found and expected."""
+def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
+    """The table of a text file; raises RecordingError where it has none, or its header does not fit."""
     table = read_table(path)
+    if table.layout.misfit and not any(one.column.lstrip("#").isdigit() for one in maps):
+        raise RecordingError(
+            Problem(message=table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
+                    hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position")
+        )  # fmt: skip
+    return table
+
+
+def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float | None, *, form: str = "csv") -> Raw:
+    """The series of a table on clean times. Raises RecordingError with what was found and expected."""
     findings = list(table.findings)
     table, epoch = one_zero(table)
     for merge in (merge_seconds, merge_date):
@@ -60,6 +53,7 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     else:
         bases, start = _bases(path, table, names, stated, maps, findings)
         epoch = epoch if start is None else start
+    joints = named_joints(table.layout.names, table.words, path.stem)
     series: list[RawSeries] = []
     owner: int | None = None
     times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
@@ -79,13 +73,15 @@ def read_csv(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         kept, marked = _unmarked(_kept(values, keep))
         if marked is not None:
             findings.append(Problem(message=marked, file=path, key=label, code="missing-mark"))
-        series.append(RawSeries(name=label, time=time, values=kept, unit=unit.symbol if unit else ""))
+        joint, quantity = joints.get(column, (None, None))
+        symbol = unit.symbol if unit else ""
+        series.append(RawSeries(name=label, time=time, values=kept, unit=symbol, joint=joint, quantity=quantity))
     if not series:
         raise RecordingError(
             Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
                     file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
         )  # fmt: skip
-    return Raw(format="csv", series=tuple(series), findings=tuple(findings), epoch=epoch)
+    return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names)
 
 
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
@@ -106,6 +102,9 @@ def _unmarked(values: Array) -> tuple[Array, str | None]:
 
 def _name_and_unit(table: Table, column: int) -> tuple[str, Unit | None]:
     name, unit = split_header(table.layout.names[column])
+    # A column that is called by its unit only: `ms`, `nsec`.
+    if unit is None and len(name) > 1 and (only := find_unit(name)) is not None and only.si == "s":
+        unit = only
     own = table.layout.units[column]
     return name, find_unit(own) if own else unit
 
@@ -119,7 +118,8 @@ def _bases(
     findings: list[Problem],
 ) -> tuple[list[tuple[int, Array, NDArray[np.bool_]]], float | None]:
     """Every time column: its index, its time in s and the rows to keep; and the Unix time of the first one's zero."""
-    columns, factors = _time_columns(path, table, names, stated, maps, findings)
+    columns, factors = time_columns(path, table, names, stated, maps, findings)
+    said = any(one.role == "time" and one.unit is not None for one in maps)
     bases: list[tuple[int, Array, NDArray[np.bool_]]] = []
     epoch: float | None = None
     for column in columns:
@@ -130,6 +130,10 @@ def _bases(
         else:
             time, start, found = scale_time(values, factors.get(column), path=path, name=label)
             findings += found
+            if stated[column] is not None and not said:
+                findings += suspect_time(values, factors[column], path=path, name=label)
+            if bases and start is not None and epoch is not None and abs(start - epoch) < _ONE_DAY:
+                time = time + (start - epoch)
         lines = table.lines
         if bases:
             # A further time column may simply be shorter than the table.
@@ -163,89 +167,3 @@ def _same_clock(a: Array, b: Array) -> bool:
     step = float(np.median(np.abs(np.diff(a)))) or 1e-9
     difference = a - b
     return bool(np.max(np.abs(difference - np.median(difference))) < 0.5 * step)
-
-
-def _time_columns(
-    path: Path,
-    table: Table,
-    names: Sequence[str],
-    stated: Sequence[Unit | None],
-    maps: Sequence[ColumnMap],
-    findings: list[Problem],
-) -> tuple[list[int], dict[int, float]]:
-    """The columns that hold time, and s per unit where it is known."""
-    labels = table.layout.names
-    factors = {i: unit.factor for i, unit in enumerate(stated) if unit is not None and unit.si == "s"}
-    for one in maps:
-        if one.role != "time":
-            continue
-        index = find_column(one.column, labels)
-        if index is None:
-            raise RecordingError(
-                Problem(message="there is no such column for the time", file=path, key=one.column, choices=tuple(labels),
-                        code="no-time")
-            )  # fmt: skip
-        if one.unit is not None:
-            factors[index] = one.unit.factor
-        return [index], factors
-    mapped = {find_column(one.column, labels) for one in maps}
-    free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
-    named = [i for i in free if _is_time(names[i], stated[i])]
-    if named or table.layout.stamps:
-        return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
-    rising = [i for i in free if _rises(table.values[:, i])]
-    counters = [i for i in rising if set(tokens_of(names[i])) & _COUNTERS and _steps_by_one(table.values[:, i])]
-    rising = [i for i in rising if i not in counters]
-    if counters and not rising:
-        raise RecordingError(
-            Problem(message=f"no time column found; '{labels[counters[0]]}' counts the rows", file=path, code="no-time",
-                    hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]")
-        )  # fmt: skip
-    if rising:
-        findings.append(
-            Problem(message="no column is named as the time; this one rises evenly and is taken", file=path,
-                    key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
-        )  # fmt: skip
-        return rising[:1], factors
-    raise RecordingError(
-        Problem(message=f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
-                hint="Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate")
-    )  # fmt: skip
-
-
-def find_column(wanted: str, labels: Sequence[str]) -> int | None:
-    """Index of a column by its header, with or without unit, by case-blind name, or by its number from 1."""
-    plain = [split_header(label)[0] for label in labels]
-    for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
-        for spelling in (wanted, wanted.lower()):
-            if spelling in candidates:
-                return list(candidates).index(spelling)
-    if wanted.lstrip("#").isdigit() and 1 <= int(wanted.lstrip("#")) <= len(labels):
-        return int(wanted.lstrip("#")) - 1
-    return None
-
-
-def _is_time(name: str, unit: Unit | None) -> bool:
-    words = {word for word in tokens_of(name) if not word.isdigit()}
-    if unit is not None and unit.si != "s":
-        return False
-    if words == {"x", "value"}:  # LabVIEW
-        return True
-    if words & _MEASURED and not words & {"stamp", "timestamp"}:
-        return False
-    return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
-
-
-def _steps_by_one(values: Array) -> bool:
-    finite = values[np.isfinite(values)]
-    return bool(np.median(np.diff(finite)) == 1.0)
-
-
-def _rises(values: Array) -> bool:
-    """Increases nearly always, by nearly the same step."""
-    finite = values[np.isfinite(values)]
-    if len(finite) < 3 or len(finite) < 0.9 * len(values):
-        return False
-    steps = np.diff(finite)
-    typical = float(np.median(steps))
-    return typical > 0 and float(np.mean(np.abs(steps - typical) < typical)) > 0.95

@@ -11,6 +11,8 @@ from asrsim.recordings.names import tokens_of
 from asrsim.recordings.timebase import EPOCH
 from asrsim.samples import Array
 
+MERGED = "time [s]"
+"""Name of a time that stood in two columns."""
 _DAY = 86_400_000_000_000
 """ns."""
 
@@ -61,7 +63,7 @@ def _merged(table: Table, i: int, j: int, time: Array) -> Table:
     values = table.values.copy()
     values[:, i] = time
     names = list(table.layout.names)
-    names[i] = "time [s]"
+    names[i] = MERGED
     keep = [k for k in range(len(names)) if k != j]
     index = {old: new for new, old in enumerate(keep)}
     layout = replace(
@@ -69,4 +71,5 @@ def _merged(table: Table, i: int, j: int, time: Array) -> Table:
         stamps=tuple(index[k] for k in table.layout.stamps if k not in (i, j)),
         text=tuple(index[k] for k in table.layout.text if k in index),
     )  # fmt: skip
-    return replace(table, layout=layout, values=values[:, keep])
+    words = {index[k]: word for k, word in table.words.items() if k in index}
+    return replace(table, layout=layout, values=values[:, keep], words=words)

@@ -13,6 +13,9 @@ from asrsim.samples import Array
 EPOCH = 1e8
 """Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
 _LISTED = 8
+_SLOWEST, _FASTEST = 0.5, 3e-5
+"""s between samples that are not suspected."""
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def lines_text(lines: NDArray[np.int64] | list[int]) -> str:
@@ -45,17 +48,39 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
         else:
             factor = next(f for f, top in ((1.0, 0.2), (1e-3, 200.0), (1e-6, 2e5), (1e-9, np.inf)) if step <= top)
         if factor != 1.0:
-            unit = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[factor]
+            unit = next(unit for unit, seconds in _SECONDS.items() if seconds == factor)
             findings.append(
                 Problem(
-                    message=f"time states no unit; read as {unit}, since its samples are {step:g} apart",
+                    message=f"time states no unit; read as {unit}, since its samples are {step:g} apart"
+                    + (" (or does it count the rows? Then give --rate)" if step == 1.0 and abs(finite[0]) <= 1.0 else ""),
                     file=path, key=name, hint=f"Say otherwise with --map '{name}=time [s]'", code="time-unit-assumed",
                 )
             )  # fmt: skip
     if size * factor > EPOCH:
         zero = float(finite[0])
-        return (values - zero) * factor, zero * factor, findings
+        # A float of 1.7e9 s resolves 2.4e-7 s: rounded to what was written, a sample at 0.2 s is at 0.2 s again.
+        digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
+        return np.round((values - zero) * factor, digits), zero * factor, findings
     return values * factor, None, findings
+
+
+def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list[Problem]:
+    """A suspicion about a unit that the file states: samples further apart than 0.5 s, or nearer than 30 us."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    steps = steps[steps > 0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if not step or _SLOWEST >= step * factor >= _FASTEST:
+        return []
+    others = [unit for unit, other in _SECONDS.items() if other != factor and 2e-5 <= step * other <= 0.2]
+    if not others:
+        return []
+    return [
+        Problem(
+            message=f"its samples are {step * factor:g} s apart by the unit that it states; in {others[0]} they would be "
+            f"{step * _SECONDS[others[0]]:g} s", file=path,
+            key=name, hint=f"If so: --map '{name}=time [{others[0]}]'", code="suspected-time",
+        )
+    ]  # fmt: skip
 
 
 def clean_time(
@@ -73,8 +98,8 @@ def clean_time(
     if not valid.all():
         bad = where[~valid]
         findings.append(
-            Problem(message=f"{len(bad)} rows without a valid time are dropped: {lines_text(bad)}", file=path,
-                    line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
+            Problem(message=f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}",
+                    file=path, line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
         )  # fmt: skip
     t, w = time[valid], where[valid]
     if len(t) < 2:
@@ -103,7 +128,7 @@ def clean_time(
     ):
         if mask.any():
             bad = w[mask]
-            place = lines_text(bad) if lines is not None else lines_text(bad).replace("line", "sample")
+            place = lines_text(bad).replace("line", noun)
             hint = None
             if mask is duplicate and mask.sum() > 0.2 * len(t):
                 hint = "Time is written with too few digits; give the sampling rate with --rate to keep all samples"

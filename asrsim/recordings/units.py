@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.quantities import PRISMATIC_UNITS
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
     ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
     ("rad/s^2", _DEGREE, ("deg/s^2", "deg/s2", "deg_s2")),
-    ("N m", 1.0, ("Nm", "N*m", "N.m", "N·m", "N_m", "newtonmetre", "newtonmeter")),
+    ("N m", 1.0, ("Nm", "N*m", "N.m", "N·m", "N_m", "newtonmetre", "newtonmeter", "newtonmetres", "newtonmeters")),
     ("N m", 1e-3, ("mNm", "mN*m", "mN.m", "mN_m", "Nmm", "N*mm")),
     ("N m", 1e-2, ("Ncm", "cNm", "N*cm")),
     ("N m", 1e3, ("kNm",)),
@@ -58,6 +59,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("s", 1e-6, ("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds")),
     ("s", 1e-9, ("ns", "nsec", "nanos", "nanosecond", "nanoseconds")),
     ("s", 60.0, ("min", "minutes")),
+    ("s", 3600.0, ("hour", "hours")),
     ("A", 1.0, ("A", "amp", "amps", "ampere")),
     ("A", 1e-3, ("mA",)),
     ("V", 1.0, ("V", "volt", "volts")),
@@ -68,7 +70,10 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("degC", 1.0, ("°C", "degC", "celsius")),
     ("1", 1.0, ("1", "-")),
     ("1", 1e-2, ("%", "percent")),
-)
+    # What a converter or a drive counts in: no unit of any quantity until somebody says what one of them is.
+    ("counts", 1.0, ("counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "incr", "inc", "qc", "lsb",
+                     "digits", "adc", "raw")),
+)  # fmt: skip
 UNITS: dict[str, Unit] = {spelling: Unit(spelling, si, factor) for si, factor, spellings in _TABLE for spelling in spellings}
 """Every spelling that is understood."""
 _LOWER: dict[str, Unit] = {}
@@ -78,6 +83,19 @@ for _spelling, _unit in UNITS.items():
 _LOWER["nm"] = UNITS["Nm"]
 _LOWER["hz"] = UNITS["Hz"]
 
+_SIGNS = (
+    ("²", "^2"),
+    ("⁻¹", "^-1"),
+    ("\u2212", "-"),
+    ("º", "°"),
+    ("˚", "°"),
+    ("⋅", "*"),
+    ("∙", "*"),
+    ("•", "*"),
+    ("\u00d7", "*"),
+    ("·", "*"),
+)
+_WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 # Last tokens that look like a unit but are part of the name: theta_m is a motor's angle, q_s no second.
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
@@ -86,8 +104,22 @@ _SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S.*)$")
 
 def find_unit(text: str) -> Unit | None:
     """The unit of that spelling, or None."""
-    plain = text.strip().strip("[](){}<>").replace(" ", "").replace("²", "^2")
-    return UNITS.get(plain) or _LOWER.get(plain.lower())
+    plain = text.strip().strip("[](){}<>").replace(" ", "")
+    for written in (plain, _ordinary(plain)):
+        if (unit := UNITS.get(written) or _LOWER.get(written.lower())) is not None:
+            return unit
+    return None
+
+
+def _ordinary(text: str) -> str:
+    """Spellings that differ in their signs only: `N-m`, `N⋅m`, `rad s⁻¹`, `º/sec`, `deg.`, as `N*m`, `rad/s`, `°/s`, `deg`."""
+    for old, new in _SIGNS:
+        text = text.replace(old, new)
+    text = re.sub(r"[*.]?(?:s\^?-1|(?<=/)sec(?:ond)?s?)(?![a-z])", lambda m: "s" if m[0].startswith("sec") else "/s", text)
+    text = re.sub(r"[*.]?rad\^?-1", "/rad", text)
+    text = re.sub(r"^(k|m|c)?N-?(?=m)", r"\1N*", text)
+    text = re.sub(r"(?<=[a-z])\.(?=/|$)", "", text)
+    return text if text in UNITS else re.sub(r"^(degree|radian|meter|metre)s?(?=/)", lambda m: _WORDS[m[1]], text)
 
 
 def parse_unit(text: str) -> Unit:
@@ -121,7 +153,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
         found = UNITS.get(tail) or (_LOWER.get(tail.lower()) if len(tail) > 1 else None)
-        if found is None or tail in ("1", "-", "min"):
+        if found is None or found.si == "counts" or tail in ("1", "-", "min"):
             continue
         if len(tail) == 1 and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
@@ -130,15 +162,21 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 
 
 def unknown_unit(header: str) -> str | None:
-    """What a header states in brackets behind a name, if it looks like a unit and none of that spelling is known."""
+    """What a header states in brackets behind a name, if it looks like a unit and none of that spelling is known.
+
+    In round brackets it may be a remark, `q1 (left)`: only what is short or has a slash is taken for a unit there.
+    """
     text = header.strip().strip("\"'").strip()
     match = _BRACKETS.match(text)
     if match is None or not match["name"] or not match["unit"].strip() or find_unit(match["unit"]) is not None:
         return None
-    return match["unit"] if re.fullmatch(r"[^\d\s]{1,8}(/[^\d\s]{1,4}\d?)?", match["unit"].strip()) else None
+    if text.endswith(")") and len(match["unit"]) > 3 and "/" not in match["unit"]:
+        return None
+    return match["unit"] if re.fullmatch(r"[^\d\s]{1,8}([/ *][^\d\s]{1,4}(\^?-?\d)?)?", match["unit"].strip()) else None
 
 
 def fits(unit: str, quantity_unit: str) -> bool:
     """Whether a column's SI unit can be a quantity's: equal, or its counterpart of a prismatic joint."""
-    prismatic = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
-    return unit in ("", quantity_unit) or quantity_unit == "" or prismatic.get(quantity_unit) == unit
+    if quantity_unit == "":
+        return unit in ("", "1", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())
+    return unit in ("", quantity_unit) or PRISMATIC_UNITS.get(quantity_unit) == unit

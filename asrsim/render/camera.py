@@ -11,7 +11,7 @@ from asrsim.samples import Array
 
 FIELD = 32.0
 """Degrees, vertical angle of view: long enough a lens that nothing looks bent."""
-MARGIN = 1.08
+MARGIN = 1.1
 PLANAR = 0.97
 """Share of the motion about one direction from which on a robot counts as planar."""
 

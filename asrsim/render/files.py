@@ -10,55 +10,78 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.errors import InputError, OutputError, Problem
-from asrsim.render.motion import Film, Frame, even_times
+from asrsim.outfile import is_ours, written
+from asrsim.render.motion import Film, Frame, even_times, telling_times
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from PIL.Image import Image as Picture
+    from PIL.ImageFont import FreeTypeFont
 
 Progress = Callable[[float], None]
 GIF_FPS, GIF_FRAMES = 15.0, 240
 """Pictures a second of a GIF, and the most that one gets: a longer run is shown with fewer a second."""
 MP4_FPS = 30.0
+ROW = 6
+"""Frames in a row of a film strip."""
 
 
-def film_strip(frames: Sequence[Frame], *, title: str = "") -> Figure:
-    """Frames in a row (rows of six at most) with their times, as a figure."""
-    from asrsim.plots import style
-    from asrsim.plots.figures import new_figure
+def film_strip(frames: Sequence[Frame], *, title: str = "", letters: float = 0.045) -> Picture:
+    """Frames in rows of six at most with their times, and what is touched. letters: their size, as a share of a frame's."""
+    from PIL import Image as Pictures
+    from PIL import ImageDraw
 
-    columns = min(len(frames), 6)
+    columns = min(len(frames), ROW)
     rows = -(-len(frames) // columns)
     height, width = frames[0].image.shape[:2]
-    wide = (2.1 if columns > 3 else 3.2) * min(1.0, (width / height) ** 0.5)
-    figure = new_figure(wide * columns, (wide * height / width + 0.22) * rows + (0.3 if title else 0.0))
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for ax, frame in zip(axes.flat, [*frames, *[None] * (rows * columns - len(frames))], strict=True):
-        ax.set_axis_off()
-        if frame is not None:
-            ax.imshow(frame.image, interpolation="lanczos")
-            ax.set_title(f"{frame.time:.2f} s", fontsize=8.5, color=style.GREY, pad=2)
+    size = max(11, round(letters * (width * height) ** 0.5))
+    line, gap = round(1.7 * size), max(2, size // 4)
+    top = round(2.0 * size) if title else 0
+    strip = Pictures.new("RGB", (columns * (width + gap) - gap, top + rows * (height + line)), "white")
+    pen = ImageDraw.Draw(strip)
     if title:
-        figure.suptitle(title, fontsize=10.5, x=0.01, ha="left", color=style.BLACK)
-    return figure
+        pen.text((gap, 0.4 * size), title, fill="#1a1a1a", font=_font(round(1.15 * size)))
+    for number, frame in enumerate(frames):
+        x, y = (number % columns) * (width + gap), top + (number // columns) * (height + line)
+        touching = f"  touches {', '.join(frame.touching)}" if frame.touching else ""
+        time = f"{frame.time:.3f}".rstrip("0")
+        time += "0" * (2 - len(time.partition(".")[2]))
+        pen.text((x + gap, y + 0.3 * size), f"{time} s", fill="#4a4a4a", font=_font(size))
+        pen.text(
+            (x + gap + pen.textlength(f"{time} s", font=_font(size)), y + 0.3 * size),
+            touching,
+            fill="#c33300",
+            font=_font(size),
+        )
+        strip.paste(Pictures.fromarray(frame.image), (x, y + line))
+    return strip
 
 
-def write_strip(film: Film, path: Path, *, count: int = 6, progress: Progress | None = None) -> Path:
-    """A film strip as PNG. Raises OutputError."""
-    from asrsim.plots import style
-    from asrsim.plots.output import styled
+def _font(size: int) -> FreeTypeFont:
+    """The font of all our pictures, which matplotlib brings along."""
+    from importlib.util import find_spec
+
+    from PIL import ImageFont
+
+    place = find_spec("matplotlib")
+    folders = place.submodule_search_locations if place is not None else None
+    return ImageFont.truetype(str(Path((folders or ["."])[0]) / "mpl-data/fonts/ttf/DejaVuSans.ttf"), size)
+
+
+def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress | None = None) -> Path:
+    """A film strip as PNG, its frames closer together where more happens. Raises OutputError."""
+    from PIL.PngImagePlugin import PngInfo
 
     frames = []
-    for number, time in enumerate(even_times(film, count), 1):
+    for number, time in enumerate(telling_times([film], count), 1):
         frames.append(film.frame(time))
         if progress is not None:
             progress(number / count)
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
-    with styled():
-        figure = film_strip(frames, title=style.plain(" · ".join(filter(None, (film.info.robot, variant)))))
-        try:
-            figure.savefig(path, format=path.suffix[1:] or "png")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    strip = film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
+    mark = PngInfo()
+    mark.add_text("Software", "asrsim")
+    with written(path, "picture") as stream:
+        strip.save(stream, format="PNG", compress_level=4, pnginfo=mark)
     return path
 
 
@@ -76,13 +99,11 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
-    try:
+    with written(path, "picture") as stream:
         indexed[0].save(
-            path, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
-            optimize=False,
+            stream, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
+            optimize=False, comment=b"asrsim",
         )  # fmt: skip
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 
 
@@ -96,22 +117,23 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
                     code="no-video")
         ) from None  # fmt: skip
     times = _times(film, speed, fps)
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2, ffmpeg_log_level="error"
-    )
-    try:
-        writer.send(None)
-        for number, frame in enumerate(film.frames(times), 1):
-            writer.send(np.ascontiguousarray(frame.image))
-            if progress is not None:
-                progress(number / len(times))
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error}") from None
-    finally:
-        with suppress(OSError):
-            writer.close()
-    if not path.is_file() or not path.stat().st_size:
-        raise OutputError(f"{path}: cannot be written: ffmpeg made no file")
+    with written(path, "picture") as stream:
+        writer = imageio_ffmpeg.write_frames(
+            stream.name, (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2,
+            ffmpeg_log_level="error", output_params=["-metadata", "comment=asrsim", "-f", "mp4"],
+        )  # fmt: skip
+        try:
+            writer.send(None)
+            for number, frame in enumerate(film.frames(times), 1):
+                writer.send(np.ascontiguousarray(frame.image))
+                if progress is not None:
+                    progress(number / len(times))
+        finally:
+            with suppress(OSError):
+                writer.close()
+        # Without its index, which comes last, a video is none: ffmpeg tells nobody that the disk was full.
+        if not is_ours(Path(stream.name), "picture") or not Path(stream.name).stat().st_size:
+            raise OutputError(f"{path}: cannot be written: ffmpeg could not finish it")
     return path
 
 

@@ -5,31 +5,30 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.errors import InputError, LogError, Problem
 from asrsim.log import open_log
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
+from asrsim.render.draw import Image, Painter
+from asrsim.render.frames import rpy_frame
+from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
-from asrsim.samples import RunInfo, Samples
+from asrsim.samples import Array, RunInfo, Samples
 
-if TYPE_CHECKING:
-    from asrsim.engines.bullet_view import BulletView
-
-Image = NDArray[np.uint8]
-"""(height, width, 3)."""
 KEPT = 6000
 """Samples kept of a long log: more than any film has frames."""
 LOOKS = 40
 """Instants at which the camera looks where things are."""
+_KEYS = ("robot", "base", "world")
+"""What a picture needs of a scenario."""
+_STEADY = 0.3
+"""Share of a film strip's frames that go by time, the others by motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,21 +38,27 @@ class Frame:
     time: float
     """s."""
     image: Image
+    touching: tuple[str, ...] = ()
+    """Objects that touch the robot or each other."""
 
 
 class Film:
-    """A log's motion, ready to be drawn; a context that holds the renderer.
+    """A log's motion, ready to be drawn.
 
     Robot, world and poses come from the log; meshes, which a log does not hold, from where they were when it was written: a
-    missing one is replaced as :func:`asrsim.render.shapes.drawable` says.
+    missing one is replaced as :func:`asrsim.render.shapes.drawable` says. Actuators do not matter to a picture: a log of a
+    user's own needs no plugin.
 
     size: pixels, root of a picture's area; its shape follows from the motion. sharpness: the renderer's pixels are so many
-    times finer, and averaged.
+    times finer, and averaged. start, end: s, only this part of the log.
 
-    Raises LogError for a log without positions, RobotError and ScenarioError where robot or world cannot be built.
+    Raises LogError for a log without positions or samples, RobotError and ScenarioError where robot or world cannot be built.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, size: int = 550, sharpness: int = 2) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], *, size: int = 360, sharpness: int = 2, start: float | None = None,
+        end: float | None = None,
+    ) -> None:  # fmt: skip
         self.path = Path(path)
         self._size = size
         self._sharpness = sharpness
@@ -62,103 +67,115 @@ class Film:
         count = reader.duration / (self.info.step * max(self.info.log_every, 1)) + 1
         if not any("link_position" in joint.quantities for joint in self.info.joints):
             raise LogError(Problem(message="the log holds no link positions", file=self.path, code="no-motion"))
-        stride = max(1, math.ceil(count / KEPT))
-        self._samples: Samples = reader.read(quantities=["link_position"], stride=stride).samples
-        if not len(self._samples.time):
-            raise LogError(Problem(message="the log holds no samples", file=self.path, code="empty-log"))
-        self.width, self.height = size, size
-        """Pixels of a picture."""
-        self._stack = ExitStack()
-        try:
-            self._view, self.notes = self._open()
-            self.camera = self._aim()
-        except BaseException:
-            self._stack.close()
-            raise
-
-    def __enter__(self) -> Film:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release the renderer."""
-        self._stack.close()
+        self.samples: Samples = reader.read(
+            quantities=["link_position"], stride=max(1, math.ceil(count / KEPT)), start=start, end=end
+        ).samples
+        """Positions, poses and contacts, thinned where the log is long."""
+        if not len(self.samples.time):
+            what = "the log holds no samples" + ("" if start is None and end is None else " in that time")
+            raise LogError(Problem(message=what, file=self.path, code="empty-log"))
+        self.scene, self.notes = self._open()
+        self._painter = Painter(self.scene)
+        self.camera, self.width, self.height = common_view([self])
 
     @property
     def start(self) -> float:
         """s."""
-        return float(self._samples.time[0])
+        return float(self.samples.time[0])
 
     @property
     def end(self) -> float:
         """s."""
-        return float(self._samples.time[-1])
+        return float(self.samples.time[-1])
 
     def frame(self, time: float) -> Frame:
         """The picture at a time in s, of the sample nearest to it."""
-        row = self._place(time)
-        factor = self._sharpness
-        camera = self.camera
-        image = self._view.image(
-            eye=camera.eye.tolist(), target=camera.target.tolist(), up=camera.up.tolist(), field=camera.field,
-            width=self.width * factor, height=self.height * factor,
+        row = int(np.argmin(np.abs(self.samples.time - time)))
+        touching = self._touching(row)
+        image = self._painter.image(
+            self._frames(row), self.camera, self.width, self.height, sharpness=self._sharpness,
+            touched={body for pair in touching for body in pair},
         )  # fmt: skip
-        return Frame(time=float(self._samples.time[row]), image=_reduce(image, self.width, self.height))
+        names = dict.fromkeys(body for pair in touching for body in pair if body in self.scene.objects)
+        return Frame(time=float(self.samples.time[row]), image=image, touching=tuple(names))
 
     def frames(self, times: Sequence[float]) -> Iterator[Frame]:
         """Pictures at the times in s, one after the other."""
         return (self.frame(time) for time in times)
 
-    def _open(self) -> tuple[BulletView, tuple[str, ...]]:
-        from asrsim.engines.bullet_view import BulletView
+    def _frames(self, row: int) -> dict[str, Array]:
+        values = self.samples.values["link_position"][row]
+        return self.scene.frames(
+            {name: float(value) for name, value in zip(self.samples.joints, values, strict=True) if math.isfinite(value)},
+            {name: poses[row] for name, poses in self.samples.bodies.items() if np.isfinite(poses[row]).all()},
+        )
+
+    def _touching(self, row: int) -> list[tuple[str, str]]:
+        pairs = []
+        for pair, force in self.samples.contacts.items():
+            one, _, other = pair.partition("/")
+            if other != "ground" and float(np.linalg.norm(np.nan_to_num(force[row]))) > 0.0:
+                pairs.append((one, other))
+        return pairs
+
+    def _open(self) -> tuple[Scene, tuple[str, ...]]:
         from asrsim.robot import engine_urdf
         from asrsim.runs.repeat import restore
 
-        folder = Path(self._stack.enter_context(TemporaryDirectory(prefix="asrsim-render-")))
         if not self.info.urdf or "scenario" not in self.info.resolved:
             raise LogError(Problem(message="the log does not hold its robot and scenario", file=self.path, code="no-scenario"))
-        scenario, robot = restore(self.info, folder)
-        text, warnings = engine_urdf(robot, visuals=True, package_paths=scenario.package_paths)
-        shapes = drawable(text)
-        view = BulletView(
-            robot, shapes.urdf, base_position=scenario.base_position, base_rpy=scenario.base_rpy, world=scenario.world,
-            initial=scenario.initial_positions,
-        )  # fmt: skip
-        self._stack.callback(view.close)
-        notes = [str(warning) for warning in warnings if warning.code == "missing-visual-mesh"]
-        return view, (*notes, *shapes.notes)
+        keys = {key: value for key, value in self.info.resolved["scenario"].items() if key in _KEYS}
+        info = replace(self.info, urdf=_shape_only(self.info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
+        with TemporaryDirectory(prefix="asrsim-render-") as folder:
+            scenario, robot = restore(info, Path(folder))
+            text, warnings = engine_urdf(robot, visuals=True, package_paths=scenario.package_paths)
+            shapes = drawable(text)
+            base = rpy_frame(np.array(scenario.base_position), np.array(scenario.base_rpy))
+            scene = Scene(shapes.urdf, base, scenario.world)
+        missing = [str(warning) for warning in warnings if warning.code == "missing-visual-mesh"]
+        return scene, (*missing, *shapes.notes, *scene.notes)
 
-    def _aim(self) -> Camera:
-        positions = self._samples.values["link_position"]
+    def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:
+        """Outer points of everything during the motion (k, 3) m, the joints' axes, and how far each joint moves (rad)."""
+        positions = self.samples.values["link_position"]
         travel = {
             name: float(np.ptp(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0
-            for name, column in zip(self._samples.joints, positions.T, strict=True)
+            for name, column in zip(self.samples.joints, positions.T, strict=True)
         }
-        points = []
-        for time in np.linspace(self.start, self.end, min(LOOKS, len(self._samples.time))):
-            self._place(float(time))
-            points.append(self._view.points())
-        cloud = np.concatenate(points)
-        towards = viewpoint(main_axis(self._view.axes(), travel))
-        aspect = fitting_aspect(cloud, towards)
-        # Even numbers: video needs them.
-        self.width, self.height = 2 * round(0.5 * self._size * aspect**0.5), 2 * round(0.5 * self._size / aspect**0.5)
-        camera = fit_camera(cloud, towards, aspect=self.width / self.height)
-        middle = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0))
-        self._view.lay_floor(middle.tolist(), 2.5 * float(np.linalg.norm(np.ptp(cloud, axis=0))))
-        return camera
+        rows = np.unique(np.linspace(0, len(self.samples.time) - 1, LOOKS).astype(int))
+        all_frames = [self._frames(int(row)) for row in rows]
+        cloud = np.concatenate([self._painter.outer_points(frames) for frames in all_frames])
+        return cloud, self.scene.axes(all_frames[-1]), travel
 
-    def _place(self, time: float) -> int:
-        samples = self._samples
-        row = int(np.argmin(np.abs(samples.time - time)))
-        values = samples.values["link_position"][row]
-        self._view.place(
-            {name: float(value) for name, value in zip(samples.joints, values, strict=True) if math.isfinite(value)},
-            {name: poses[row].tolist() for name, poses in samples.bodies.items() if np.isfinite(poses[row]).all()},
-        )
-        return row
+    def happening(self) -> Array:
+        """(n,) from 0 to 1: how much of the motion is over at each sample; even in time where nothing moves."""
+        ways = [np.nan_to_num(self.samples.values["link_position"])]
+        ways += [np.nan_to_num(poses[:, :3]) for poses in self.samples.bodies.values()]
+        way = np.concatenate([[0.0], np.cumsum(sum(np.abs(np.diff(one, axis=0)).sum(axis=1) for one in ways))])
+        time = self.samples.time - self.samples.time[0]
+        even = time / time[-1] if len(time) > 1 else time
+        return np.asarray(_STEADY * even + (1 - _STEADY) * way / way[-1] if way[-1] > 0.0 else even)
+
+
+def common_view(films: Sequence[Film]) -> tuple[Camera, int, int]:
+    """One camera for the motion of all films, and the width and height of its pictures in pixels."""
+    seen = [film._sight() for film in films]
+    cloud = np.concatenate([points for points, _, _ in seen])
+    axes = {f"{number}/{name}": axis for number, (_, mine, _) in enumerate(seen) for name, axis in mine.items()}
+    travel = {f"{number}/{name}": way for number, (_, _, mine) in enumerate(seen) for name, way in mine.items()}
+    towards = viewpoint(main_axis(axes, travel))
+    aspect = fitting_aspect(cloud, towards)
+    size = films[0]._size
+    # Even numbers: video needs them.
+    width, height = 2 * round(0.5 * size * aspect**0.5), 2 * round(0.5 * size / aspect**0.5)
+    return fit_camera(cloud, towards, aspect=width / height), width, height
+
+
+def share_view(films: Sequence[Film]) -> None:
+    """Films of compared runs seen from one place, at one size."""
+    view = common_view(films)
+    for film in films:
+        film.camera, film.width, film.height = view
 
 
 def even_times(film: Film, count: int) -> list[float]:
@@ -168,10 +185,24 @@ def even_times(film: Film, count: int) -> list[float]:
     return [film.end] if count == 1 else np.linspace(film.start, film.end, count).tolist()
 
 
-def _reduce(image: Image, width: int, height: int) -> Image:
-    """Smaller by averaging: the renderer has jagged edges."""
-    if image.shape[:2] == (height, width):
-        return image
-    factor = image.shape[0] // height
-    blocks = image.reshape(height, factor, width, factor, 3).astype(np.uint16)
-    return np.asarray(blocks.mean(axis=(1, 3)).round(), dtype=np.uint8)
+def telling_times(films: Sequence[Film], count: int) -> list[float]:
+    """So many times in s, both ends included, closer together where more happens in the films. Raises InputError."""
+    longest = max(films, key=lambda film: film.end - film.start)
+    even = even_times(longest, count)
+    if count < 3:
+        return even
+    time = np.linspace(longest.start, longest.end, 2000)
+    over = np.mean([np.interp(time, film.samples.time, film.happening()) for film in films], axis=0)
+    return [even[0], *np.interp(np.linspace(0.0, over[-1], count)[1:-1], over, time).tolist(), even[-1]]
+
+
+def _shape_only(urdf: str) -> str:
+    """The robot without its simulator blocks: whose actuators they name does not matter to a picture."""
+    from lxml import etree
+
+    with suppress(etree.XMLSyntaxError):
+        root = etree.fromstring(urdf.encode(), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
+        for block in root.findall("gazebo"):
+            root.remove(block)
+        return str(etree.tostring(root, encoding="unicode"))
+    return urdf

@@ -48,7 +48,7 @@ def drawable(urdf: str) -> Drawable:
     lengths = [float(np.linalg.norm(end)) for each in ends.values() for end in each]
     # Short offsets between frames on one spot are no rods to measure by.
     long = [length for length in lengths if length > 0.1 * max(lengths)]
-    radius = min(0.05 * max(lengths, default=0.1), 0.1 * float(np.median(long)) if long else 0.01) or 0.01
+    radius = min(0.03 * max(lengths, default=0.1), 0.08 * float(np.median(long)) if long else 0.01) or 0.01
     collisions, rods = [], []
     for number, (name, link) in enumerate(links.items()):
         if link.find("visual") is not None:

@@ -5,20 +5,48 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, Problem
+import numpy as np
+
+from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import MetricRow, summarise
-from asrsim.samples import RunInfo
+from asrsim.plain import Shape, misfit
+from asrsim.plots.job import RECORDED
+from asrsim.runs.folder import SUMMARY
+from asrsim.samples import Array, RunInfo
 
-LOG, SUMMARY = "log.mcap", "summary.json"
+STRIPS = 12
+"""Runs of which film strips are drawn."""
+PICTURES = 4
+"""Pictures of comparisons."""
+
+
+_NUMBER = (float, None)
+_SUMMARY_SHAPE: Shape = {
+    "robot": str, "variant": str, "total_substeps?": int, "speed?": _NUMBER, "simulated_time?": float,
+    "joints": [
+        {
+            "name": str, "actuator": str, "mode?": (int, None), "prismatic?": bool, "limits?": {"*": int},
+            **dict.fromkeys(("steady_state?", "steady_state_error?", "overshoot?", "settling?", "frequency?"), _NUMBER),
+            "peak_deflection?": _NUMBER,
+        }
+    ],
+    "expect": [{"text": str, "holds": bool}],
+    "warnings?": [{"message?": str, "file?": (str, None), "line?": (int, None), "key?": (str, None), "hint?": (str, None)}],
+    "certificate?": {"joints?": {"*": {"*": _NUMBER}}, "warnings?": [str], "step?": _NUMBER, "scheme_order?": int},
+}  # fmt: skip
+"""What the page takes of a `summary.json`; one of another shape was edited, and is worked out anew."""
+_METRICS_SHAPE: Shape = {
+    "metrics": [{"source": str, "joint": str, "quantity": str, "measure": str, "unit": str, "value": _NUMBER}],
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,19 +83,6 @@ class Compared:
     folder: Path
     metrics: tuple[MetricRow, ...]
     pictures: tuple[Path, ...]
-
-
-def find_logs(folder: Path) -> list[Path]:
-    """Logs of a folder: its own, else those of its subfolders (variants). Raises InputError where there is none."""
-    if folder.is_file():
-        return [folder]
-    own = [folder / LOG] if (folder / LOG).is_file() else sorted(folder.glob("*.mcap"))
-    logs = own or sorted(folder.glob(f"*/{LOG}"))
-    if not logs:
-        message = "holds no log of a run (log.mcap), nor does a folder in it"
-        hint = "Run a scenario first: asrsim run scenario.yaml"
-        raise InputError(Problem(message=message, file=folder, hint=hint, code="no-log"))
-    return logs
 
 
 def read_content(log: Path) -> RunContent:
@@ -110,52 +125,104 @@ def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
 
 
 def find_comparison(folder: Path) -> Compared | None:
-    """The metrics and pictures of a comparison in the folder or its `compared`, if there is one."""
-    for place in (folder, folder / "compared"):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            rows = json.loads((place / "metrics.json").read_text(encoding="utf-8"))["metrics"]
-            pictures = sorted(path for pattern in ("comparison*.png", "bode*.png") for path in place.glob(pattern))
-            metrics = tuple(MetricRow(**{**row, "value": math.nan if row["value"] is None else row["value"]}) for row in rows)
-            return Compared(folder=place, metrics=metrics, pictures=tuple(pictures[:6]))
-    return None
+    """Metrics and pictures of the comparisons in a folder, in its variants' and in `compared` of both, if there are any."""
+    metrics: list[MetricRow] = []
+    pictures: list[Path] = []
+    first: Path | None = None
+    for place in _compared_folders(folder):
+        with suppress(OSError, ValueError, RecursionError):
+            data = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
+            if misfit(data, _METRICS_SHAPE):
+                continue
+            rows = data["metrics"]
+            metrics += [MetricRow(**{**row, "value": math.nan if row["value"] is None else row["value"]}) for row in rows]
+            pictures += sorted(path for pattern in ("comparison*.png", "bode*.png") for path in place.glob(pattern))
+            first = first or place
+    return None if first is None else Compared(folder=first, metrics=tuple(metrics), pictures=tuple(pictures[:PICTURES]))
 
 
-def film_strips(logs: list[Path], *, frames: int = 6) -> tuple[dict[Path, str], list[str]]:
-    """Log -> film strip as a data address (JPEG); and why there is none for some."""
+def _compared_folders(folder: Path) -> list[Path]:
+    inner = sorted(path.parent for path in folder.glob("*/metrics.json") if path.parent.name != "compared")
+    return [folder, folder / "compared", *inner, *sorted(path.parent for path in folder.glob("*/compared/metrics.json"))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Films:
+    """The motion of a page's runs."""
+
+    strips: Mapping[Path, str]
+    """Log -> film strip as a data address (JPEG)."""
+    motion: Mapping[str, Any] | None = None
+    """Of the moving view."""
+    notes: tuple[str, ...] = ()
+    """What could not be drawn, and why."""
+
+
+def read_films(logs: Sequence[Path], labels: Sequence[str], *, frames: int = 6) -> Films:
+    """Film strips, all seen from one place at the same times, and the moving view."""
     from io import BytesIO
 
-    from asrsim.plots.output import styled
-    from asrsim.render import Film, even_times, film_strip
+    from asrsim.render import Film, film_strip, share_view, telling_times
+    from asrsim.report.motion import motion_data
 
-    strips: dict[Path, str] = {}
+    films: dict[Path, Film] = {}
     said: dict[str, None] = {}
-    for log in logs[:4]:
+    for log in logs[:STRIPS]:
         try:
-            with Film(log, size=380) as film:
-                pictures = list(film.frames(even_times(film, frames)))
-                said |= dict.fromkeys(film.notes)
+            films[log] = Film(log, size=250 if len(logs) > 1 else 300)
+            said |= dict.fromkeys(films[log].notes)
         except AsrsimError as error:
             said[f"no film strip of {log.parent.name}: {error}"] = None
-            continue
-        with styled():
+    strips: dict[Path, str] = {}
+    if films:
+        share_view(list(films.values()))
+        times = telling_times(list(films.values()), frames)
+        for log, film in films.items():
             buffer = BytesIO()
-            film_strip(pictures).savefig(buffer, format="jpeg", dpi=130, pil_kwargs={"quality": 82, "optimize": True})
-        strips[log] = "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-    return strips, list(said)
+            film_strip(list(film.frames(times)), letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
+            strips[log] = "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+    names = [label for log, label in zip(logs, labels, strict=True) if log in films]
+    return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))
 
 
-def picture(path: Path, *, most: int = 250_000) -> str | None:
-    """A PNG as a data address, None if it is too large for the page."""
-    data = path.read_bytes()
+def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str, int], tuple[Array, Array]]:
+    """(joint, quantity, number of the run) -> time and values of the recordings that `asrsim plot` compared runs with."""
+    found: dict[tuple[str, str, int], tuple[Array, Array]] = {}
+    for place in _compared_folders(folder):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            for entry in json.loads((place / RECORDED).read_text(encoding="utf-8"))["curves"]:
+                alone = place.parent.name if place.name == "compared" else place.name
+                label = entry["run"] if entry["run"] in labels else alone
+                if label in labels or len(labels) == 1:
+                    number = labels.index(label) if label in labels else 0
+                    values = np.array([np.nan if v is None else v for v in entry["values"]], dtype=np.float64)
+                    found[entry["joint"], entry["quantity"], number] = (np.array(entry["time"], dtype=np.float64), values)
+    return found
+
+
+def picture(path: Path, *, most: int = 200_000) -> str | None:
+    """A PNG as a data address, in few colours; None if it cannot be read or is too large for the page all the same."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    buffer = BytesIO()
+    try:
+        with Image.open(path) as image:
+            image.convert("RGB").quantize(colors=64, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
+    except (OSError, ValueError):
+        return None
+    data = buffer.getvalue()
     return None if len(data) > most else "data:image/png;base64," + base64.b64encode(data).decode("ascii")
 
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
     """The summary beside a log, if it is that log's."""
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, RecursionError):
         data = json.loads((log.parent / SUMMARY).read_text(encoding="utf-8"))
-        if isinstance(data, dict) and data.get("variant") == info.variant and data.get("robot") == info.robot:
-            return data
+        fits = not misfit(data, _SUMMARY_SHAPE)
+        if fits and data.get("variant") == info.variant and data.get("robot") == info.robot:
+            return dict(data)
     return None
 
 

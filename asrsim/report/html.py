@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
+
+
+def script_json(data: Any) -> str:
+    """Plain data as JSON that may stand in a `<script>`: nothing in it opens or closes a tag or a comment."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def section(title: str, body: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -10,9 +9,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from asrsim import __version__
 from asrsim.plots.rows import metric_tables
-from asrsim.report.content import Compared, RunContent, picture
-from asrsim.report.html import badge, bullets, number, section, share, table
+from asrsim.report.accuracy import numerical_error
+from asrsim.report.content import Compared, Films, RunContent, picture
+from asrsim.report.html import badge, bullets, number, script_json, section, share, table
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -27,35 +28,33 @@ def build_page(
     labels: Sequence[str],
     *,
     data: Mapping[str, Any],
-    strips: Mapping[Path, str],
-    notes: Sequence[str],
+    films: Films,
     compared: Compared | None,
     thinned: bool,
 ) -> str:
-    """The whole page. data: grid, joints and objects for the plots; strips: log -> film strip as a data address."""
+    """The whole page. data: grid, joints and objects for the plots."""
     first = runs[0].info
     scenario = Path(first.scenario_path).stem
     title = " · ".join(filter(None, (first.robot, scenario)))
     sections = [
         _head(title, runs, labels),
         _claims(runs, labels),
-        _strips(runs, labels, strips),
+        _strips(runs, labels, films),
         _joints(runs, labels),
         _compared(compared),
         _plots(data, thinned=thinned),
-        _error(runs, labels),
+        numerical_error(runs, labels),
         _parameters(runs, labels),
-        _warnings(runs, labels, notes),
+        _warnings(runs, labels, films.notes),
         _repeat(runs),
     ]
-    # A script's text must not hold the end of a script.
-    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return "\n".join(
         [
             "<!doctype html>",
             '<html lang="en"><head><meta charset="utf-8">',
             f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)} · asrsim</title>",
             # An empty icon: browsers would ask for one.
             '<link rel="icon" href="data:,">',
@@ -63,7 +62,8 @@ def build_page(
             "</head><body><main>",
             *filter(None, sections),
             "</main>",
-            f'<script type="application/json" id="data">{packed}</script>',
+            _packed("data", data),
+            *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
             f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
             f"<script>{asset('page.js')}</script>",
             "</body></html>",
@@ -107,15 +107,31 @@ def _claims(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     return section("Expectations", f'<ul class="plain">{"".join(items)}</ul>') if items else ""
 
 
-def _strips(runs: Sequence[RunContent], labels: Sequence[str], strips: Mapping[Path, str]) -> str:
+def _packed(name: str, data: Mapping[str, Any]) -> str:
+    return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
+
+
+def _strips(runs: Sequence[RunContent], labels: Sequence[str], films: Films) -> str:
     figures = [
-        f'<figure><img src="{strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
+        f'<figure><img src="{films.strips[run.log]}" alt="film strip of {escape(label, quote=True)}">'
         f"<figcaption>{escape(label)}</figcaption></figure>"
         for run, label in zip(runs, labels, strict=True)
-        if run.log in strips
+        if run.log in films.strips
     ]
     left = f"<p class='note'>Of the first {len(figures)} runs.</p>" if 0 < len(figures) < len(runs) else ""
-    return section("Motion", f'<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
+    moving = _MOTION if films.motion else ""
+    return section("Motion", f'{moving}<div class="strips">{"".join(figures)}</div>{left}') if figures else ""
+
+
+_MOTION = (
+    '<div id="motion"><canvas aria-label="the moving robot"></canvas><div class="controls">'
+    '<button type="button" class="play" aria-label="play">▶</button>'
+    '<input type="range" aria-label="time"><span class="clock"></span>'
+    '<select class="speed" aria-label="speed"><option value="0.1">0.1 x</option><option value="0.25">0.25 x</option>'
+    '<option value="1" selected>1 x</option><option value="4">4 x</option></select>'
+    '<select class="run" aria-label="run"></select></div>'
+    '<p class="note">Drag to turn, wheel to come nearer, Shift and drag to move, double-click to go back.</p></div>'
+)
 
 
 _MEASURES = (
@@ -164,7 +180,7 @@ def _compared(compared: Compared | None) -> str:
     )
     images = "".join(
         f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
-        for path in compared.pictures[:3]
+        for path in compared.pictures
         if (data := picture(path)) is not None
     )
     return section("Beside experiments", images + tables)
@@ -190,26 +206,6 @@ def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
                      '<div class="plots"></div></details>')  # fmt: skip
     parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page brings along.</p></noscript>")
     return section("Plots", "".join(parts))
-
-
-def _error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    rows, notes = [], []
-    for run, label in zip(runs, labels, strict=True):
-        certificate = run.summary.get("certificate") or {}
-        for name, joint in (certificate.get("joints") or {}).items():
-            rows.append(
-                [label, name, *(number(joint.get(k)) for k in ("position_max", "position_rms", "torque_max", "torque_rms")),
-                 number(joint.get("order"))]
-            )  # fmt: skip
-        notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in certificate.get("warnings") or ()]
-    if not rows:
-        return section(
-            "Numerical error",
-            "<p class='note'>Not estimated. <code>asrsim run --certify</code> runs again at finer steps and says it.</p>",
-        )
-    heads = ["variant", "joint", "position, largest", "position, RMS", "torque, largest", "torque, RMS", "order"]
-    text = "<p class='note'>Estimated from runs at a half and a quarter of the step; SI units.</p>"
-    return section("Numerical error", text + table(heads, rows) + bullets(notes))
 
 
 def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
@@ -255,7 +251,8 @@ def _repeat(runs: Sequence[RunContent]) -> str:
     if info.scenario_path:
         only = f" --variant {shlex.quote(info.variant)}" if len(runs) == 1 and info.variant not in ("", "default") else ""
         commands.append(f"asrsim run {shlex.quote(info.scenario_path)}{only}")
-    versions = ", ".join(f"{name} {info.metadata[name]}" for name in ("asrsim", "pybullet", "numpy") if name in info.metadata)
+    libraries = {"asrsim": "asrsim ", "engine_version": "", "numpy": "numpy "}
+    versions = ", ".join(f"{word}{info.metadata[name]}" for name, word in libraries.items() if name in info.metadata)
     scenario = (
         f"<details><summary>Scenario as read</summary><pre>{escape(info.scenario)}</pre></details>" if info.scenario else ""
     )

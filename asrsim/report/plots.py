@@ -1,8 +1,8 @@
-"""Which interactive plots a page has: the same panels, colours and line styles as the pictures."""
+"""Which interactive plots a page has: the same panels, colours and line styles as the pictures, with recorded curves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,16 +16,25 @@ from asrsim.report.series import PageRun, pack
 from asrsim.samples import Array
 
 DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
-"""Of the n-th run, in pixels."""
+"""Of the n-th quantity of several runs, in pixels."""
 
 QUANTITIES: tuple[str, ...] = tuple(
-    dict.fromkeys(name for key in (*JOINT_PANELS, *ENERGY_PANELS) for name in PANELS[key].quantities)
+    dict.fromkeys(
+        name
+        for key in (*JOINT_PANELS, *ENERGY_PANELS)
+        for several in (False, True)
+        for name in PANELS[key].of_any(several=several)
+    )
 )
 """Everything that a page shows of a joint."""
 
 
-def joint_sections(runs: Sequence[PageRun]) -> list[dict[str, Any]]:
-    """One section a joint: its name, its actuator, and its plots with packed series."""
+Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
+"""(joint, quantity, number of the run) -> time and values of a recording."""
+
+
+def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
+    """One section a joint: its name, its actuator, and its plots with packed series; time: (count,) s of the page."""
     curves = [run.curves for run in runs]
     sections = []
     for joint in joint_names(curves):
@@ -38,10 +47,21 @@ def joint_sections(runs: Sequence[PageRun]) -> list[dict[str, Any]]:
                 continue
             units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn)
             series = []
+            plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
             for name, number, curve in drawn:
                 # A reference that all share belongs to none of them.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
-                series.append(_series(style.name(name), name, style.unit(name, info), None if shared else number, curve.values))
+                dash = DASHES[plain.index(name) % len(DASHES)] if len(runs) > 1 and name in plain else []
+                owner = None if shared else number
+                unit = style.unit(name, info)
+                several = len(runs) > 1
+                series.append(_series(style.name(name), name, unit, owner, curve.values, dash=dash, several=several))
+                if (joint, name, number) in recorded:
+                    when, values = recorded[joint, name, number]
+                    on_grid = np.interp(time, when, values, left=np.nan, right=np.nan)
+                    series.append(
+                        _series(f"{style.name(name)}, recorded", "experiment", unit, owner, on_grid, dash=dash, several=several)
+                    )
             plots.append({"title": panel.words, "unit": " or ".join(filter(None, units)), "series": series})
         sections.append({"joint": joint, "actuator": describe(info), "plots": plots})
     return sections
@@ -62,17 +82,24 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
                     values = np.interp(time, curve.time, curve.values, right=np.nan)
                     if len(curve.time) > len(time):
                         values = _envelope(time, curve.time, curve.values)
-                    series.append(_series(name, key, unit, number, values))
+                    dash = DASHES[keys.index(key)] if len(runs) > 1 else []
+                    series.append(_series(name, key, unit, number, values, dash=dash, several=len(runs) > 1))
             plots.append({"title": f"{body}: {words}", "unit": unit, "series": series})
     return plots
 
 
-def _series(label: str, quantity: str, unit: str, run: int | None, values: Array) -> dict[str, Any]:
+def _series(
+    label: str, quantity: str, unit: str, run: int | None, values: Array, *, dash: list[float], several: bool
+) -> dict[str, Any]:
+    """run: its number, None for what all share. Of several runs colours tell the runs apart, and dashes the quantities."""
+    own = several and run is not None
+    recorded = quantity == "experiment"
+    colour = style.variant_colour(run or 0) if own else style.EXPERIMENT if recorded else style.colour(quantity)
     return {
         "label": label,
-        "colour": style.colour(quantity),
-        "dash": DASHES[(run or 0) % len(DASHES)],
-        "width": 3 if quantity.startswith("reference") else 1.5,
+        "colour": style.darker(colour) if own and recorded else colour,
+        "dash": dash,
+        "width": 3 if quantity.startswith("reference") else 1 if recorded else 1.5,
         "unit": unit,
         "run": run,
         **pack(values),

@@ -6,13 +6,14 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from asrsim.errors import OutputError
+from asrsim.outfile import check_output, make_folder, write_text
+from asrsim.plots import style
 from asrsim.plots.curves import distinct_labels, read_curves
-from asrsim.report.content import RunContent, film_strips, find_comparison, find_logs, read_content
+from asrsim.report.content import Films, RunContent, find_comparison, read_content, read_films, recorded_curves
 from asrsim.report.page import build_page
-from asrsim.report.plots import DASHES, QUANTITIES, joint_sections, object_plots
+from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
-from asrsim.textfile import write_text
+from asrsim.runs.folder import find_logs
 
 PAGE = "report.html"
 
@@ -43,6 +44,7 @@ def write_report(
     page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
     tell = progress or (lambda what, fraction: None)
     logs = find_logs(place)
+    check_output(page, "page", inputs=logs)
     tell("reading", 0.1)
     grid, runs = read_runs(logs, quantities=QUANTITIES)
     labels = [run.label for run in distinct_labels([run.curves for run in runs])]
@@ -50,23 +52,18 @@ def write_report(
     contents = [read_content(log) for log in logs]
     tell("reading", 0.8)
     worlds = [read_curves(log, quantities=("link_position",)) for log in logs] if _have_objects(contents) else []
+    beside = place if place.is_dir() else place.parent
     data = {
         "grid": grid.as_dict(),
-        "runs": [{"label": label, "dash": DASHES[n % len(DASHES)]} for n, label in enumerate(labels)],
-        "joints": joint_sections(runs),
+        "runs": [{"label": label, "colour": style.variant_colour(n)} for n, label in enumerate(labels)],
+        "joints": joint_sections(runs, recorded_curves(beside, labels), grid.time),
         "objects": object_plots(worlds, grid.time),
     }
     tell("film strip", 0.9)
-    strips, notes = film_strips(logs if film else [])
-    text = build_page(
-        contents, labels, data=data, strips=strips, notes=notes,
-        compared=find_comparison(place if place.is_dir() else place.parent), thinned=grid.thinned,
-    )  # fmt: skip
-    try:
-        page.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{page}: cannot be written: {error.strerror or error}") from error
-    write_text(page, text)
+    films = read_films(logs, labels) if film else Films(strips={})
+    text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside), thinned=grid.thinned)
+    make_folder(page.parent)
+    write_text(page, text, "page")
     return page
 
 

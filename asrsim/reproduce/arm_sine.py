@@ -34,7 +34,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         pictures=(
             picture(
                 "figure_13",
-                "Both joints' links (vermilion) and equilibria (blue), soft and stiff.",
+                "Both joints' links (solid) and equilibria (dashed), soft and stiff.",
                 lambda: joints_figure(results, ("link", "deflection")),
             ),
         ),

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 SCENARIO, JOINTS, GOAL, AT = "step_2dof", ("joint_1", "joint_2"), 0.8, 0.1
 MOTORS_OFF = 5e-4
 """rad by which the motors' friction and the last swings may keep the equilibrium off."""
+FRICTION = 0.025
+"""N m: the joint's, as the paper gives it."""
+SETTLED = 0.03
+"""rad: further off is not settled on the reference."""
 SHOWN = 2.5
 """s of the pictures: then all is at rest."""
 LONG = "duration=8"
@@ -37,7 +41,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
         claims=(*_settled(plain, "AlterEgo's springs"), *_faster(plain)),
         tables=(_table(plain),),
-        pictures=(_picture("figure_12", "Both joints' links (vermilion) and equilibria (blue), soft and stiff.", plain),),
+        pictures=(_picture("figure_12", "Both joints' links (solid) and equilibria (dashed), soft and stiff.", plain),),
     )
     rings = [
         Claim(
@@ -77,30 +81,40 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
                 unit="rad",
             )
         )
-        claims += [
-            Claim(
-                figure=12,
-                origin=origin,
-                text=f"{name}, {joint}: the link settles on the reference, within friction ({springs})",
-                quantity="link at the end",
-                measured=float(np.mean(result[joint].link_position[-200:])),
-                comparison="==",
-                value=GOAL,
-                tolerance=_friction_band(result, joint) + MOTORS_OFF,
-                unit="rad",
-            )
-            for joint in JOINTS
-        ]
+        claims += [_arrives(result, name, joint, springs, origin) for joint in JOINTS]
     return claims
 
 
-def _friction_band(result: Result, joint: str) -> float:
-    """rad off the equilibrium at which the springs just outweigh the joint's friction: the law, inverted."""
+def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
+    """That the link settles on the reference; where its springs are too weak for that, that friction is what holds it off."""
     from asrsim.kinematics.compensation import drive_of, equilibrium_for_load
 
     block = next(block for block in result.run.robot.actuators if block.joint == joint)
-    friction, preset = result.run.robot.joint(joint).friction, float(result[joint].reference_2[-1])
-    return equilibrium_for_load(drive_of(block), GOAL, friction, preset) - GOAL
+    series = result[joint]
+    # Off the equilibrium by this much the springs, by their law, just outweigh the friction.
+    band = equilibrium_for_load(drive_of(block), GOAL, FRICTION, float(series.reference_2[-1])) - GOAL
+    if band <= SETTLED:
+        return Claim(
+            figure=12,
+            origin=origin,
+            text=f"{name}, {joint}: the link settles on the reference ({springs})",
+            quantity="link at the end",
+            measured=float(np.mean(series.link_position[-200:])),
+            comparison="==",
+            value=GOAL,
+            tolerance=band + MOTORS_OFF,
+            unit="rad",
+        )
+    return Claim(
+        figure=12,
+        origin="theory" if origin == "paper" else origin,
+        text=f"{name}, {joint}: the link stops short only where its springs give less than the joint's friction ({springs})",
+        quantity="torque of the springs at the end",
+        measured=abs(float(np.mean(series.link_torque[-200:]))),
+        comparison="<=",
+        value=FRICTION,
+        unit="N m",
+    )
 
 
 def _faster(results: Mapping[str, Result]) -> list[Claim]:

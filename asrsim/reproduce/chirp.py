@@ -31,7 +31,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     pictures = (
         picture(
             "figure_11",
-            "The chirp: link (vermilion) and equilibrium (blue) of both presets.",
+            "The chirp: link (solid) and equilibrium (dashed) of both presets.",
             lambda: joints_figure(results, ("link", "deflection")),
         ),
         picture(

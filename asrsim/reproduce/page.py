@@ -32,6 +32,7 @@ def page(reproductions: Sequence[Reproduction], *, version: str, seconds: float)
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="asrsim {escape(version)}">
 <title>asrsim reproduce: figures {escape(numbers)}</title>
 <link rel="icon" href="data:,">
 <style>
@@ -41,9 +42,9 @@ def page(reproductions: Sequence[Reproduction], *, version: str, seconds: float)
 <main>
 <h1>The paper's experiments, run again</h1>
 <p>{_verdict(not failed, verdict)}</p>
-<p class="small">{escape(SOURCE)}. What the paper claims stands here in our own words. Its plots cannot be laid beside ours:
-claims are checked on numbers.</p>
 {_overview(reproductions)}
+<p class="small">{escape(SOURCE)}. What the paper claims stands here in our own words. Its plots cannot be laid beside ours:
+claims are checked on numbers. What the paper's figures could not show is folded away.</p>
 {body}
 <footer>Made by asrsim {escape(version)} with <code>asrsim reproduce</code>: {simulated:.0f} s simulated in {seconds:.0f} s,
 pictures included.</footer>
@@ -67,7 +68,7 @@ def _overview(reproductions: Sequence[Reproduction]) -> str:
 
 
 def _section(one: Reproduction) -> str:
-    parts = "\n".join(_part(part) for part in one.parts)
+    parts = "\n".join(_part(part, folded=number > 0) for number, part in enumerate(one.parts))
     if one.error:
         parts = f'<p class="fails">It could not be run: {escape(one.error)}</p>'
     speed = f"{one.simulated:.0f} s simulated in {one.simulating:.1f} s" if one.simulated else ""
@@ -79,10 +80,17 @@ def _section(one: Reproduction) -> str:
 </section>"""
 
 
-def _part(part: Part) -> str:
+def _part(part: Part, *, folded: bool) -> str:
+    """The paper's figure in full; what it could not show is folded away, unless a claim of it fails."""
     pictures = "\n".join(_picture(picture) for picture in part.pictures)
     tables = "\n".join(_table(table) for table in part.tables)
-    return f"<h3>{escape(part.title)}</h3>\n<p>{escape(part.text)}</p>\n{pictures}\n{_claims(part.claims)}\n{tables}"
+    body = f"<p>{escape(part.text)}</p>\n{pictures}\n{_claims(part.claims)}\n{tables}"
+    if not folded:
+        return f"<h3>{escape(part.title)}</h3>\n{body}"
+    good = sum(claim.holds for claim in part.claims)
+    counted = f' <span class="small">{good} of {len(part.claims)} claims hold</span>' if part.claims else ""
+    opened = " open" if good < len(part.claims) else ""
+    return f'<details class="part"{opened}><summary>{escape(part.title)}{counted}</summary>\n{body}</details>'
 
 
 def _claims(claims: Sequence[Claim]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from asrsim.reproduce.figure import Picture
 
@@ -35,34 +35,37 @@ def render(figure: Figure, kind: str) -> bytes:
     import matplotlib
 
     stream = io.BytesIO()
-    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": "asrsim"}
+    from asrsim.plots.output import METADATA
+
     with matplotlib.rc_context({"svg.fonttype": "path"}):
-        figure.savefig(stream, format=kind, metadata=metadata, dpi=DPI)
+        figure.savefig(stream, format=kind, metadata=METADATA[kind], dpi=DPI)
     return stream.getvalue()
 
 
-def curves(results: Mapping[str, Result]) -> list[RunCurves]:
-    """Thinned curves of runs by label; runs without a log are left out."""
+def curves(results: Mapping[str, Result], *, start: float | None = None, end: float | None = None) -> list[RunCurves]:
+    """Thinned curves of runs by label, from `start` to `end` (s); runs without a log are left out."""
     from dataclasses import replace
 
     from asrsim.plots.curves import read_curves
 
-    return [replace(read_curves(result.log), label=label) for label, result in results.items() if result.log is not None]
+    return [
+        replace(read_curves(result.log, start=start, end=end), label=label)
+        for label, result in results.items()
+        if result.log is not None
+    ]
 
 
 def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until: float | None = None) -> Figure:
-    """Panels by name (`link`, or see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by line style.
+    """Panels by name (`link`, or see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by colour.
 
     until: s, end of the axes of time.
     """
     from asrsim.plots.figures import grid_figure, joint_names
     from asrsim.plots.panels import PANELS
 
-    runs = curves(results)
+    runs = curves(results, end=until)
     figure = grid_figure(runs, joint_names(runs), [link_panel() if name == "link" else PANELS[name] for name in panels])
     figure.suptitle("")
-    if until is not None:
-        figure.axes[0].set_xlim(0.0, until)
     return figure
 
 
@@ -71,15 +74,19 @@ def link_panel() -> Panel:
     from asrsim.plots.curves import REFERENCE
     from asrsim.plots.panels import Panel
 
-    return Panel(key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"))
+    return Panel(
+        key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"),
+        compared=(REFERENCE, "link_position", "equilibrium_position"),
+    )  # fmt: skip
 
 
 def films(log: Path | None, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:
     """A film strip of a run's motion, from its log; nothing without one."""
     if log is None or not log.is_file():
         return ()
-    from asrsim.render import Film, even_times, film_strip
+    from asrsim.render import Film, film_strip, telling_times
 
-    with Film(log) as film:
-        pictures = list(film.frames(even_times(film, frames)))
-    return (picture(name, caption, lambda: film_strip(pictures), kind="png"),)
+    film = Film(log)
+    stream = io.BytesIO()
+    film_strip(list(film.frames(telling_times([film], frames)))).save(stream, format="PNG", compress_level=6)
+    return (Picture(name=name, caption=caption, kind="png", data=stream.getvalue()),)

@@ -54,7 +54,7 @@ def response_table(found: Mapping[str, FrequencyResponse]) -> Table:
 
 
 def response_figure(results: Mapping[str, Result]) -> Drawing:
-    """Bode plot of runs, by line style."""
+    """Bode plot of runs, by colour."""
     from asrsim.plots.bode import bode_figure
     from asrsim.plots.responses import responses
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import AsrsimError, OutputError
+from asrsim.errors import AsrsimError
+from asrsim.outfile import make_folder, write_text, written
+from asrsim.processes import end_with_parent
 from asrsim.reproduce.figure import FIGURES, Reproduction
 
 PAGE, NUMBERS, PICTURES, RUNS = "reproduce.html", "reproduce.json", "pictures", "runs"
@@ -62,7 +63,7 @@ def reproduce(
     # The longest first, so that no process is left alone with it at the end.
     order = sorted(chosen, key=lambda name: -FIGURES.get(name).cost)
     began = clock.perf_counter()
-    _make(folder / RUNS)
+    make_folder(folder / RUNS)
     found: dict[str, Reproduction] = {}
     with _mapping(min(processes, len(order))) as each:
         for name, one in each(partial(run_figure, folder=folder / RUNS), order):
@@ -113,34 +114,23 @@ def _mapping(processes: int) -> Iterator[Any]:
     from multiprocessing import get_context
 
     # Fresh interpreters: engines and threads do not survive a fork. Ctrl-C is ours to handle: leaving the context ends them.
-    with get_context("spawn").Pool(processes, initializer=_ignore_interrupts) as pool:
+    with get_context("spawn").Pool(processes, initializer=end_with_parent) as pool:
         yield pool.imap_unordered
-
-
-def _ignore_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _write(folder: Path, outcome: Outcome) -> None:
     from asrsim import __version__
     from asrsim.reproduce.page import page
-    from asrsim.textfile import write_text
 
-    _make(folder / PICTURES)
+    make_folder(folder / PICTURES)
+    done: set[Path] = set()
     for figure in outcome.figures:
         for part in figure.parts:
             for picture in part.pictures:
                 path = folder / PICTURES / f"{picture.name}.{picture.kind}"
-                try:
-                    path.write_bytes(picture.data)
-                except OSError as error:
-                    raise OutputError(f"cannot write {path}: {error.strerror}") from error
-    write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds))
-    write_text(outcome.numbers, json.dumps(outcome.as_dict(), indent=2, ensure_ascii=False) + "\n")
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {folder}: {error.strerror}") from error
+                with written(path, "picture", replace=path in done) as stream:
+                    stream.write(picture.data)
+                done.add(path)
+    write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds), "page")
+    numbers = {"generator": f"asrsim {__version__}", **outcome.as_dict()}
+    write_text(outcome.numbers, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n", "json")

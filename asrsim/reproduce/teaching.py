@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from asrsim.reproduce.lab import Lab
 
 SCENARIO = "ilc_2dof"
+GOAL, TOLERANCE = 0.8, 0.08
+"""rad: where the paper's motion goes, and the band in which it calls it learned."""
 DRAWS = 16
 """Perturbed plants that the learned input is played to."""
 
@@ -86,7 +88,7 @@ def _session(lab: Lab, name: str, *, with_transfer: bool = False, overrides: Seq
 
 
 def _claims(session: Session, origin: Origin) -> list[Claim]:
-    result, settings = session.result, session.prepared.settings
+    result = session.result
     norms = [trial.norm for trial in result.trials]
     predicted = [abs(t.ratio - t.predicted) for t in result.trials if t.ratio is not None and t.predicted is not None]
     return [
@@ -103,11 +105,11 @@ def _claims(session: Session, origin: Origin) -> list[Claim]:
         Claim(
             figure=15,
             origin=origin,
-            text="then both joints stay within the tolerance band",
-            quantity="largest error of both joints",
-            measured=max(result.trials[-1].largest),
+            text="then both joints stay within 0.08 rad of the minimum-jerk motion",
+            quantity="largest error of both joints in the last run's log",
+            measured=_error_of_log(session),
             comparison="<=",
-            value=settings.tolerance,
+            value=TOLERANCE,
             unit="rad",
         ),
         Claim(
@@ -131,6 +133,16 @@ def _claims(session: Session, origin: Origin) -> list[Claim]:
     ]
 
 
+def _error_of_log(session: Session) -> float:
+    """Largest error of the last trial in rad: its log against the motion's closed form, neither of which learning judged by."""
+    from asrsim.log import open_log
+
+    samples = open_log(session.folder / LOG).read(quantities=["link_position"]).samples
+    s = samples.time / samples.time[-1]
+    wanted = GOAL * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    return float(np.max(np.abs(samples.values["link_position"] - wanted[:, None])))
+
+
 def _hardware(session: Session) -> Part:
     from asrsim.learning.figure import transfer_figure
 
@@ -147,14 +159,14 @@ def _hardware(session: Session) -> Part:
             for column, joint in enumerate(report.joints)
         ),
     )
-    ratio = float(np.median(report.largest[:, 0] / report.largest[:, 1]))
+    left = np.mean(report.largest > TOLERANCE, axis=0)
     claim = Claim(
         figure=15,
-        text="feed-forward on another plant, the first joint leaves its band sooner than the second",
-        quantity="median ratio of their largest errors",
-        measured=ratio,
+        text="feed-forward on other plants, the first joint leaves its band on more of them than the second",
+        quantity="share of plants, first joint - second",
+        measured=float(left[0] - left[1]),
         comparison=">",
-        value=1.0,
+        value=0.25,
     )
     return Part(
         title="The stand-in for the hardware test",

@@ -14,6 +14,8 @@ from asrsim.robot.xmlfile import BLANKS, elements
 
 LARGEST = 1e12
 """In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
+SMALLEST = 1e-30
+"""In SI units: masses, inertias and parameters closer to 0, and not 0, are mistakes, and their inverses would overflow."""
 Line = Callable[[Any], int | None]
 """An element's line in the user's file, None if unknown."""
 
@@ -70,6 +72,10 @@ class AttributeReader:
         except ValueError:
             self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
             return 0.0
+        return self.bounded(value, shown, element, place, finite=finite)
+
+    def bounded(self, value: float, shown: str, element: Any, place: str, *, finite: bool) -> float:
+        """The value, or 0 and an error if it is no number, infinite where it must not be, or beyond all reason."""
         if math.isnan(value) or (finite and math.isinf(value)):
             self.findings.error("must be finite", code="not-finite", line=self.line(element), key=place, value=shown)
             return 0.0

@@ -14,7 +14,8 @@ from asrsim.robot.advice import advise
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
-from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, parameter_tags, tag_parameters
+from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
+from asrsim.robot.values import law_fault, parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
@@ -59,6 +60,8 @@ class _BlockReader:
         tags = elements(plugin)
         given = {tag.tag for tag in tags}
         line, shown = self.line(plugin), plugin.get("name") or filename or "plugin"
+        if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
+            return  # nothing of ours, known without a search for installed actuators
         if name not in ACTUATORS:
             self._foreign(filename, name, given, line, shown)
             return
@@ -116,6 +119,9 @@ class _BlockReader:
             publish_elastic_torques=switches[0], publish_state=switches[1], subscribe_external_torque=switches[2],
             sample_time=sample_time, parameters=parameters, plugin_name=plugin.get("name") or "", line=line,
         )  # fmt: skip
+        fault = law_fault(block)
+        if fault is not None:
+            self.findings.error(f"with these parameters {fault}", code="law", line=line, key=shown)
         advise(actuator, block, joint, self.findings)
         self.blocks.append(block)
 
@@ -178,7 +184,7 @@ class _BlockReader:
             return None
         tag = by_tag["operation_mode"]
         text = text_of(tag)
-        mode = int(text) if re.fullmatch(r"\d{1,3}", text) else None
+        mode = int(text) if re.fullmatch("[0-9]{1,3}", text) else None
         if mode not in MODES:
             self.findings.error(
                 "there is no such operation mode", code="operation-mode", line=self.line(tag),
@@ -242,7 +248,7 @@ class _BlockReader:
         value = self._number(tag, place)
         if value is None:
             return None
-        fault = parameter.fault(value)
+        fault = parameter_fault(parameter, value)
         if fault:
             self.findings.error(fault, code="out-of-range", line=self.line(tag), key=place, value=text_of(tag))
             return None

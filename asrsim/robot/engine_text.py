@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ from lxml import etree
 
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import principal_axes
+from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Joint, Link, Robot, Shape
-from asrsim.robot.packages import Packages, packages_of
+from asrsim.robot.packages import Packages, package_name, packages_of
 from asrsim.robot.shapes import SIZES
 
 LONGEST_LINE = 1000
@@ -21,80 +23,101 @@ NO_LIMIT = 1e9
 """rad, m, N m, N, rad/s, m/s: written where one of a joint's limits is missing and the format wants a number."""
 
 
-def engine_urdf(
-    robot: Robot,
-    *,
-    visuals: bool = False,
-    package_paths: Mapping[str, Path | str] | None = None,
-    unit_inertia: bool = False,
-) -> tuple[str, tuple[Problem, ...]]:
-    """The robot as a physics engine may load it, and warnings.
+def usable_shapes(
+    robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
+) -> tuple[Robot, tuple[Problem, ...]]:
+    """The robot with meshes named by the paths of their files, and without those that cannot be used; and warnings.
 
-    Everything is written from the robot's data with all digits, so that an engine reads the very numbers that were checked:
-    links with mass, principal moments and shapes, joints with unit axes and limits. Nothing else of the file gets there:
-    damping and friction are applied from the data (an engine that applied them too would do so twice), and no file is named
-    but meshes that exist inside the robot's folder, its package or a known package; a collision or visual whose mesh is not
-    there is left out (a warning names the link of each collision; all visuals share one). `visuals=False` leaves all
-    visuals out. Links without `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where
-    none is given (PyBullet: 1 kg). A joint without limits is continuous, or a slide whose limits are crossed, which engines
-    take as none.
-
-    `unit_inertia` writes 1 kg and 1 kg m^2 for every link: for an engine (MuJoCo) that refuses massless links and inertias
-    that no body has, and whose model takes the true ones once it is built.
-
-    Each element has a line of its own. Raises RobotError for an element too long for an engine.
+    No file is named but meshes that exist inside the robot's folder, its package or a known package. A warning names the
+    link of each collision that is left out; all visuals share one. `visuals=False` leaves all visuals out.
     """
     packages = packages_of(robot.path, package_paths)
     warnings: list[Problem] = []
     missing: list[tuple[str, str]] = []
+    links = []
+    for link in robot.links:
+        kept: dict[str, list[Shape]] = {"collisions": [], "visuals": []}
+        for name, shapes in (("collisions", link.collisions), ("visuals", link.visuals if visuals else ())):
+            for shape in shapes:
+                found = _mesh_file(shape, packages) if shape.kind == "mesh" else None
+                if not isinstance(found, str):
+                    kept[name].append(shape if found is None else replace(shape, mesh=str(found)))
+                elif name == "visuals":
+                    missing.append((shape.mesh, found))
+                else:
+                    message = f"collision mesh {found}; the link does not collide with it"
+                    warnings.append(
+                        Problem(
+                            message=message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
+                            hint=_cure(shape.mesh, found), code="missing-collision-mesh",
+                        )
+                    )  # fmt: skip
+        links.append(replace(link, collisions=tuple(kept["collisions"]), visuals=tuple(kept["visuals"])))
+    if missing:
+        first, fault = missing[0]
+        message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
+        hint = _cure(first, fault)
+        warnings.append(Problem(message=message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
+    return replace(robot, links=tuple(links)), tuple(warnings)
+
+
+def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
+    """The file of a mesh, or why it cannot be used."""
+    if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:
+        return f"is none of {', '.join(MESH_FORMATS)}"
+    found = packages.resolve(shape.mesh)
+    return found if isinstance(found, str) else mesh_fault(found) or found
+
+
+def engine_urdf(
+    robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
+) -> tuple[str, tuple[Problem, ...]]:
+    """The robot as PyBullet may load it, and the warnings of :func:`usable_shapes`.
+
+    Everything is written from the robot's data with all digits, so that an engine reads the very numbers that were checked:
+    links with mass, principal moments and shapes, joints with unit axes and limits. Nothing else of the file gets there:
+    damping and friction are applied from the data (an engine that applied them too would do so twice). Links without
+    `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where none is given (PyBullet:
+    1 kg). A joint without limits is continuous, or a slide whose limits are crossed, which engines take as none.
+
+    Each element has a line of its own. Raises RobotError for an element too long for an engine.
+    """
+    robot, warnings = usable_shapes(robot, visuals=visuals, package_paths=package_paths)
     root = etree.Element("robot", name=robot.name)
     children = {joint.child for joint in robot.joints}
     for link in robot.links:
         element = etree.SubElement(root, "link", name=link.name)
         if link.mass is not None or link.inertia is not None or link.name in children:
-            _inertial(element, link, unit=unit_inertia)
-        for shape in link.collisions:
-            fault = _shape(element, "collision", shape, packages)
-            if fault is not None:
-                warnings.append(
-                    Problem(
-                        message=f"collision mesh {fault}; the link does not collide with it", file=robot.path,
-                        line=shape.line, key=link.name, value=shape.mesh, code="missing-collision-mesh",
-                    )
-                )  # fmt: skip
-        for shape in link.visuals if visuals else ():
-            fault = _shape(element, "visual", shape, packages)
-            if fault is not None:
-                missing.append((shape.mesh, fault))
+            _inertial(element, link)
+        for tag, shapes in (("collision", link.collisions), ("visual", link.visuals)):
+            for shape in shapes:
+                _shape(element, tag, shape)
     for joint in robot.joints:
         _joint(root, joint)
-    if missing:
-        first, fault = missing[0]
-        message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
-        warnings.append(Problem(message=message, file=robot.path, value=first, code="missing-visual-mesh"))
-    return _in_short_lines(root, robot), tuple(warnings)
+    return _in_short_lines(root, robot), warnings
 
 
-def _inertial(parent: Any, link: Link, *, unit: bool) -> None:
-    moments, rpy = ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)) if unit else principal_axes(link)
+def _cure(mesh: str, fault: str) -> str | None:
+    """How to name the package whose folder is not known."""
+    name = package_name(mesh)
+    if name is None or not fault.endswith("is not known"):
+        return None
+    return f"Say where it is: --package {name}=FOLDER, in a scenario robot: {{file: ..., packages: {{{name}: FOLDER}}}}"
+
+
+def _inertial(parent: Any, link: Link) -> None:
+    moments, rpy = principal_axes(link)
     inertial = etree.SubElement(parent, "inertial")
     _origin(inertial, link.centre_of_mass, rpy)
-    etree.SubElement(inertial, "mass", value=repr(1.0 if unit else link.mass or 0.0))
+    etree.SubElement(inertial, "mass", value=repr(link.mass or 0.0))
     xx, yy, zz = map(repr, moments)
     etree.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
 
 
-def _shape(parent: Any, tag: str, shape: Shape, packages: Packages) -> str | None:
-    """Write a collision or visual, or say why its mesh cannot be used."""
+def _shape(parent: Any, tag: str, shape: Shape) -> None:
+    """Write a collision or visual."""
     if shape.kind == "mesh":
-        if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:
-            return f"is none of {', '.join(MESH_FORMATS)}"
-        found = packages.resolve(shape.mesh)
-        if isinstance(found, str):
-            return found
-        if (fault := mesh_fault(found)) is not None:
-            return fault
-        attributes = {"filename": str(found), "scale": _numbers(shape.scale)}
+        attributes = {"filename": shape.mesh, "scale": _numbers(shape.scale)}
     elif shape.kind == "box":
         attributes = {"size": _numbers(shape.size)}
     else:
@@ -102,11 +125,12 @@ def _shape(parent: Any, tag: str, shape: Shape, packages: Packages) -> str | Non
     element = etree.SubElement(parent, tag)
     _origin(element, shape.origin, shape.rpy)
     etree.SubElement(etree.SubElement(element, "geometry"), shape.kind, attributes)
-    if tag == "visual" and shape.colour is not None:
-        # A material's name is its colour: PyBullet gives all materials of one name the first one's.
-        colour = _numbers(shape.colour)
-        etree.SubElement(etree.SubElement(element, "material", name=colour), "color", rgba=colour)
-    return None
+    if tag == "visual":
+        colour = shape.colour or (mesh_colour(Path(attributes["filename"])) if shape.kind == "mesh" else None)
+        if colour is not None:
+            # A material's name is its colour: PyBullet gives all materials of one name the first one's.
+            rgba = _numbers(colour)
+            etree.SubElement(etree.SubElement(element, "material", name=rgba), "color", rgba=rgba)
 
 
 def _joint(parent: Any, joint: Joint) -> None:

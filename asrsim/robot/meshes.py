@@ -67,7 +67,7 @@ def _dae_fault(data: bytes) -> str | None:
     from asrsim.robot.xmlfile import parse_xml
 
     try:
-        root = parse_xml(data, Path("mesh.dae"))
+        root = parse_xml(data, Path("mesh.dae"), large=True)
     except RobotError as error:
         return f"is no COLLADA file: {error.problems[0].message}"
     if not str(root.tag).endswith("COLLADA"):

@@ -92,6 +92,19 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Mimic:
+    """A joint that is to follow another: position = multiplier * (the other's) + offset. Data only, not simulated."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+    """rad or m."""
+
+    def __str__(self) -> str:
+        return f"{self.multiplier:g} * {self.joint} + {self.offset:g}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Joint:
     """A joint of the tree."""
 
@@ -114,6 +127,11 @@ class Joint:
     velocity: float | None = None
     damping: float = 0.0
     friction: float = 0.0
+    spring_stiffness: float = 0.0
+    """N m/rad or N/m, of a passive spring (Gazebo's `<springStiffness>`); 0: none."""
+    spring_reference: float = 0.0
+    """rad or m where that spring is at rest (`<springReference>`)."""
+    mimic: Mimic | None = None
     line: int | None = None
 
     @property
@@ -128,7 +146,7 @@ class Robot:
 
     name: str
     path: Path
-    text: str
+    text: str = field(repr=False)
     """URDF text as read, for the log; for xacro, as expanded. Engines get the data instead."""
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]

@@ -10,6 +10,7 @@ from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.robot.blocks import MODE_CHOICES, default_value
 from asrsim.robot.model import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_name, tag_parameters
+from asrsim.robot.values import law_fault, parameter_fault
 
 
 def with_overrides(
@@ -58,6 +59,10 @@ def with_overrides(
         changed = _with_mode(block, mode) if mode in MODES else block
         for scope in ("*", block.joint):
             changed = _with_parameters(changed, scope, parameters.get(scope, {}), problems)
+        fault = law_fault(changed)
+        if fault is not None:
+            message = f"with these parameters {fault}"
+            problems.append(Problem(message=message, key=f"parameters.{block.joint}", value=_overridden(changed), code="law"))
         blocks.append(changed)
     if problems:
         raise ScenarioError(problems)
@@ -94,7 +99,7 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
                 problems.append(_unknown(place, key, _names(block)))
             continue
         seen[name] = key
-        fault = declared[name].fault(float(number))
+        fault = parameter_fault(declared[name], float(number))
         if fault:
             problem = Problem(message=fault, key=place, value=number, code="out-of-range")
             if problem not in problems:
@@ -113,6 +118,11 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
                 )
             )
     return replace(block, parameters=values)
+
+
+def _overridden(block: ActuatorBlock) -> str:
+    given = (value for value in block.parameters.values() if value.origin == "scenario")
+    return ", ".join(f"{value.name} = {value.value:g}" for value in given)
 
 
 def _names(block: ActuatorBlock) -> set[str]:

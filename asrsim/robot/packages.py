@@ -58,11 +58,12 @@ class Packages:
         elif scheme == "file":
             path = Path(unquote(rest))
         elif scheme in ("package", "model"):
-            name, _, inner = rest.partition("/")
+            name, _, inner = rest.lstrip("/").partition("/")
             package = self.find(name)
-            if package is None:
+            # Some files call a folder beside them a package.
+            path = self.folder / name / inner if package is None else package / inner
+            if package is None and not path.is_file():
                 return f"package '{name}' is not known"
-            path = package / inner
         else:
             return f"'{scheme}://' is not supported"
         try:
@@ -73,6 +74,12 @@ class Packages:
             return path.resolve()
         except (OSError, RuntimeError, ValueError) as error:
             return f"cannot be read: {error}"
+
+
+def package_name(filename: str) -> str | None:
+    """The package that a file name counts from, if it names one."""
+    scheme, separator, rest = filename.partition("://")
+    return (rest.lstrip("/").partition("/")[0] or None) if separator and scheme in ("package", "model") else None
 
 
 def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = None) -> Packages:

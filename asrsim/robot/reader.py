@@ -12,15 +12,17 @@ from asrsim.robot.blocks import read_blocks
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
+from asrsim.robot.passive import PassiveReader
+from asrsim.robot.sanity import check_sanity
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree
+from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
-MAX_JOINTS = 127
-"""PyBullet's largest body, fixed joints included; it fails beyond."""
 MAX_MOVING = 121
-"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities."""
+"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities. Links that
+fixed joints hold together are one body to it."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -68,6 +70,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
             )
         )
     structure = StructureReader(findings, line)
+    check_words(structure, root)
     links = structure.links(root)
     joints = structure.joints(root, links)
     _check_size(findings, joints)
@@ -76,7 +79,10 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
         check_tree(findings, links, joints)
     whole = not findings.errors
     check_masses(findings, links, joints)
+    passive = PassiveReader(findings, line)
+    joints = passive.springs(root, joints)
     blocks = read_blocks(root, joints, findings, line)
+    passive.judge(joints, blocks)
     _drop_consequences(findings, root, joints)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
@@ -85,21 +91,19 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     if whole:
         check_movable(findings, robot)
     findings.raise_errors()
+    check_sanity(findings, robot)
     if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn("no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name)
     return replace(robot, warnings=tuple(findings.warnings))
 
 
 def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
-    moving = [joint for joint in joints if joint.kind != "fixed"]
-    for what, found, most in (("moving joints", moving, MAX_MOVING), ("joints, fixed ones included", joints, MAX_JOINTS)):
-        if len(found) > most:
-            findings.error(
-                f"the robot has {len(found)} {what}; PyBullet simulates at most {most}", code="too-many-joints", key="robot",
-                hint="Take out what does not matter to the motion" if found is joints else None,
-            )  # fmt: skip
-    if len(joints) > MAX_JOINTS:
-        findings.raise_errors()  # what comes next takes long for a huge robot
+    moving = sum(joint.moves for joint in joints)
+    if moving > MAX_MOVING:
+        findings.error(
+            f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}",
+            code="too-many-joints", key="robot", hint="Take out what does not matter to the motion",
+        )  # fmt: skip
 
 
 def _drop_consequences(findings: Findings, root: Any, joints: Sequence[Joint]) -> None:

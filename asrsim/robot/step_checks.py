@@ -8,7 +8,7 @@ exact mass matrices and chooses its substeps by them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -51,13 +51,16 @@ def step_figures(robot: Robot, *, step: float) -> tuple[StepFigures, ...]:
     return tuple(_figures(joint, blocks.get(joint.name), effective[joint.name], step) for joint in robot.moving_joints)
 
 
-def step_findings(robot: Robot, *, step: float) -> tuple[Problem, ...]:
-    """Warnings about a step in s: what diverges without substeps in an explicit scheme, and what diverges at all."""
+def step_findings(robot: Robot, *, step: float, figures: Sequence[StepFigures] | None = None) -> tuple[Problem, ...]:
+    """Warnings about a step in s: what diverges without substeps in an explicit scheme, and what diverges at all.
+
+    figures: of :func:`step_figures`, where they are there already.
+    """
     findings = []
-    for figures in step_figures(robot, step=step):
-        joint = robot.joint(figures.joint)
-        block = next((block for block in robot.actuators if block.joint == figures.joint), None)
-        findings.extend(_findings(robot, joint, block, figures, step))
+    for entry in step_figures(robot, step=step) if figures is None else figures:
+        joint = robot.joint(entry.joint)
+        block = next((block for block in robot.actuators if block.joint == entry.joint), None)
+        findings.extend(_findings(robot, joint, block, entry, step))
     return tuple(findings)
 
 

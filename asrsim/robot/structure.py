@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import did_you_mean
-from asrsim.robot.attributes import AttributeReader
-from asrsim.robot.model import Joint, Link, Shape, Vector
+from asrsim.robot.attributes import SMALLEST, AttributeReader
+from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
 
@@ -110,6 +110,8 @@ class StructureReader(AttributeReader):
             self.findings.error(
                 "mass must not be negative", code="negative-mass", line=self.line(tags[0]), key=name, value=f"{mass:g}"
             )
+        elif 0.0 < mass < SMALLEST:
+            self._too_small(tags[0], f"{name}.mass", mass)
         elif mass == 0.0 and len(self.findings.errors) == before:
             self.findings.warn("mass is zero", code="massless-link", line=self.line(tags[0]), key=name)
         return mass
@@ -124,9 +126,18 @@ class StructureReader(AttributeReader):
         # Left-out products of inertia are zero in every URDF reader; left-out moments are mistakes.
         values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in keys]
         xx, xy, xz, yy, yz, zz = values
+        for moment in (xx, yy, zz):
+            if 0.0 < abs(moment) < SMALLEST:
+                self._too_small(tags[0], f"{name}.inertia", moment)
         if len(self.findings.errors) == before:
             self._check_inertia(name, mass, np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), self.line(tags[0]))
         return xx, xy, xz, yy, yz, zz
+
+    def _too_small(self, element: Any, place: str, value: float) -> None:
+        self.findings.error(
+            f"is closer to 0 than {SMALLEST:g}, which no body is", code="out-of-range", line=self.line(element), key=place,
+            value=f"{value:g}",
+        )  # fmt: skip
 
     def _check_inertia(self, name: str, mass: float, matrix: np.ndarray, line: int | None) -> None:
         moments = np.linalg.eigvalsh(matrix)
@@ -163,8 +174,7 @@ class StructureReader(AttributeReader):
         axis = self._axis(element, name) if moves else (1.0, 0.0, 0.0)
         limits = self._limits(element, name, kind)
         damping, friction = self._dynamics(element, name)
-        if elements(element, "mimic"):
-            self.findings.warn("<mimic> is not simulated; the joint moves on its own", code="mimic-joint", line=line, key=name)
+        mimic = self._mimic(element, name)
         if kind in FREEDOMS:
             self.findings.error(
                 f"{kind} joints cannot be simulated", code="joint-type", line=line, key=name, hint=FREEDOMS[kind]
@@ -174,7 +184,7 @@ class StructureReader(AttributeReader):
         lower, upper, effort, velocity = limits
         return Joint(
             name=name, kind=kind, parent=parent, child=child, axis=axis, origin=origin, rpy=rpy, lower=lower, upper=upper,
-            effort=effort, velocity=velocity, damping=damping, friction=friction, line=line,
+            effort=effort, velocity=velocity, damping=damping, friction=friction, mimic=mimic, line=line,
         )  # fmt: skip
 
     def _end(self, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str | None:
@@ -195,6 +205,11 @@ class StructureReader(AttributeReader):
     def _axis(self, element: Any, name: str) -> Vector:
         tags = elements(element, "axis")
         if not tags:
+            return (1.0, 0.0, 0.0)
+        if tags[0].get("xyz") is None:
+            self.findings.error(
+                "attribute 'xyz' is missing", code="missing-attribute", line=self.line(tags[0]), key=f"{name}.axis"
+            )
             return (1.0, 0.0, 0.0)
         x, y, z = self.vector(tags[0], "xyz", f"{name}.axis", default=(1.0, 0.0, 0.0))
         length = math.hypot(x, y, z)
@@ -248,6 +263,17 @@ class StructureReader(AttributeReader):
         lower = None if lower is not None and math.isinf(lower) else lower
         upper = None if upper is not None and math.isinf(upper) else upper
         return lower, upper, effort, velocity
+
+    def _mimic(self, element: Any, name: str) -> Mimic | None:
+        tags = elements(element, "mimic")
+        if not tags:
+            return None
+        place = f"{name}.mimic"
+        multiplier, offset = (
+            self.number(tags[0], key, place, required=True) if tags[0].get(key) is not None else default
+            for key, default in (("multiplier", 1.0), ("offset", 0.0))
+        )
+        return Mimic(joint=name_of(tags[0], "joint"), multiplier=multiplier, offset=offset)
 
     def _dynamics(self, element: Any, name: str) -> tuple[float, float]:
         tags = elements(element, "dynamics")

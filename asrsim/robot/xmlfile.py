@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -33,11 +34,16 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def parse_xml(data: bytes, path: Path) -> Any:
-    """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML."""
+def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
+    """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML.
+
+    large: texts of more than 10 MB are allowed, as meshes have them; the size of the file bounds them.
+    """
+    # PyBullet's own tools write a version that XML does not have.
+    data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
     _refuse_declarations(data, path)
     parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False, remove_pis=True
+        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=large, remove_pis=True
     )
     try:
         root = etree.fromstring(data, parser)
@@ -86,6 +92,11 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
         parser.Parse(data, True)
     except _RootReachedError:
         return
+    except (LookupError, ValueError) as error:
+        # Python knows encodings (UTF-7, multi-byte ones) that its parser cannot use, and fails on each in a way of its own.
+        message = "the XML declaration names an encoding that cannot be read"
+        hint = "Save the file as UTF-8"
+        raise RobotError(Problem(message=message, file=path, line=1, value=str(error), hint=hint, code="encoding")) from error
     except expat.ExpatError as error:
         raise RobotError(
             Problem(

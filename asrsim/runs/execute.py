@@ -11,18 +11,20 @@ from typing import TYPE_CHECKING
 
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter, open_log
+from asrsim.outfile import write_text
 from asrsim.robot.model import Robot
-from asrsim.runs.folder import LOG, SUMMARY, clear, open_folder
-from asrsim.samples import RunInfo, Samples
+from asrsim.runs.described import as_run
+from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
+from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.crosscheck import COMPARED, other_engine, require_other_engine
+from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.run import Run, Sink, simulate
-from asrsim.summary.claims import check_claims, claim_results
-from asrsim.summary.collect import QUANTITIES
-from asrsim.summary.data import RunSummary
-from asrsim.summary.make import make_summary
-from asrsim.textfile import write_text
+from asrsim.summary import Collector, RunSummary, claim_results, make_summary
+from asrsim.summary.claims import check_claims
 
 if TYPE_CHECKING:
+    from asrsim.metrics import ExpectationResult
     from asrsim.simulation.certify import Certificate
 
 PLUGINS = "plugins/"
@@ -51,36 +53,41 @@ def execute(
     overwrite: bool = False,
     keep: bool = False,
     certify: bool = False,
+    cross_check: bool = False,
     started: Callable[[RunInfo], None] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
     certifying: Callable[[str, float], None] | None = None,
 ) -> Executed:
-    """Simulate one variant into `folder`: `log.mcap`, and `summary.json` by :func:`write_summary`.
+    """Simulate one variant into `folder`, which must be ours (:func:`asrsim.runs.lock.owned`): `log.mcap`; the summary is
+    written by :func:`write_summary`.
 
     A run that diverges or is stopped gives a closed log and a summary like any other; its status says so. What the folder
-    held of an earlier run goes only once this one is built. keep: keep all samples in `.run.samples` too; certify: run
-    again with finer steps for the numerical error, which goes into log and summary; started: told the run's description
-    when it is built; progress, stop: see :func:`asrsim.simulation.run.simulate`; certifying: progress of the finer runs.
+    held of an earlier run goes only when this one's log is whole: until then that is written aside. keep: keep all samples in
+    `.run.samples` too; certify: run again with finer steps for the numerical error, which goes into log and summary;
+    cross_check: run again in another engine for the differences, which go into the summary (certify does so too, where there
+    is one); started: told the run's description when it is built; progress, stop: see
+    :func:`asrsim.simulation.run.simulate`; certifying: progress of the further runs.
 
     Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
-    then stays readable.
+    then stays readable, unless there is an earlier one, which stays then.
     """
+    if cross_check:
+        require_other_engine(scenario)
     earlier = open_folder(folder, scenario, overwrite=overwrite)
-    log = folder / LOG
     error: DivergenceError | None = None
     certificate: Certificate | None = None
-    with ExitStack() as stack:
-        writer: LogWriter | None = None
+    made: list[tuple[LogWriter, Collector]] = []
+    with new_log(folder, earlier) as path, ExitStack() as stack:
 
         def open_sinks(info: RunInfo) -> Sequence[Sink]:
-            nonlocal writer
             check_claims(scenario.expect, info.joints, file=scenario.path)
-            clear(earlier)
-            writer = stack.enter_context(LogWriter(log, info))
+            collector = Collector(info.joints, samples=steps_of(scenario) + 1, claims=scenario.expect)
+            writer = stack.enter_context(LogWriter(path, as_run(info, scenario, robot)))
+            made.append((writer, collector))
             if started is not None:
                 started(info)
-            return [writer]
+            return [writer, collector]
 
         try:
             run = simulate(scenario, robot, sinks=open_sinks, keep=keep or certify, progress=progress, stop=stop)
@@ -92,19 +99,19 @@ def execute(
             from asrsim.simulation.certify import certify as certify_run
 
             certificate = certify_run(scenario, run, robot, progress=certifying)
-        if writer is not None:
-            writer.close(result_metadata(run, error, certificate))
-    reader = open_log(log)
-
-    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
-        return reader.read(quantities=quantities, joints=joints).samples
-
-    claims = claim_results(scenario.expect, run.info.joints, read, file=scenario.path) if run.status == "complete" else ()
-    recorded = {name for joint in run.info.joints for name in joint.quantities}
-    chunks = reader.iter_samples(quantities=[name for name in QUANTITIES if name in recorded])
-    summary = make_summary(run, chunks, claims=claims, files={"log": log}, replaced=earlier)
+        ((writer, collector),) = made
+        writer.close(result_metadata(run, error, certificate))
+    claims: tuple[ExpectationResult, ...] = ()
+    if run.status == "complete":
+        claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path)
+    log = folder / LOG
+    summary = make_summary(run, collector, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
     if certificate is not None:
         summary = replace(summary, certificate=certificate.as_dict())
+    if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
+        kept = open_log(log).iter_samples(quantities=COMPARED)
+        found = run_cross_check(scenario, run.info, kept, robot, progress=certifying)
+        summary = replace(summary, cross_check=found.as_dict())
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
 
@@ -112,8 +119,13 @@ def write_summary(executed: Executed) -> Executed:
     """Write `summary.json` beside the log; the summary then lists it. Raises OutputError."""
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
-    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
     return replace(executed, summary=summary)
+
+
+def steps_of(scenario: Scenario) -> int:
+    """Steps that a run of the scenario takes."""
+    return round(scenario.duration / scenario.step)
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None, certificate: Certificate | None = None) -> dict[str, str]:

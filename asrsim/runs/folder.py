@@ -1,20 +1,36 @@
-"""The folder of a run: its files, and the rule that keeps the results of other runs.
+"""The folder of a run: its files, and the rule that keeps what others wrote.
 
-A folder that holds a log of the same scenario file and variant is written anew: that is what one does all day, and the
-caller says what was replaced. A folder that holds anything else with the name of our log is left alone unless asked for.
+What an earlier run of the same scenario file and variant left is replaced: that is what one does all day, and the caller says
+what was replaced. Only what its name and its mark (:mod:`asrsim.outfile`) prove to be a run's is ever taken away.
 """
 
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from asrsim.errors import AsrsimError, OutputError
+from asrsim.errors import AsrsimError, InputError, OutputError, Problem
+from asrsim.outfile import check_output, is_ours, is_special
 from asrsim.scenario.data import Scenario
 
 LOG = "log.mcap"
 SUMMARY = "summary.json"
+ASIDE = "log.mcap.part"
+"""The log of a run that has an earlier one to replace, until it ends."""
+
+_NAMES = {
+    re.escape(LOG): "log",
+    re.escape(ASIDE): "log",
+    re.escape(SUMMARY): "json",
+    r"report\.html": "page",
+    r"(joints|joints_\d+|energy|overview|objects)\.(png|pdf|svg)": "picture",
+}
+"""Names (regular expressions) of all that `asrsim run` writes -> kind of file."""
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -22,63 +38,134 @@ def default_folder(scenario: Scenario) -> Path:
     return Path("out") / scenario.name / scenario.variant
 
 
-def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False) -> tuple[Path, ...]:
-    """Make the folder, and check that it may be written.
+def origin_of(scenario: Scenario) -> str:
+    """The scenario file that a run comes from, as its log keeps it: absolute; empty for one without a file."""
+    return str(scenario.path.resolve()) if scenario.path else ""
 
-    Returns the files of an earlier run of the same scenario and variant, which :func:`clear` takes away.
-    Raises OutputError if it cannot be made or holds the results of another run.
+
+def find_logs(place: Path) -> list[Path]:
+    """The log itself, or a folder's logs: its own, else those of its subfolders (variants), in the scenario's order.
+
+    Raises InputError where there is none.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot make the folder: {error.strerror or error}") from error
-    earlier = _files(folder)
-    if earlier and not overwrite:
-        other = _other_run(folder / LOG, scenario)
+    if place.is_file():
+        return [place]
+    own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
+    logs = own or sorted(place.glob(f"*/{LOG}"))
+    if not logs:
+        message = "no such file or folder"
+        if place.is_dir():
+            message = "holds no log of a run (log.mcap), nor does a folder in it"
+        hint = "Run a scenario first: asrsim run scenario.yaml"
+        raise InputError(Problem(message=message, file=place, hint=hint, code="no-log"))
+    return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
+
+
+def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
+    """Key that sorts logs as their scenario lists its variants; those that it does not list come last."""
+    from asrsim.document.yaml_reader import parse_yaml
+    from asrsim.log import open_log
+
+    places: dict[Path, float] = {}
+    for log in logs:
+        places[log] = math.inf
+        # A log that cannot be read complains later, where it is read.
+        with suppress(AsrsimError):
+            info = open_log(log).info
+            scenario = parse_yaml(info.scenario).plain()
+            listed = scenario.get("variants") if isinstance(scenario, dict) else None
+            names = list(listed) if isinstance(listed, dict) else []
+            places[log] = names.index(info.variant) if info.variant in names else math.inf
+    return lambda log: (places[log], str(log))
+
+
+def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
+    """Every file that a run of the scenario reads by name."""
+    recordings = (claim.against for claim in scenario.expect)
+    files = (scenario.path, scenario.robot, *scenario.attachments.values(), *recordings)
+    return tuple(file for file in files if file is not None)
+
+
+def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
+    """Look what the folder holds, and whether a run of this scenario may write there.
+
+    inputs: what the command reads beside the scenario's files. Returns the files of an earlier run of the same scenario and
+    variant, with `overwrite` of any run: :func:`new_log` takes them away.
+    Raises OutputError if it holds something else under a name that we need, or a file that this run reads.
+    """
+    there = sorted(path for path in folder.iterdir() if not is_special(path)) if folder.is_dir() else []
+    files = {path: kind for path in there if (kind := _kind(path.name))}
+    names = {folder / LOG: "log", folder / SUMMARY: "json", **files}
+    for path, kind in names.items():
+        check_output(path, kind, inputs=(*inputs, *inputs_of(scenario)))
+    if files and not overwrite:
+        other = _other_run(folder, scenario)
         if other:
             raise OutputError(
                 f"{folder}: holds the results of another run ({other}); nothing was written. "
                 "Choose another folder with --out, or replace them with --overwrite"
             )
-    return earlier
+    return tuple(path for path in files if path.name != ASIDE)
 
 
-def clear(files: tuple[Path, ...]) -> None:
+def clear(files: Iterable[Path]) -> None:
     """Take away an earlier run's files, so that none of them stands beside the new run's."""
     for path in files:
+        if not is_ours(path, _kind(path.name)):
+            continue
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(f"{path}: cannot replace it: {error.strerror or error}") from error
 
 
-def _files(folder: Path) -> tuple[Path, ...]:
-    """Files of an earlier run: its log, its summary, and what the summary says it wrote here."""
-    found = [path for path in (folder / LOG, folder / SUMMARY) if path.is_file()]
-    with suppress(OSError, ValueError, AttributeError, TypeError):
-        listed = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["files"].values()
-        for entry in listed:
-            for name in entry if isinstance(entry, list) else [entry]:
-                # Only what lies here: a summary that was copied from elsewhere must not reach out.
-                path = folder / Path(name).name
-                if path.is_file() and not path.is_symlink() and path not in found:
-                    found.append(path)
-    return tuple(found)
+@contextmanager
+def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
+    """Where to write a run's log; when the block ends without error it is `log.mcap`, and the earlier run's files are gone.
+
+    Where there is an earlier log the new one is written aside until then; if the block raises, the earlier one stays.
+    Raises OutputError.
+    """
+    log, aside = folder / LOG, folder / ASIDE
+    # What a run left aside that was killed is in nobody's way.
+    clear([aside])
+    path = aside if log in earlier else log
+    try:
+        yield path
+    except BaseException:
+        if path == aside:
+            clear([aside])
+        raise
+    clear(one for one in earlier if one != path)
+    if path == aside:
+        try:
+            aside.replace(log)
+        except OSError as error:
+            raise OutputError(f"{log}: cannot be replaced: {error.strerror or error}; the new log is {aside}") from error
 
 
-def _other_run(log: Path, scenario: Scenario) -> str:
-    """Which other run the log comes from; empty if it is an earlier one of this scenario and variant."""
+def _kind(name: str) -> str:
+    return next((kind for pattern, kind in _NAMES.items() if re.fullmatch(pattern, name)), "")
+
+
+def _other_run(folder: Path, scenario: Scenario) -> str:
+    """Which other run the folder's files come from; empty if it is an earlier one of this scenario and variant."""
     from asrsim.log import open_log
 
-    if not log.is_file():
-        return ""
-    try:
-        info = open_log(log).info
-    except AsrsimError:
-        return f"{log.name} that is no log of asrsim"
-    if info.variant != scenario.variant:
-        return f"variant '{info.variant}' of {info.scenario_path or 'a scenario without file'}"
-    same = info.scenario_path == str(scenario.path or "")
-    if not same and info.scenario_path and scenario.path is not None:
-        same = Path(info.scenario_path).resolve() == scenario.path.resolve()
-    return "" if same else (info.scenario_path or "a scenario without file")
+    found: tuple[Any, Any] | None = None
+    if (folder / LOG).is_file() and (folder / LOG).stat().st_size:
+        try:
+            info = open_log(folder / LOG).info
+        except AsrsimError:
+            return f"{LOG} cannot be read"
+        found = info.scenario_path, info.variant
+    else:
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            data = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+            found = data["scenario_path"], data["variant"]
+    if found is None:
+        return f"neither {LOG} nor {SUMMARY} says which"
+    path, variant = found
+    if variant != scenario.variant:
+        return f"variant '{variant}' of {path or 'a scenario without file'}"
+    return "" if path == origin_of(scenario) else (path or "a scenario without file")

@@ -10,13 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import AsrsimError, OutputError, RecordingError
+from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
+from asrsim.recordings.mapping import is_file, load_mapping
 from asrsim.robot import load_robot, with_overrides
+from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.start_file import SCHEMA_FILE, is_foreign, relative_path, write_new
 from asrsim.scenario.starter_playback import Plan, extract, make_plan
-from asrsim.scenario.starter_recording import STEP, Names, first_claims, placeholders, recording_text
+from asrsim.scenario.starter_recording import STEP, First, Names, first_claims, placeholders, recording_text
 from asrsim.simulation.run import simulate
 
 MOST = 2_000_000
@@ -63,16 +66,21 @@ def write_from_recording(
         loaded = with_overrides(loaded, modes={"*": mode})
     joints = [joint.name for joint in loaded.moving_joints]
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
+    # A mapping file is written down as items: the scenario stands alone.
+    mapping = [text for item in mapping for text in (_items(item) if is_file(item) else (item,))]
     plan = make_plan(loaded, recording, step=STEP)
     extracted = extract(plan, f"{out.stem}_commands.csv")
     names = Names(
         scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
         extract=f"{out.stem}_commands.csv", schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
+        parts={column.part: relative_path(column.part, out.parent) for column in recording.channels.values() if column.part},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
     )  # fmt: skip
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    for path in (out, *(out.parent / name for name in extracted)):
+        check_output(path, "schema", inputs=[robot, experiment], replace=True)
     text_with = partial(recording_text, plan, names, mode=mode, mapping=tuple(mapping), rate=rate)
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
@@ -86,8 +94,12 @@ def write_from_recording(
     return Written(files=files, recording=recording, remarks=plan.remarks, compared=bool(measured), message=message)
 
 
-def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], tuple[float, float]], str]:
-    """(joint, quantity) -> (RMSE, NRMSE) of the scenario as written; empty, with the reason, where it cannot be had."""
+def _items(item: str) -> list[str]:
+    return [one.text for one in load_mapping(Path(item))]
+
+
+def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], First], str]:
+    """What each joint's quantity gave, of the scenario as written; empty, with the reason, where it cannot be had."""
     if plan.duration / STEP * len(plan.robot.moving_joints) > MOST:
         return {}, "the recording is too long for a first comparison here"
     (scenario,) = load_scenario(path)
@@ -100,5 +112,16 @@ def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], tup
         return {}, str(error)
     except AsrsimError as error:
         return {}, f"the first run failed: {error}"
-    result = {(s.joint, s.quantity): (s.metrics["rmse"], s.metrics["nrmse"]) for s in found.series}
-    return {key: pair for key, pair in result.items() if np.isfinite(pair[0])}, ""
+    result = {
+        (s.joint, s.quantity): First(
+            rmse=s.metrics["rmse"], nrmse=s.metrics["nrmse"], r2=s.metrics["r2"],
+            moved=_extent(s.simulation) / _extent(s.recording),
+        )
+        for s in found.series
+        if np.isfinite(s.metrics["rmse"]) and _extent(s.recording) > 0.0
+    }  # fmt: skip
+    return result, ""
+
+
+def _extent(values: Array) -> float:
+    return float(np.nanmax(values) - np.nanmin(values))

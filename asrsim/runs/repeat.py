@@ -9,12 +9,15 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, DivergenceError, LogError, Problem
 from asrsim.log import LogReader, LogWriter, open_log
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
+from asrsim.runs.described import UNREPEATABLE
 from asrsim.runs.execute import PLUGINS, result_metadata
-from asrsim.runs.folder import LOG, open_folder
+from asrsim.runs.folder import LOG, new_log, open_folder
+from asrsim.runs.lock import owned
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
 from asrsim.simulation.run import Run, Sink, simulate
@@ -96,25 +99,33 @@ def repeat(
         OutputError: `out` cannot be written.
     """
     reader = open_log(path)
-    if "scenario" not in reader.info.resolved:
-        message = "the log does not say how to repeat the run"
-        raise LogError(Problem(message=message, file=reader.path, code="no-scenario"))
     folder = Path(out) if out is not None else None
-    if folder is not None and (folder / LOG).resolve() == reader.path.resolve():
-        message = "the repeated run would replace the log that it is compared with"
-        raise LogError(Problem(message=message, file=reader.path, hint="Choose another folder", code="same-file"))
+    if UNREPEATABLE in reader.metadata:
+        message = f"the run cannot be repeated: no document says what was changed about it ({reader.metadata[UNREPEATABLE]})"
+        raise LogError(Problem(message=message, file=reader.path, code="unrepeatable"))
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary, ExitStack() as stack:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
+        _require_engine(reader, scenario.engine)
+        place: Path | None = None
+        if folder is not None:
+            stack.enter_context(owned(folder))
+            earlier = open_folder(folder, scenario, overwrite=overwrite, inputs=(reader.path,))
+            place = stack.enter_context(new_log(folder, earlier))
         comparer = Comparer(reader)
         writer: LogWriter | None = None
 
         def sinks(info: RunInfo) -> Sequence[Sink]:
             nonlocal writer
-            if folder is None:
+            if place is None:
                 return [comparer]
-            open_folder(folder, scenario, overwrite=overwrite)
-            writer = stack.enter_context(LogWriter(folder / LOG, replace(info, scenario=reader.info.scenario)))
+            # It describes the same run.
+            there = reader.info
+            same = replace(
+                info, scenario=there.scenario, scenario_path=there.scenario_path, resolved=there.resolved,
+                attachments={**there.attachments, **info.attachments},
+            )  # fmt: skip
+            writer = stack.enter_context(LogWriter(place, same))
             return [comparer, writer]
 
         def ended() -> bool:
@@ -144,15 +155,35 @@ def repeat(
         differences=comparer.differences,
         versions={
             name: (there[name], here[name])
-            for name in ("asrsim", "pybullet", "numpy")
+            for name in ("asrsim", "engine_version", "numpy")
             if name in there and name in here and there[name] != here[name]
         },
         log=folder / LOG if folder is not None else None,
     )
 
 
+def _require_engine(reader: LogReader, name: str) -> None:
+    """A run is repeated in its own engine: another gives other bits. Raises LogError if that is not installed."""
+    entry = ENGINES.get(name)
+    if not entry.available:
+        version = reader.info.metadata.get("engine_version", name)
+        raise LogError(
+            Problem(
+                message=f"the run was made with the engine '{name}' ({version}), and '{entry.module}' is not installed here",
+                file=reader.path,
+                hint="Install it, or run the scenario itself in another engine with asrsim run --engine NAME",
+                code="engine-missing",
+            )
+        )
+
+
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
-    """Scenario and robot from a log's description; files that they need are laid into `folder`."""
+    """Scenario and robot from a log's description; files that they need are laid into `folder`.
+
+    Raises LogError if it has none, and InputError where they cannot be read any more.
+    """
+    if "scenario" not in info.resolved:
+        raise LogError(Problem(message="the log does not say how to repeat the run", code="no-scenario"))
     files: dict[str, Path] = {}
     for number, (name, data) in enumerate(sorted(info.attachments.items())):
         # Names come from a file: only their last part, and each in its own folder.

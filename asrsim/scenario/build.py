@@ -9,11 +9,11 @@ from typing import Any
 
 from asrsim.document.node import Node
 from asrsim.document.reading import Reading, Rejected
-from asrsim.errors import InputError
+from asrsim.samples import TIP
+from asrsim.scenario.choices import default_engine, prescribes_motion
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.keys import LOCKED, SCENARIO
-from asrsim.scenario.manager import Manager, read_manager
-from asrsim.scenario.task_keys import INVERSE_DYNAMICS
+from asrsim.scenario.joint_keys import LOCKED
+from asrsim.scenario.keys import SCENARIO
 from asrsim.signals.constant import Constant
 
 MAX_STEPS = 10**10
@@ -36,65 +36,22 @@ def build_scenario(
     except Rejected:
         _check_times(root, _readable(root), reading)
         return None
-    log_every = _check_times(root, keys, reading)
-    manager = _manager(keys["manager"], reading)
+    keys["log_every"] = _check_times(root, keys, reading)
+    keys["engine"] = keys["engine"] or default_engine()
     _check_motion(root, keys, reading)
     _check_objects(keys, root, reading)
-    variant = keys["variant"] or variant
-    expect = tuple(claim for claim in keys["expect"] if claim.variant in (None, variant))
-    if reading.problems or log_every is None:
+    if reading.problems:
         return None
-    robot = keys["robot"] if isinstance(keys["robot"], dict) else {"file": keys["robot"], "arguments": {}, "packages": {}}
-    modes = keys["modes"] if isinstance(keys["modes"], dict) else {"*": keys["modes"]}
-    name = keys["name"] or name
-    return Scenario(
-        name=name,
-        robot=robot["file"],
-        path=path,
-        text=text,
-        variant=variant,
-        xacro_arguments=robot["arguments"],
-        package_paths=robot["packages"],
-        base_position=keys["base"]["position"],
-        base_rpy=keys["base"]["rpy"],
-        fixed_base=keys["base"]["fixed"],
-        gravity=keys["gravity"],
-        initial_positions=keys["initial"],
-        duration=keys["duration"],
-        step=keys["step"],
-        log_every=log_every,
-        seed=keys["seed"],
-        stepping=keys["stepping"],
-        substeps=keys["substeps"],
-        motor_substeps=keys["motor_substeps"],
-        substep_cap=keys["substep_cap"],
-        engine=keys["engine"],
-        motion=_motion(keys["motion"], keys["initial"]),
-        compiled=keys["compiled"],
-        modes=modes,
-        parameters=keys["parameters"],
-        joint_order=manager.joints,
-        namespace=manager.namespace,
-        references={
-            joint: {name: signal for name, signal in items.items() if name != INVERSE_DYNAMICS}
-            for joint, items in keys["references"].items()
-        },
-        inverse_dynamics={
-            joint: items[INVERSE_DYNAMICS] for joint, items in keys["references"].items() if INVERSE_DYNAMICS in items
-        },
-        external_torques=keys["external_torques"],
-        wrenches=keys["wrenches"],
-        command_effects=keys["effects"]["commands"],
-        sensor_effects=keys["effects"]["sensors"],
-        link_damping=keys["link_damping"],
-        world=keys["world"],
-        task=keys["task"],
-        expect=expect,
-        learning=keys["ilc"] or {},
-        attachments=dict(reading.attachments),
-        resolved={**_plain(root.plain(reading.renamed)), "name": name, "variant": variant},
-        lines=_lines(root, path),
-    )
+    name, variant = keys["name"] or name, keys["variant"] or variant
+    changes = {
+        "name": name,
+        "variant": variant,
+        "motion": _motion(keys["motion"], keys.get("initial_positions", {})),
+        "expect": tuple(claim for claim in keys["expect"] if claim.variant in (None, variant)),
+        "resolved": {**_plain(root.plain(reading.renamed)), "name": name, "variant": variant, "engine": keys["engine"]},
+    }
+    attachments = dict(reading.attachments)
+    return Scenario(**{**keys, **changes}, path=path, text=text, attachments=attachments, lines=_lines(root, path))
 
 
 def _plain(data: Any) -> Any:
@@ -131,11 +88,11 @@ def _lines(root: Node, path: Path | None) -> dict[str, int]:
 def _readable(root: Node) -> dict[str, Any]:
     """What can be read of the times, so that their faults are told beside the others."""
     quiet = Reading()
-    keys: dict[str, Any] = {"step": 1e-3, "duration": 1e-3, "log_rate": None}
+    keys: dict[str, Any] = {"step": 1e-3, "duration": 1e-3, "log_every": None}
     for key in SCENARIO.keys:
-        if key.name in keys and isinstance(root.value, dict) and key.name in root.value:
+        if key.argument in keys and isinstance(root.value, dict) and key.name in root.value:
             try:
-                keys[key.name] = key.kind.read(root.value[key.name], (), quiet)
+                keys[key.argument] = key.kind.read(root.value[key.name], (), quiet)
             except Rejected:
                 return {}
     return keys
@@ -152,7 +109,7 @@ def _node(root: Node, *path: str) -> Node:
 def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> int | None:
     if not keys:
         return None
-    step, duration, rate = keys["step"], keys["duration"], keys["log_rate"]
+    step, duration, rate = keys["step"], keys["duration"], keys["log_every"]
     count = whole(duration / step)
     if count is None:
         message = f"must be a whole number of steps, but {duration:g} s / {step:g} s = {duration / step:.9g}"
@@ -170,20 +127,8 @@ def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> int |
     return every
 
 
-def _manager(path: Path | None, reading: Reading) -> Manager:
-    if path is None:
-        return Manager(joints=(), namespace=None)
-    try:
-        manager = read_manager(path)
-    except InputError as error:
-        reading.problems.extend(error.problems)
-        return Manager(joints=(), namespace=None)
-    reading.warnings.extend(manager.warnings)
-    return manager
-
-
 def _check_motion(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
-    if keys["motion"] and keys["engine"] != "bench":
+    if keys["motion"] and not prescribes_motion(keys["engine"]):
         message = f"prescribed motion needs 'engine: bench', but the engine is {keys['engine']}"
         reading.fault(_node(root, "motion"), ("motion",), message, code="motion", show=False)
 
@@ -200,7 +145,7 @@ def _motion(motion: str | Mapping[str, Any], initial: Mapping[str, float]) -> di
 
 
 def _check_objects(keys: Mapping[str, Any], root: Node, reading: Reading) -> None:
-    names = tuple(item.name for item in keys["world"].objects)
+    names = (*(item.name for item in keys["world"].objects), *((TIP,) if keys["task"] is not None else ()))
     for index, claim in enumerate(keys["expect"]):
         if claim.body is not None and claim.body not in names:
             expect = _node(root, "expect")

@@ -10,10 +10,12 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
-from asrsim.robot import ActuatorBlock, Robot, load_robot
+from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
 from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
+from asrsim.scenario.choices import prescribes_motion
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
 from asrsim.signals.base import Signal
 
@@ -52,9 +54,15 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     errors.extend(placed(scenario, problem) for problem in _unknown_names(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
+    errors.extend(placed(scenario, problem) for problem in _task(scenario))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
+    warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
+    if not errors:
+        from asrsim.kinematics.sizing import holding_findings
+
+        warnings.extend(holding_findings(scenario, changed))
     return errors, warnings
 
 
@@ -106,6 +114,20 @@ def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str =
     )
 
 
+def _task(scenario: Scenario) -> Iterator[Problem]:
+    """Poses that the run ends before: the robot would never be asked to go there."""
+    for index, pose in enumerate(scenario.task.poses if scenario.task else ()):
+        # The rounding of a duration that is counted in steps is no overrun.
+        if pose.time > scenario.duration * (1 + 1e-9):
+            yield Problem(
+                message=f"comes after the run's end at {scenario.duration:g} s",
+                key=f"task.poses.{index}.time",
+                value=pose.time,
+                hint=f"Let the run last at least {pose.time:g} s (duration), or move the pose before its end",
+                code="pose-after-end",
+            )
+
+
 def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for joint in robot.moving_joints:
         key = joint.name if joint.name in scenario.initial_positions else "*"
@@ -120,14 +142,13 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """A floating root without mass: an engine holds it still, or makes up a mass."""
-    if scenario.fixed_base or scenario.engine != "bullet":
+    """A floating body without mass: an engine holds it still, or makes up a mass. What fixed joints hold to it counts."""
+    if scenario.fixed_base or prescribes_motion(scenario.engine):
         return
-    children = {joint.child for joint in robot.joints}
-    for root in (link for link in robot.links if link.name not in children):
-        if not (root.mass and root.inertia and any(root.inertia)):
-            message = f"a floating robot needs mass and inertia in its root link '{root.name}'"
-            yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
+    body = merge_fixed(robot).robot.root
+    if not (body.mass and body.inertia and any(body.inertia)):
+        message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in what is fixed to it"
+        yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
 
 
 def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -173,7 +194,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             signal = own.get(name, common.get(name))
             if signal is not None:
                 yield from _values(scenario, robot, block, slot, key, signal)
-            elif not _made_elsewhere(scenario, block.joint):
+            elif not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
                 yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
 
@@ -185,8 +206,8 @@ def _names(block: ActuatorBlock) -> tuple[str, ...]:
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]
 
 
-def _made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """A Cartesian task, or learning, makes the reference."""
+def made_elsewhere(scenario: Scenario, joint: str) -> bool:
+    """Whether a Cartesian task, or learning, makes the joint's reference."""
     learned = (scenario.learning.get("trajectory", {}), *scenario.learning.get("trajectories", {}).values())
     if any(joint in trajectory or "*" in trajectory for trajectory in learned):
         return True

@@ -1,4 +1,4 @@
-"""The scenario as pure data: one variant, resolved and valid. The reader makes it, the builder consumes it."""
+"""The scenario as pure data: one variant, resolved and valid, each field with the key that it is read from."""
 
 from __future__ import annotations
 
@@ -7,220 +7,213 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
+from asrsim.document.block import REQUIRED, declare
+from asrsim.document.composite import MapOf
+from asrsim.document.kinds import Boolean, Choice, File, Integer, Optional, Text
+from asrsim.scenario.choices import default_engine, engines, steppings
+from asrsim.scenario.claim_keys import CLAIMS, Expectation
+from asrsim.scenario.joint_keys import (
+    ACTUATORS_BY_JOINT,
+    DAMPING_BY_JOINT,
+    EFFECTS_BY_JOINT,
+    MODE,
+    MOTION,
+    PARAMETERS,
+    Effects,
+    GivenActuator,
+    JointReferences,
+    LinkDamping,
+    References,
+    Start,
+)
+from asrsim.scenario.kinds import ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
+from asrsim.scenario.learning_keys import LEARNING
+from asrsim.scenario.manager import ManagerFile
+from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
+from asrsim.scenario.world_keys import WORLD, WRENCHES, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
 
-Vector = tuple[float, float, float]
+__all__ = [
+    "CartesianPose",
+    "CartesianTask",
+    "Effects",
+    "Expectation",
+    "GivenActuator",
+    "LinkDamping",
+    "Scenario",
+    "Vector",
+    "World",
+    "WorldObject",
+    "Wrench",
+    "for_joint",
+]
+
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effects:
-    """Imperfections between a controller and the joint; all off by default."""
-
-    delay: float = 0.0
-    """s."""
-    rate: float | None = None
-    """Hz: values are held between ticks of this control rate; None: continuous."""
-    quantum: float = 0.0
-    """Quantisation step in the signal's unit; 0: none."""
-    noise: float = 0.0
-    """Standard deviation of seeded Gaussian noise, a new draw each tick (or each step)."""
-
-    @property
-    def active(self) -> bool:
-        """Whether anything differs from the ideal."""
-        return bool(self.delay or self.rate or self.quantum or self.noise)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinkDamping:
-    """Link damping as a function of the stiffness: c(k) = constant + ratio * 2 sqrt(inertia * k), off by default."""
-
-    constant: float = 0.0
-    """N m s/rad, in addition to the URDF's damping."""
-    ratio: float = 0.0
-    """Damping ratio with respect to `inertia` and the present stiffness."""
-    inertia: float = 0.0
-    """kg m^2 at which `ratio` is meant."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wrench:
-    """A force and torque on a link by signals."""
-
-    link: str
-    force: tuple[Signal | None, Signal | None, Signal | None] = (None, None, None)
-    """N, along x, y, z."""
-    torque: tuple[Signal | None, Signal | None, Signal | None] = (None, None, None)
-    """N m."""
-    point: Vector = (0.0, 0.0, 0.0)
-    """Where the force acts, m, in the link's frame."""
-    frame: str = "world"
-    """`world` or `link`: the frame of force and torque."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorldObject:
-    """A body beside the robot."""
-
-    name: str
-    shape: str
-    """box, sphere, cylinder, mesh."""
-    size: tuple[float, ...] = ()
-    """box: x, y, z; sphere: radius; cylinder: radius, length; mesh: scale x, y, z. m."""
-    mesh: Path | None = None
-    mass: float = 0.0
-    """kg; 0: static."""
-    inertia: Vector | None = None
-    """Principal moments kg m^2; None: of the solid shape."""
-    friction: float = 0.5
-    """Coulomb coefficient; a contact's is the product of both bodies'."""
-    restitution: float = 0.0
-    position: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector = (0.0, 0.0, 0.0)
-    colour: tuple[float, float, float, float] = (0.72, 0.55, 0.35, 1.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class World:
-    """What stands around the robot."""
-
-    ground: bool = False
-    ground_friction: float = 1.0
-    ground_height: float = 0.0
-    """z of the ground's surface, m."""
-    objects: tuple[WorldObject, ...] = ()
-
-    @property
-    def empty(self) -> bool:
-        """Nothing to collide with."""
-        return not self.ground and not self.objects
-
-
-@dataclass(frozen=True, kw_only=True)
-class Expectation:
-    """A claim about a run, as data: `quantity` of `joint` under `measure` compares with `value`."""
-
-    quantity: str
-    measure: str
-    """A name from the metrics registry: steady_state, overshoot, maximum, rmse, amplitude, frequency, ..."""
-    comparison: str
-    """One of `==`, `<`, `<=`, `>`, `>=`; `==` within `tolerance`."""
-    value: float
-    tolerance: float = 0.0
-    joint: str | None = None
-    body: str | None = None
-    """World object instead of a joint, for poses and contacts."""
-    variant: str | None = None
-    """Only in this variant; None: in every one."""
-    against: Path | None = None
-    """File of a recording to compare with, for measures of a difference."""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    line: int | None = field(default=None, compare=False)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CartesianPose:
-    """A waypoint of a Cartesian task."""
-
-    time: float
-    """s at which the pose is reached."""
-    position: Vector
-    """m, world frame."""
-    rpy: Vector | None = None
-    """rad; None: orientation free."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CartesianTask:
-    """A path of a link's point, turned into equilibrium references by closed-loop inverse kinematics."""
-
-    link: str
-    poses: tuple[CartesianPose, ...]
-    point: Vector = (0.0, 0.0, 0.0)
-    """m in the link's frame."""
-    joints: tuple[str, ...] = ()
-    """Joints that move; empty: all actuated ones up the chain."""
-    gain: float = 10.0
-    """1/s, of the closed loop."""
-    damping: float = 1e-3
-    """m (or rad), of damped least squares."""
-    interpolation: str = "minimum_jerk"
-    gravity_compensation: bool = False
-    """Add the springs' deflection under gravity to the equilibrium."""
-    motor_droop: bool = False
-    """Compensate the motors' steady-state error under load too."""
-    preset: Mapping[str, float] = field(default_factory=dict)
-    """Stiffness preset per joint or "*"."""
-    tolerance: float = 1e-3
-    """m by which the path may be missed before it counts as unreachable."""
+_COUNT = Optional(Integer(minimum=1), word="auto")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One variant of a scenario, resolved: what one run needs."""
+    """One variant of a scenario, resolved: what one run needs. Tables are by joint, or `"*"` for all."""
 
-    name: str
-    robot: Path
-    path: Path | None = None
-    text: str = ""
-    """The file as read, all variants."""
-    variant: str = "default"
-    xacro_arguments: Mapping[str, str] = field(default_factory=dict)
-    package_paths: Mapping[str, Path] = field(default_factory=dict)
-    base_position: Vector = (0.0, 0.0, 0.0)
-    base_rpy: Vector = (0.0, 0.0, 0.0)
-    fixed_base: bool = True
-    gravity: Vector = (0.0, 0.0, -9.81)
-    """m/s^2."""
-    initial_positions: Mapping[str, float] = field(default_factory=dict)
-    duration: float = 1.0
-    """s."""
-    step: float = 1e-3
-    """s."""
-    log_every: int = 1
-    """Steps between logged samples (from the log rate)."""
-    seed: int = 0
-    stepping: str = "leapfrog"
-    """leapfrog (second order), euler (first order), toolbox (the released code's order of a step)."""
-    substeps: int | None = None
-    """World steps a step; None: automatic."""
-    motor_substeps: int | None = None
-    """Motor-and-spring steps a world step; None: automatic."""
-    substep_cap: int = 100
-    engine: str = "bullet"
-    motion: Mapping[str, Signal] = field(default_factory=dict)
-    """Bench engine: prescribed link positions per joint or "*"; joints without one are locked."""
-    compiled: bool | None = None
-    """True: force the compiled loop, False: forbid it, None: when it pays."""
-    modes: Mapping[str, int] = field(default_factory=dict)
-    """Operation modes that replace the URDF's, per joint or "*"."""
-    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint name or "*" -> parameter (our name or the toolbox's tag) -> value."""
-    joint_order: tuple[str, ...] = ()
-    """Order of the robot-level arrays (manager YAML); empty: order of the URDF."""
+    name: str = declare(
+        Optional(FolderName()), default=None, doc="of the scenario", shown="the file's name", field_default=REQUIRED
+    )
+    variant: str = declare(
+        Optional(FolderName()),
+        default=None,
+        doc="name of this variant, in a file without variants",
+        shown="default",
+        field_default="default",
+    )
+    robot: Path = declare(File(noun="robot (URDF or xacro)", attach=False), key="robot.file", doc="URDF or xacro file")
+    xacro_arguments: Mapping[str, str] = declare(
+        MapOf(of=Text(), noun="argument", star=False), key="robot.arguments", default={}, doc="xacro arguments"
+    )
+    package_paths: Mapping[str, Path] = declare(
+        MapOf(of=File(noun="folder", attach=False, exists=False), noun="package", star=False),
+        key="robot.packages",
+        default={},
+        doc="folders of `package://` names",
+    )
+    base_position: Vector = declare(
+        POSITION, key="base.position", default=ORIGIN, unit="m", doc="of the robot's root in the world"
+    )
+    base_rpy: Vector = declare(RPY, key="base.rpy", default=ORIGIN, unit="rad", doc="orientation of the robot's root")
+    fixed_base: bool = declare(Boolean(), key="base.fixed", default=True, doc="false: the robot floats")
+    gravity: Vector = declare(POSITION, default=(0.0, 0.0, -9.81), unit="m/s^2", doc="in the world's frame")
+    actuators: Mapping[str, GivenActuator] = declare(
+        ACTUATORS_BY_JOINT,
+        default={},
+        doc="actuators for joints of a robot file that has none there, or others",
+        shown="the robot file's",
+    )
+    modes: Mapping[str, int] = declare(
+        MapOf(of=MODE, bare=True), default={}, doc="operation modes that replace the URDF's, for all joints or a joint"
+    )
+    parameters: Mapping[str, Mapping[str, float]] = declare(
+        MapOf(of=PARAMETERS),
+        default={},
+        doc="actuator parameters that replace the URDF's, by our name or the toolbox's tag",
+    )
+    initial_positions: Mapping[str, float] = declare(
+        Start(),
+        key="initial",
+        spread=True,
+        default={},
+        unit="rad",
+        doc="the start: link positions, or states; motors stand where their link does, so springs are undeflected and a "
+        "loaded link first sags. `equilibrium`: at rest under the first references, springs loaded",
+        shown="0",
+    )
+    initial_velocities: Mapping[str, float] = field(default_factory=dict)
+    """Of links, rad/s."""
+    initial_motor_positions: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Of each motor, rad; without one, motors stand where their link's position puts them."""
+    initial_motor_velocities: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Of each motor, rad/s; without one, motors rest."""
+    initial_equilibrium: bool = False
+    """The run starts at static equilibrium: springs loaded, motors where the first references and presets put them."""
+    duration: float = declare(POSITIVE, unit="s", doc="simulated time, a whole number of steps", field_default=1.0)
+    step: float = declare(POSITIVE, default=1e-3, unit="s", doc="of the simulation")
+    log_every: int = declare(
+        Optional(POSITIVE),
+        key="log_rate",
+        default=None,
+        unit="Hz",
+        field_default=1,
+        shown="every step",
+        doc="samples logged a second; 1/step must be a multiple",
+    )
+    """Steps between logged samples."""
+    log_layout: str = declare(
+        Choice(("full", "compact")),
+        key="log",
+        default="full",
+        doc="full: the toolbox's topics; compact: one message a joint and `/joint_states`",
+    )
+    seed: int = declare(Integer(minimum=0), default=0, doc="of all noise")
+    engine: str = declare(
+        Optional(Choice(engines), word="auto"),
+        default=None,
+        shown="auto",
+        field_default=default_engine,
+        doc="of the links' motion; `auto`: bullet where it is installed; bench: the links' motion is prescribed",
+    )
+    stepping: str = declare(
+        Choice(steppings),
+        default="leapfrog",
+        doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
+    )
+    substeps: int | None = declare(_COUNT, default=None, doc="world steps a step", shown="auto")
+    motor_substeps: int | None = declare(_COUNT, default=None, doc="motor-and-spring steps a world step", shown="auto")
+    substep_cap: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
+    compiled: bool | None = declare(Optional(Boolean(), word="auto"), default=None, doc="the compiled loop", shown="auto")
+    velocity_cutoff: bool | None = declare(
+        Optional(Boolean(), word="auto"),
+        key="velocity_limit_cutoff",
+        default=None,
+        shown="auto",
+        doc="no torque that drives a joint further beyond its velocity limit, as Gazebo has it; `auto`: in toolbox stepping",
+    )
+    motion: Mapping[str, Signal] = declare(
+        MOTION,
+        default={},
+        unit="rad",
+        shown="locked",
+        doc="bench: `locked`, or a signal (or `locked`) a joint; a CSV by `playback`",
+    )
+    """Prescribed link positions; joints without one are locked."""
+    joint_order: tuple[str, ...] = declare(
+        Optional(ManagerFile(noun="manager YAML")),
+        key="manager",
+        spread=True,
+        default=None,
+        field_default=(),
+        doc="the toolbox's manager file: order of the joints in robot-level arrays, and namespace",
+    )
+    """Order of the robot-level arrays; empty: order of the URDF."""
     namespace: str | None = None
     """Replaces the blocks' namespace (manager YAML)."""
-    references: Mapping[str, Mapping[str, Signal]] = field(default_factory=dict)
-    """Joint or "*" -> reference by the mode's name (see asrsim.actuators.MODES) -> signal. Absent ones rest at their start."""
+    references: Mapping[str, Mapping[str, Signal]] = declare(
+        References(of=JointReferences()),
+        spread=True,
+        default={},
+        doc="the actuators' references, by the names of their mode; absent ones rest at their start; beside them "
+        "`inverse_dynamics: true` makes the first a desired motion of the link, whose input is computed",
+    )
     inverse_dynamics: Mapping[str, bool] = field(default_factory=dict)
-    """Joint or "*" -> whether its first reference is a desired motion of the link, whose input is computed."""
-    external_torques: Mapping[str, Signal] = field(default_factory=dict)
-    wrenches: tuple[Wrench, ...] = ()
-    command_effects: Mapping[str, Effects] = field(default_factory=dict)
-    """On the references, per joint or "*"."""
-    sensor_effects: Mapping[str, Effects] = field(default_factory=dict)
-    """On what the PID controllers read, per joint or "*"."""
-    link_damping: Mapping[str, LinkDamping] = field(default_factory=dict)
-    """Per joint or "*"."""
-    world: World = field(default_factory=World)
-    task: CartesianTask | None = None
-    expect: tuple[Expectation, ...] = ()
-    learning: Mapping[str, Any] = field(default_factory=dict)
-    """The `ilc:` block, validated by asrsim.scenario, consumed by asrsim.learning."""
+    """Joint or `"*"` -> whether its first reference is a desired motion of the link, whose input is computed."""
+    desired: Mapping[str, Signal] = declare(
+        SIGNALS_BY_JOINT,
+        default={},
+        unit="rad",
+        shown="the reference",
+        doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
+    )
+    external_torques: Mapping[str, Signal] = declare(
+        SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"
+    )
+    wrenches: tuple[Wrench, ...] = declare(WRENCHES, default=(), doc="forces and torques on links")
+    command_effects: Mapping[str, Effects] = declare(
+        EFFECTS_BY_JOINT, key="effects.commands", default={}, doc="on the references"
+    )
+    sensor_effects: Mapping[str, Effects] = declare(
+        EFFECTS_BY_JOINT, key="effects.sensors", default={}, doc="on what the PID controllers read"
+    )
+    link_damping: Mapping[str, LinkDamping] = declare(
+        DAMPING_BY_JOINT, default={}, doc="link damping that changes with the stiffness"
+    )
+    world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
+    task: CartesianTask | None = declare(Optional(TASK), default=None, doc="a Cartesian path, made into references")
+    learning: Mapping[str, Any] = declare(LEARNING, key="ilc", default={}, doc="iterative learning control, for `asrsim ilc`")
+    expect: tuple[Expectation, ...] = declare(CLAIMS, default=(), doc="claims that the run must meet")
+    path: Path | None = None
+    text: str = field(default="", repr=False)
+    """The file as read, all variants."""
     attachments: Mapping[str, Path] = field(default_factory=dict)
     """Files that the scenario names (playbacks, manager YAML), to be attached to the log."""
-    resolved: Mapping[str, Any] = field(default_factory=dict)
+    resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """This variant as plain JSON values with overrides applied: parsing it again gives this scenario."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Dotted key -> line in `path`, for messages of later checks."""

@@ -6,39 +6,33 @@ from typing import Any
 
 from asrsim.actuators import MODES
 from asrsim.document.block import Block
+from asrsim.document.kinds import Kind
 from asrsim.document.tables import key_table, markdown_table
-from asrsim.scenario.keys import ALL_EFFECTS, BASE, EFFECTS, KEYS, LINK_DAMPING, ROBOT, VARIANTS
-from asrsim.scenario.learning_keys import FILTER, LEARNING, PLANTS, SPREAD
-from asrsim.scenario.task_keys import EXPECTATION, POSE, TASK
-from asrsim.scenario.world_keys import GROUND, OBJECT, WORLD, WRENCH
+from asrsim.scenario.keys import KEYS, VARIANTS
 from asrsim.signals import SIGNALS
-from asrsim.signals.parse import block_of, main_field
+from asrsim.signals.parse import block_of
 
-_BLOCKS: dict[str, Block[Any]] = {
-    "robot": ROBOT,
-    "base": BASE,
-    "effects": ALL_EFFECTS,
-    "effects.commands.<joint>": EFFECTS,
-    "link_damping.<joint>": LINK_DAMPING,
-    "wrenches[]": WRENCH,
-    "world": WORLD,
-    "world.ground": GROUND,
-    "world.objects.<name>": OBJECT,
-    "task": TASK,
-    "task.poses[]": POSE,
-    "expect[]": EXPECTATION,
-    "ilc": LEARNING,
-    "ilc.filter": FILTER,
-    "ilc.plants, ilc.transfer": PLANTS,
-    "ilc.transfer.spread": SPREAD,
-}
+
+def _blocks() -> dict[str, Block[Any]]:
+    """Every block within the scenario's keys, by the places where it may stand."""
+    places: dict[int, tuple[list[str], Block[Any]]] = {}
+
+    def walk(kind: Kind[Any], place: str) -> None:
+        if isinstance(kind, Block):
+            places.setdefault(id(kind), ([], kind))[0].append(place)
+        for added, inner in kind.parts:
+            walk(inner, place + added)
+
+    for key in KEYS:
+        walk(key.kind, key.name)
+    return {", ".join(names): block for names, block in places.values()}
 
 
 def tables() -> dict[str, str]:
     """Name of a generated part -> its Markdown."""
     return {
         "scenario-keys": key_table((*KEYS, VARIANTS)),
-        "scenario-blocks": "\n\n".join(f"### `{name}`\n\n{key_table(block.keys)}" for name, block in _BLOCKS.items()),
+        "scenario-blocks": "\n\n".join(f"### `{name}`\n\n{key_table(block.keys)}" for name, block in _blocks().items()),
         "references": _reference_table(),
         "signals": _signal_list(),
         "signal-keys": "\n\n".join(_signal_section(name) for name in SIGNALS),
@@ -61,6 +55,5 @@ def _signal_list() -> str:
 def _signal_section(name: str) -> str:
     cls = SIGNALS.get(name)
     block = block_of(cls)
-    main = main_field(cls)
-    short = f"\n\n`{name}: ...` without keys means `{main}`." if main else ""
+    short = f"\n\n`{name}: ...` without keys means `{block.main}`." if block.main else ""
     return f"### {name}\n\n{block.doc}{short}\n\n{key_table(block.keys)}"

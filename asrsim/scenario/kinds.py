@@ -10,6 +10,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.signals.parse import SIGNAL
 
+Vector = tuple[float, float, float]
 Keys = dict[str, Any]
 """A block that is kept as a plain mapping."""
 

@@ -14,19 +14,20 @@ from asrsim.scenario.build import build_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.keys import SCENARIO
 from asrsim.scenario.kinds import names_a_folder
-from asrsim.scenario.overrides import apply_override
+from asrsim.scenario.overrides import Overrides, apply_override, apply_overrides
 
 DEFAULT = "default"
 """Name of the variant of a scenario without variants."""
 
 
 def load_scenario(
-    path: str | Path, *, variant: str | None = None, overrides: Sequence[str] = (), robot: str | Path | None = None
+    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[Scenario, ...]:
     """Every variant of a scenario file, in file order, or the one asked for.
 
-    A file without variants has one, called `default`. `overrides` are `key=value` texts (dotted key, YAML value),
-    applied after the variant; `robot` replaces the file's robot. Raises ScenarioError with every problem of the file.
+    A file without variants has one, called `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
+    key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
+    every problem of the file.
     """
     path = Path(path)
     if path.suffix in (".urdf", ".xacro"):
@@ -48,8 +49,7 @@ def load_scenario(
     chosen = variants if variant is None else {variant: variants[variant]}
     readings, scenarios = [], []
     for name, merged in chosen.items():
-        for override in overrides:
-            merged = apply_override(merged, override)
+        merged = apply_overrides(merged, overrides)
         if robot is not None:
             merged = apply_override(merged, "robot=")
             assert isinstance(merged.value, dict)
@@ -70,7 +70,7 @@ def scenario_from_data(
     files: Mapping[str, Path] | None = None,
     name: str = "scenario",
     variant: str = DEFAULT,
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     robot: str | Path | None = None,
 ) -> Scenario:
     """One scenario from plain data: the keys of a scenario file without `variants`; inverse of `Scenario.resolved`.
@@ -82,8 +82,7 @@ def scenario_from_data(
     if robot is not None:
         items["robot"] = str(Path(robot).absolute())
     root = node_from_data(items)
-    for override in overrides:
-        root = apply_override(root, override)
+    root = apply_overrides(root, overrides)
     reading = Reading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if scenario is None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from asrsim.document.kinds import File
 from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading, Rejected
 from asrsim.document.yaml_reader import read_yaml
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import InputError, Problem, ScenarioError
 
 MAX_DEPTH = 4
 
@@ -19,6 +22,19 @@ class Manager:
     joints: tuple[str, ...]
     namespace: str | None
     warnings: tuple[Problem, ...] = ()
+
+
+class ManagerFile(File):
+    """A manager file, read into the scenario's order of joints and namespace."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+        try:
+            manager = read_manager(super().read(node, path, reading))
+        except InputError as error:
+            reading.problems.extend(error.problems)
+            raise Rejected from None
+        reading.warnings.extend(manager.warnings)
+        return {"joint_order": manager.joints, "namespace": manager.namespace}
 
 
 def read_manager(path: Path) -> Manager:

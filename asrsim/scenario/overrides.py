@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
 
-from asrsim.document.node import Node
+from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, Problem, ScenarioError
 
@@ -24,21 +26,41 @@ def split_path(text: str) -> tuple[str, ...]:
     return tuple(parts)
 
 
+Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
+"""`key=value` texts, or dotted keys with plain values."""
+
+
+def apply_overrides(root: Node, overrides: Overrides) -> Node:
+    """The document with every override set, in order; a value of nothing takes the key away. Raises ScenarioError."""
+    for item in overrides.items() if isinstance(overrides, Mapping) else overrides:
+        if isinstance(item, str):
+            root = apply_override(root, item)
+        else:
+            key, value = str(item[0]).strip(), item[1]
+            _check_key(key)
+            root = _set(root, split_path(key), node_from_data(value), key)
+    return root
+
+
 def apply_override(root: Node, override: str) -> Node:
     """The document with `a.b.0.c=value` set; an empty value takes the key away. Raises ScenarioError."""
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         hint = "Write key=value, such as duration=2 or references.joint1.equilibrium_position=0.5"
         raise ScenarioError(Problem(message="is no key=value", value=override, hint=hint, code="override"))
-    if key.strip().partition(".")[0] == "variants":
-        hint = "What is set holds for every variant that runs; --variant chooses one"
-        raise ScenarioError(Problem(message="cannot be set", key=key.strip(), hint=hint, code="override"))
+    _check_key(key.strip())
     try:
         value = parse_yaml(text, error=ScenarioError)
     except InputError as error:
         message = f"its value {error.problems[0].message}"
         raise ScenarioError(Problem(message=message, key=key, value=text, code="override")) from None
     return _set(root, split_path(key.strip()), _without_lines(value), key.strip())
+
+
+def _check_key(key: str) -> None:
+    if key.partition(".")[0] == "variants":
+        hint = "What is set holds for every variant that runs; --variant chooses one"
+        raise ScenarioError(Problem(message="cannot be set", key=key, hint=hint, code="override"))
 
 
 def _without_lines(node: Node) -> Node:

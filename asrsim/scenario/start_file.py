@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from asrsim.errors import OutputError
-from asrsim.robot import load_robot, with_overrides
+from asrsim.document.yaml_reader import parse_yaml
+from asrsim.errors import OutputError, Problem, ScenarioError
+from asrsim.outfile import check_output, make_folder, write_text
+from asrsim.robot import Robot, load_robot, with_actuators, with_overrides
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.schema import schema_text
-from asrsim.scenario.starter import starter_text
+from asrsim.scenario.starter import Starter, starter_text
+
+MOUNTED_MODE = 6
+"""Mode of actuators that the scenario gives, where none is asked for."""
 
 SCHEMA_FILE = "asrsim.schema.json"
 
@@ -19,47 +27,67 @@ def write_starter(
     out: Path,
     *,
     mode: int | None = None,
+    actuators: Mapping[str, str] | None = None,
     force: bool = False,
     schema: bool = True,
     arguments: Mapping[str, str] | None = None,
     packages: Mapping[str, Path] | None = None,
-) -> tuple[Path, ...]:
-    """Write a starter scenario for the robot to `out`, and the schema beside it; gives the files written.
+) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:
+    """Write a starter scenario for the robot to `out`, and the schema beside it.
 
-    mode: replaces the robot file's modes. arguments, packages: xacro arguments and folders of ROS packages.
-    Raises RobotError for a robot that cannot be read, OutputError where a file is in the way or cannot be written.
+    mode: replaces the robot file's modes. actuators: joint or `"*"` -> actuator that the scenario puts there, with
+    parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
+
+    Gives the files written, and what to know of joints that sag or fall.
+    Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
+    file is in the way or cannot be written.
     """
+    from asrsim.kinematics.sizing import problems_of_weight, sizing
+
     loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
-    if mode is not None:
-        loaded = with_overrides(loaded, modes={"*": mode})
-    text = starter_text(
-        loaded,
-        robot_file=relative_path(robot, out.parent),
+    given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
+    mounted = with_actuators(loaded, given, {})
+    starter = Starter(
+        robot=mounted if mode is None else with_overrides(mounted, modes={"*": mode}),
+        file=relative_path(robot, out.parent),
         schema=SCHEMA_FILE if schema else None,
-        mode=mode,
-        arguments=arguments,
+        mode=None if given else mode,
+        given=tuple(one.name for one in loaded.moving_joints if one.name in given or "*" in given),
+        arguments=arguments or {},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
     )
+    found = sizing(_first(starter, loaded, out.parent), starter.robot)
+    notes: tuple[Problem, ...] = ()
+    if found.proposal and given:
+        starter = replace(starter, robot=with_overrides(starter.robot, parameters=found.proposal), sized=found.proposal)
+    elif found.weak:
+        notes = problems_of_weight(found, starter.robot)
+        starter = replace(starter, proposal=found.proposal)
+    text = starter_text(starter)
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    check_output(out, "schema", inputs=[robot], replace=True)
     write_new(out, text, force=force)
     if not schema:
-        return (out,)
+        return (out,), notes
     write_new(beside, schema_text(), force=True)
-    return out, beside
+    return (out, beside), notes
+
+
+def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
+    """The starter's own scenario, without its variants."""
+    data = parse_yaml(starter_text(starter), error=ScenarioError).plain()
+    data.pop("variants", None)
+    return scenario_from_data(data, base_dir=folder, robot=robot.path)
 
 
 def write_new(path: Path, text: str, *, force: bool) -> None:
     """Write a text file with the folders above it; OutputError if it is there (unless `force`) or cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise OutputError(f"{path} is there already; use --force to replace it, or --out for another file") from None
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+    if path.exists() and not force:
+        raise OutputError(f"{path} is there already; use --overwrite to replace it, or --out for another file")
+    make_folder(path.parent)
+    write_text(path, text, "schema", replace=force)
 
 
 def relative_path(target: Path, folder: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.document.yaml_reader import plain_scalar
@@ -93,27 +93,42 @@ class Drive:
             yield name, unit, number(low) if low == high else _step(low, high)
 
 
-def starter_text(
-    robot: Robot,
-    *,
-    robot_file: str,
-    schema: str | None = None,
-    mode: int | None = None,
-    arguments: Mapping[str, str] | None = None,
-    packages: Mapping[str, str] | None = None,
-) -> str:
-    """The starter's YAML. `robot` has its modes already; `mode` says that one was asked for, and is written down.
+@dataclass(frozen=True, kw_only=True)
+class Starter:
+    """What a starter scenario is written from."""
 
-    robot_file: path of the robot as the scenario shall name it. schema: path of the JSON Schema for editors, if any.
-    arguments, packages: xacro arguments and folders of ROS packages that the robot was read with.
-    """
+    robot: Robot
+    """With its modes and actuators as the scenario shall have them."""
+    file: str
+    """Path of the robot as the scenario shall name it."""
+    schema: str | None = None
+    """Path of the JSON Schema for editors, if any."""
+    mode: int | None = None
+    """A mode that was asked for, to be written down; the robot has it already."""
+    given: tuple[str, ...] = ()
+    """Joints whose actuator the scenario gives."""
+    sized: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Joint -> parameters of given actuators that the robot has already, so that they hold the arm's own weight."""
+    proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """The same for actuators of the robot file, to be written as a comment."""
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    """xacro arguments that the robot was read with."""
+    packages: Mapping[str, str] = field(default_factory=dict)
+    """Folders of ROS packages that it was read with."""
+
+
+def starter_text(starter: Starter) -> str:
+    """The starter's YAML."""
+    robot, mode = starter.robot, starter.mode
     drives = tuple(drive_of(robot, block) for block in robot.actuators)
-    lines = [f"# yaml-language-server: $schema={schema}"] if schema else []
+    lines = [f"# yaml-language-server: $schema={starter.schema}"] if starter.schema else []
     lines += [
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
-        "# Every key is explained in docs/scenario.md, every signal in docs/signals.md.",
+        f"# Editors explain every key by {starter.schema}; `asrsim actuators` explains parameters."
+        if starter.schema
+        else "# `asrsim check` explains what is wrong with a key, `asrsim actuators` what parameters there are.",
         "",
-        *robot_lines(robot_file, arguments or {}, packages or {}),
+        *robot_lines(starter.file, starter.arguments, starter.packages),
         "duration: 3          # s",
         "step: 0.001          # s; springs that are too stiff for it get substeps by themselves",
         "# log_rate: 500      # Hz; without it every step is logged",
@@ -121,12 +136,36 @@ def starter_text(
     ]
     if mode is not None:
         lines.append(f'modes: {{"*": {mode}}}       # {MODES[mode].name}, in the place of the modes in the robot\'s file')
+    lines += _actuators(starter)
     moved = [drive for drive in drives if drive.start]
     if moved:
         lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
         lines += [f"  {word(drive.joint.name)}: {number(drive.start)}" for drive in moved]
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
     return "\n".join(lines) + "\n"
+
+
+def _actuators(starter: Starter) -> Iterator[str]:
+    """The key `actuators`, or a comment on parameters that would hold the arm."""
+    if starter.given:
+        yield ""
+        yield "actuators:           # instead of plugin blocks in the robot's file"
+        if starter.sized:
+            yield "  # Parameters that stand here hold the arm's own weight; under their defaults it sags or falls."
+    for block in starter.robot.actuators:
+        if block.joint in starter.given:
+            sized = starter.sized.get(block.joint, {})
+            given = f", parameters: {_table(sized)}" if sized else ""
+            yield f"  {word(block.joint)}: {{type: {block.actuator}, mode: {block.mode}{given}}}"
+    if starter.proposal:
+        yield ""
+        yield "# As they are, springs or motors do not hold the arm's own weight: joints sag or fall. These hold it:"
+        yield "# parameters:"
+        yield from (f"#   {word(joint)}: {_table(given)}" for joint, given in starter.proposal.items())
+
+
+def _table(values: Mapping[str, float]) -> str:
+    return f"{{{', '.join(f'{name}: {number(value)}' for name, value in values.items())}}}"
 
 
 def robot_lines(file: str, arguments: Mapping[str, str], packages: Mapping[str, str]) -> Iterator[str]:
@@ -159,7 +198,8 @@ def drive_of(robot: Robot, block: ActuatorBlock) -> Drive:
 
 def _references(drives: tuple[Drive, ...]) -> Iterator[str]:
     if not drives:
-        yield "# The robot has no actuators: it moves freely under gravity."
+        yield "# The robot has no actuators: it moves freely under gravity. This key puts one on every joint:"
+        yield "# actuators: qbmove  # `asrsim actuators` lists them; `asrsim init ROBOT --actuator qbmove` sizes them, too"
         return
     yield "references:"
     for drive in drives:

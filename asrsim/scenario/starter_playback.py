@@ -11,15 +11,19 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.recordings.checks import wrong_unit
 from asrsim.recordings.compare import match_joints
+from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
-from asrsim.signals.playback import Playback
+from asrsim.signals.playback import Playback, since
 
 LATEST = 1.0
 """s: a recording that begins later, or before 0, is played from 0."""
 STAIRS = 0.5
 """Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are lines."""
+TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",)}
+"""Mode -> recorded quantities that are its command where none is called so."""
 FALLBACKS = ("equilibrium_position", "motor_1_position")
 """Recorded quantities that stand in for a command that was not recorded."""
 
@@ -77,6 +81,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float) -> Plan:
     columns = {
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
+    _require_units(robot, recording, columns)
     lag, end = _span(columns)
     modes: dict[str, int] = {}
     played: list[Played] = []
@@ -84,6 +89,8 @@ def make_plan(robot: Robot, recording: Recording, *, step: float) -> Plan:
         command = _command(columns, block, remarks)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
+            if second is None and block.mode == 4 and command.quantity == "motor_1_torque":
+                second = columns.get((block.joint, "motor_2_torque"))
             mode = _mode(block, command, second)
             if mode != block.mode:
                 modes[block.joint] = mode
@@ -151,8 +158,22 @@ def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
     return (0.0 if 0.0 <= start <= LATEST and end > start else start), end
 
 
+def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[str, str], Column]) -> None:
+    """Raises RecordingError for columns whose unit cannot be one of their joint."""
+    prismatic = {joint.name: joint.kind == "prismatic" for joint in robot.moving_joints}
+    wrong = [wrong_unit(column, joint, prismatic=prismatic[joint]) for (joint, _), column in columns.items()]
+    if any(wrong):
+        raise RecordingError(condense(replace(problem, file=recording.path) for problem in wrong if problem is not None))
+
+
 def _command(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str]) -> Column | None:
-    for quantity in ("reference_1", *FALLBACKS):
+    torques = TORQUES.get(block.mode, ())
+    reference = columns.get((block.joint, "reference_1"))
+    order = ["reference_1", *torques, *FALLBACKS]
+    if block.mode == 4 and reference is not None and reference.unit not in ("N m", "N"):
+        # A motor that is told its torque takes the recorded one before any position.
+        order = [*torques, *order]
+    for quantity in order:
         column = columns.get((block.joint, quantity))
         if column is None or not np.isfinite(column.values).any():
             continue
@@ -168,6 +189,8 @@ def _command(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, re
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     """The block's mode if it can take the command, else the nearest one that can."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
+    if command.quantity in TORQUES.get(block.mode, ()):
+        return mode.number
     if command.unit in ("N m", "N"):
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
     if mode.number in (0, 4):
@@ -196,7 +219,7 @@ def _plays(path: Path, column: Column, lag: float) -> bool:
         times, values = Playback(file=path, column=column.source, start=0.0 if lag else None).samples
     except InputError:
         return False
-    shifted = column.time - lag
+    shifted = since(column.time, lag) if lag else column.time
     return (
         len(times) == len(shifted)
         and bool(np.allclose(times, shifted, rtol=0.0, atol=1e-9))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
+from asrsim.recordings.units import split_header
 from asrsim.scenario.starter import drive_of, number, robot_lines, word
 from asrsim.scenario.starter_playback import Plan, Played, file_of
 
@@ -21,6 +22,8 @@ STEP = 0.001
 SHARE = 0.1
 """Of the recorded range: the limit of a claim before the first comparison."""
 
+STILL = 0.02
+"""Share of the recorded range below which the simulation rests."""
 APART = 0.25
 """Share of the recorded range beyond which simulation and recording are no pair."""
 
@@ -33,6 +36,8 @@ class Names:
     robot: str
     recording: str
     extract: str
+    parts: Mapping[Path, str] = field(default_factory=dict)
+    """Of files that were joined, each as the scenario names it."""
     schema: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
     """Of xacro."""
@@ -165,11 +170,6 @@ def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence
     if not claims:
         yield "# Nothing that the simulation has was recorded beside the commands: there is nothing to compare."
         return
-    options = [f"lag: {exact(plan.lag)}"]
-    if mapping:
-        options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
-    if rate:
-        options.append(f"rate: {rate:g}")
     yield "# The limits say how near the model is today, not how near it should be: put what the laboratory needs."
     if not any(claim.active for claim in claims):
         yield "# expect:"
@@ -177,11 +177,30 @@ def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence
         yield "expect:"
     for claim in claims:
         yield f"  # {claim.said}"
-        against = f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
+        against = _against(plan, names, claim, mapping, rate)
         yield (
             f"  {'' if claim.active else '# '}- {{joint: {word(claim.joint)}, quantity: {claim.quantity}, measure: rmse, "
             f"comparison: <, value: {number(claim.limit)}, {against}}}"
         )
+
+
+def _against(plan: Plan, names: Names, claim: Claim, mapping: Sequence[str], rate: float | None) -> str:
+    """The recording and how it is read; of joined files the one that has the column, on its own clock."""
+    column = next(column for joint, column in plan.compared if (joint, column.quantity) == (claim.joint, claim.quantity))
+    file, lag = names.recording, plan.lag
+    if column.part is not None:
+        file, lag = names.parts[column.part], plan.lag - column.shift
+        spelled = {text.rpartition("=")[0].strip(): text.rpartition("=")[2] for text in mapping}
+        target = (
+            spelled.get(column.source) or spelled.get(split_header(column.source)[0]) or f"{column.joint}.{column.quantity}"
+        )
+        mapping = [f"{column.label}={target}"]
+    options = [f"lag: {exact(lag)}"]
+    if mapping:
+        options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
+    if rate:
+        options.append(f"rate: {rate:g}")
+    return f"against: {word(file)}, options: {{{', '.join(options)}}}"
 
 
 def exact(value: float) -> str:
@@ -199,15 +218,40 @@ def _rounded(value: float) -> float:
     return float(np.ceil(value / digits - 1e-9) * digits)
 
 
-def first_claims(plan: Plan, measured: Mapping[tuple[str, str], tuple[float, float]]) -> list[Claim]:
-    """Claims from the first comparison: (joint, quantity) -> (RMSE, NRMSE); a fifth above it. Others are placeholders."""
+@dataclass(frozen=True, kw_only=True)
+class First:
+    """What the first comparison of a quantity gave."""
+
+    rmse: float
+    nrmse: float
+    """Share of the recorded range."""
+    r2: float
+    """Below 0 a constant would be nearer to the recording than the simulation is."""
+    moved: float
+    """Range of the simulation as a share of the recorded one."""
+
+    @property
+    def doubt(self) -> str:
+        """Why a limit from this comparison would say nothing; "" where it says something."""
+        if self.moved < STILL:
+            return "the simulation does not move"
+        if self.r2 < 0.0:
+            return f"R2 is {self.r2:.2g}, so that a constant would be nearer; another zero, sign or unit, or not modelled?"
+        return "" if self.nrmse < APART else "another unit, side of a gear or zero, or not modelled?"
+
+
+def first_claims(plan: Plan, measured: Mapping[tuple[str, str], First]) -> list[Claim]:
+    """Claims from the first comparison, by joint and quantity; a fifth above its RMSE. Others are placeholders, not claimed."""
     claims = []
     for claim in placeholders(plan):
-        rmse, nrmse = measured.get((claim.joint, claim.quantity), (np.nan, np.nan))
-        if np.isfinite(rmse) and rmse > 0.0:
-            said = f"{rmse:.3g} in the first comparison, {100 * nrmse:.3g} % of the recorded range"
-            active = nrmse < APART
-            said += "" if active else ": another unit, side of a gear or zero, or not modelled?"
+        first = measured.get((claim.joint, claim.quantity))
+        if first is None:
+            claim = replace(claim, active=False)
+        elif first.rmse > 0.0:
+            rmse = first.rmse
+            said = f"{rmse:.3g} in the first comparison, {100 * first.nrmse:.3g} % of the recorded range"
+            active = not first.doubt
+            said += "" if active else f": {first.doubt}"
             claim = Claim(joint=claim.joint, quantity=claim.quantity, limit=_rounded(1.2 * rmse), said=said, active=active)
         claims.append(claim)
     return claims

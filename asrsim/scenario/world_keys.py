@@ -1,41 +1,72 @@
-"""Keys of what surrounds the robot: wrenches, objects, ground."""
+"""Keys of what surrounds the robot, and the data that they become: wrenches, objects, ground."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from asrsim.document.block import Block, Key
+from asrsim.document.block import Block, Key, block_of, declare, declared_keys
 from asrsim.document.composite import Either, ListOf, MapOf, is_list, is_mapping, is_scalar
 from asrsim.document.kinds import Boolean, Choice, File, Optional, Text
 from asrsim.errors import Problem, ScenarioError
 from asrsim.robot.meshes import mesh_fault
-from asrsim.scenario.data import World, WorldObject, Wrench
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SHARE, Keys
+from asrsim.samples import TIP, TIP_GOAL
+from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SHARE, Keys, Vector
+from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 
 _AXES = ListOf(of=Optional(SIGNAL), length=3, names=("x", "y", "z"))
+Axes = tuple[Signal | None, Signal | None, Signal | None]
 
 
-def _wrench(**arguments: Any) -> Wrench:
-    if all(signal is None for signal in (*arguments["force"], *arguments["torque"])):
-        raise ScenarioError(Problem(message="a wrench needs a force or a torque", key="force", code="empty-wrench"))
-    return Wrench(**arguments)
+@dataclass(frozen=True, kw_only=True)
+class Wrench:
+    """A force and torque on a link by signals."""
+
+    link: str = declare(Text(noun="name of a link"), doc="the link it acts on")
+    force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal an axis, `null` for none", shown="none")
+    torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal an axis, `null` for none", shown="none")
+    point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
+    frame: str = declare(Choice(("world", "link")), default="world", doc="frame of force and torque")
+
+    def __post_init__(self) -> None:
+        if all(signal is None for signal in (*self.force, *self.torque)):
+            raise ScenarioError(Problem(message="a wrench needs a force or a torque", key="force", code="empty-wrench"))
 
 
-WRENCH = Block(
-    keys=(
-        Key(name="link", kind=Text(noun="name of a link"), doc="the link it acts on"),
-        Key(name="force", kind=_AXES, default=(None,) * 3, unit="N", doc="a signal an axis, `null` for none", shown="none"),
-        Key(name="torque", kind=_AXES, default=(None,) * 3, unit="N m", doc="a signal an axis, `null` for none", shown="none"),
-        Key(name="point", kind=POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame"),
-        Key(name="frame", kind=Choice(("world", "link")), default="world", doc="frame of force and torque"),
-    ),
-    build=_wrench,
-    noun="wrench",
-)
+WRENCHES = ListOf(of=block_of(Wrench, "wrench"))
 
 _SIZES = {"box": (3, "x, y, z"), "sphere": (1, "radius"), "cylinder": (2, "radius, length"), "mesh": (3, "scale x, y, z")}
 _SIZE = Either(((is_scalar, POSITIVE), (is_list, ListOf(of=POSITIVE, minimum=1))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldObject:
+    """A body beside the robot."""
+
+    name: str
+    shape: str = declare(Choice(tuple(_SIZES)), doc="its shape")
+    size: tuple[float, ...] = declare(
+        _SIZE, default=(), unit="m", doc="box: [x, y, z]; sphere: radius; cylinder: [radius, length]; mesh: scale [x, y, z]"
+    )
+    mesh: Path | None = declare(Optional(File(noun="mesh")), default=None, doc="mesh: its file")
+    mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
+    inertia: Vector | None = declare(
+        Optional(ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz"))), default=None, unit="kg m^2",
+        doc="principal moments; default: those of the solid shape, of a mesh those of its bounding box; the centre of mass is "
+        "the shape's middle, of a mesh its origin",
+    )  # fmt: skip
+    friction: float = declare(
+        NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; a contact's is the product of both bodies'"
+    )
+    restitution: float = declare(SHARE, default=0.0, unit="1", doc="0: no bounce, 1: elastic")
+    position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="of its centre")
+    rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
+    colour: tuple[float, float, float, float] = declare(
+        ListOf(of=SHARE, length=4, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0),
+        doc="for pictures",
+    )  # fmt: skip
 
 
 def _object(**arguments: Any) -> WorldObject:
@@ -56,36 +87,8 @@ def _object(**arguments: Any) -> WorldObject:
     return WorldObject(**{**arguments, "size": size, "name": ""})
 
 
-OBJECT = Block(
-    keys=(
-        Key(name="shape", kind=Choice(tuple(_SIZES)), doc="its shape"),
-        Key(
-            name="size", kind=_SIZE, default=(), unit="m",
-            doc="box: [x, y, z]; sphere: radius; cylinder: [radius, length]; mesh: scale [x, y, z]",
-        ),
-        Key(name="mesh", kind=Optional(File(noun="mesh")), default=None, doc="mesh: its file"),
-        Key(name="mass", kind=NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move"),
-        Key(
-            name="inertia", kind=Optional(ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz"))), default=None,
-            unit="kg m^2", doc="principal moments; default: those of the solid shape",
-        ),
-        Key(
-            name="friction", kind=NOT_NEGATIVE, default=0.5, unit="1",
-            doc="Coulomb coefficient; a contact's is the product of both bodies'",
-        ),
-        Key(name="restitution", kind=SHARE, default=0.0, unit="1", doc="0: no bounce, 1: elastic"),
-        Key(name="position", kind=POSITION, default=ORIGIN, unit="m", doc="of its centre"),
-        Key(name="rpy", kind=RPY, default=ORIGIN, unit="rad", doc="orientation"),
-        Key(
-            name="colour", kind=ListOf(of=SHARE, length=4, names=("red", "green", "blue", "alpha")),
-            default=(0.72, 0.55, 0.35, 1.0), doc="for pictures",
-        ),
-    ),
-    build=_object,
-    noun="object",
-)  # fmt: skip
-
-GROUND: Block[Keys] = Block(
+_OBJECTS = MapOf(of=Block(keys=declared_keys(WorldObject), build=_object, noun="object"), noun="name", star=False)
+_GROUND: Block[Keys] = Block(
     keys=(
         Key(name="friction", kind=NOT_NEGATIVE, default=1.0, unit="1", doc="Coulomb coefficient"),
         Key(name="height", kind=NUMBER, default=0.0, unit="m", doc="z of the surface"),
@@ -95,37 +98,38 @@ GROUND: Block[Keys] = Block(
 )
 
 
-RESERVED = ("ground", "robot")
-"""Names that contacts have for what is no object."""
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """What stands around the robot."""
+
+    ground: bool = declare(
+        Either(((is_mapping, _GROUND), (is_scalar, Boolean()))), default=False,
+        doc="a level ground at height 0, or one with friction and height",
+    )  # fmt: skip
+    ground_friction: float = 1.0
+    ground_height: float = 0.0
+    """z of the ground's surface, m."""
+    objects: tuple[WorldObject, ...] = declare(_OBJECTS, default={}, doc="bodies beside the robot", field_default=tuple)
+
+    @property
+    def empty(self) -> bool:
+        """Nothing to collide with."""
+        return not self.ground and not self.objects
 
 
-def _world(ground: bool | dict[str, float], objects: dict[str, WorldObject]) -> World:
-    from dataclasses import replace
+RESERVED = ("ground", "robot", TIP, TIP_GOAL)
+"""Names that logs have for what is no object."""
 
+
+def _world(ground: bool | dict[str, Any], objects: dict[str, WorldObject]) -> World:
     for name in RESERVED:
         if name in objects:
-            raise ScenarioError(
-                Problem(
-                    message=f"an object cannot be called '{name}': contacts are named so", key=f"objects.{name}", code="name"
-                )
-            )
-    surface = ground if isinstance(ground, dict) else {"friction": 1.0, "height": 0.0}
-    return World(
-        ground=ground is not False,
-        ground_friction=surface["friction"],
-        ground_height=surface["height"],
-        objects=tuple(replace(item, name=name) for name, item in objects.items()),
-    )
+            message = f"an object cannot be called '{name}': logs name something else so"
+            raise ScenarioError(Problem(message=message, key=f"objects.{name}", code="name"))
+    named = tuple(replace(item, name=name) for name, item in objects.items())
+    if isinstance(ground, bool):
+        return World(ground=ground, objects=named)
+    return World(ground=True, ground_friction=ground["friction"], ground_height=ground["height"], objects=named)
 
 
-WORLD = Block(
-    keys=(
-        Key(
-            name="ground", kind=Either(((is_mapping, GROUND), (is_scalar, Boolean()))), default=False,
-            doc="a level ground at height 0, or one with friction and height",
-        ),
-        Key(name="objects", kind=MapOf(of=OBJECT, noun="name", star=False), default={}, doc="bodies beside the robot"),
-    ),
-    build=_world,
-    noun="world",
-)  # fmt: skip
+WORLD = Block(keys=declared_keys(World), build=_world, noun="world")

@@ -41,7 +41,7 @@ class Scale(Signal):
     kind: ClassVar[str] = "scale"
 
     by: float = declare(ANY, doc="the factor")
-    of: Signal = declare(SIGNAL, doc="the signal")  # noqa: RUF009 - makes a field
+    of: Signal = declare(SIGNAL, doc="the signal")
 
     def values(self, time: Array) -> Array:
         return self.by * self.of.values(time)
@@ -57,7 +57,7 @@ class Delay(Signal):
     kind: ClassVar[str] = "delay"
 
     by: float = declare(NOT_NEGATIVE, doc="the delay", unit="s")
-    of: Signal = declare(SIGNAL, doc="the signal")  # noqa: RUF009 - makes a field
+    of: Signal = declare(SIGNAL, doc="the signal")
 
     def __post_init__(self) -> None:
         require(self.by >= 0.0, "must be at least 0", key="by")

@@ -74,7 +74,7 @@ def _names(table: Table) -> tuple[str, ...]:
 
 
 def _find(path: Path, table: Table, wanted: str, key: str) -> int:
-    from asrsim.recordings.read_csv import find_column
+    from asrsim.recordings.names import find_column
 
     index = find_column(wanted, table.layout.names)
     if index is not None and index not in table.layout.text:

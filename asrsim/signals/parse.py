@@ -44,7 +44,7 @@ class SignalKind(Kind[Signal]):
                 show=False,
             )
         cls = SIGNALS.get(kind)
-        return block_of(cls).read(_body(cls, body), (*path, kind), reading)
+        return block_of(cls).read(body, (*path, kind), reading)
 
     def schema(self) -> Schema:
         return {"$ref": "#/$defs/signal"}
@@ -60,8 +60,7 @@ class SignalKind(Kind[Signal]):
         if isinstance(base.value, dict) and isinstance(over.value, dict) and len(base.value) == 1:
             kind = next(iter(base.value))
             if [*over.value] == [kind] and kind in SIGNALS:
-                cls = SIGNALS.get(kind)
-                inner = block_of(cls).merge(_body(cls, base.value[kind]), _body(cls, over.value[kind]))
+                inner = block_of(SIGNALS.get(kind)).merge(base.value[kind], over.value[kind])
                 return Node({kind: inner}, over.line, over.key_lines, over.file)
         return over
 
@@ -69,23 +68,11 @@ class SignalKind(Kind[Signal]):
 SIGNAL = SignalKind()
 
 
-def main_field(cls: type[Signal]) -> str | None:
-    """The field that a value which is no mapping fills (`sum: [...]`), if the kind has one."""
-    name: str | None = getattr(cls, "main_field", None)
-    return name
-
-
-def _body(cls: type[Signal], body: Node) -> Node:
-    main = main_field(cls)
-    if main is not None and not isinstance(body.value, dict):
-        return Node({main: body}, body.line, {main: body.line}, body.file)
-    return body
-
-
 def block_of(cls: type[Signal]) -> Block[Signal]:
     """The declared keys of a kind of signal."""
     doc = (cls.__doc__ or "").strip().splitlines()
-    return Block(keys=declared_keys(cls), build=cls, noun=f"mapping of {cls.kind}", doc=doc[0] if doc else "")
+    main = getattr(cls, "main_field", "")
+    return Block(keys=declared_keys(cls), build=cls, noun=f"mapping of {cls.kind}", doc=doc[0] if doc else "", main=main)
 
 
 def signal_schema() -> Schema:
@@ -94,11 +81,7 @@ def signal_schema() -> Schema:
 
     shapes: list[Schema] = [{"type": "number", "description": "a constant"}]
     for name in SIGNALS:
-        cls = SIGNALS.get(name)
-        body = block_of(cls).schema()
-        main = main_field(cls)
-        if main is not None:
-            body = {"anyOf": [body, {"type": ["number", "array"]}], "description": body.get("description", "")}
+        body = block_of(SIGNALS.get(name)).schema()
         shapes.append({"type": "object", "properties": {name: body}, "required": [name], "additionalProperties": False})
     return {"anyOf": shapes}
 

@@ -24,13 +24,19 @@ STAMP_LIMIT = 1e6
 _RECORDING = File(noun="recording", folder=True)
 
 
+def since(times: Array, zero: float, start: float = 0.0) -> Array:
+    """Times (n,) in s from `zero`, which becomes `start`, rounded to what the clock resolves: 100.2 is 0.2 s after 100."""
+    digits = min(9, int(np.floor(-np.log10(np.spacing(max(float(np.max(np.abs(times))), abs(start), 1e-3))))))
+    return np.asarray(np.round(times - zero, digits) + start, dtype=np.float64)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Playback(Signal):
     """A recorded series; before its first and after its last sample the end values hold."""
 
     kind: ClassVar[str] = "playback"
 
-    file: Path = declare(_RECORDING, doc="CSV, MCAP, or ROS 1 or ROS 2 bag")  # noqa: RUF009 - makes a field
+    file: Path = declare(_RECORDING, doc="CSV, MCAP, or ROS 1 or ROS 2 bag")
     column: str | None = declare(
         Optional(Text(noun="name of a column")), doc="CSV: the column, with or without its unit", default=None
     )
@@ -70,9 +76,9 @@ class Playback(Signal):
             times, values = _bag(path, newest, self.topic or "", self.message_field, self.time == "header")
         first = float(times[0])
         if self.start is not None:
-            times = times - first + self.start
+            times = since(times, first, self.start)
         elif abs(first) > STAMP_LIMIT:
-            times = times - first
+            times = since(times, first)
         object.__setattr__(self, "_series", (times, self.scale * values + self.offset))
 
     @property

@@ -22,5 +22,9 @@ class Sampled(Signal):
     samples: Array
     """(n,) in the unit of what it drives."""
 
+    def __post_init__(self) -> None:
+        # No negative zero: a playback of the same numbers, which adds an offset, has none either.
+        object.__setattr__(self, "samples", np.asarray(self.samples, dtype=np.float64) + 0.0)
+
     def values(self, time: Array) -> Array:
         return np.asarray(np.interp(time, self.times, self.samples), dtype=np.float64)

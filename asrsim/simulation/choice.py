@@ -12,13 +12,6 @@ SECONDS_WHEN_LOADED = 0.05
 """The same where Numba is imported already."""
 
 
-def available() -> bool:
-    """Numba is installed (the extra `fast`)."""
-    from importlib.util import find_spec
-
-    return find_spec("numba") is not None
-
-
 def pays(joints: int, substeps: int) -> bool:
     """The run is long enough for the compiled loop to win back its start; `substeps`: of the motors, in the whole run."""
     start = SECONDS_WHEN_LOADED if "numba" in sys.modules else SECONDS_TO_LOAD

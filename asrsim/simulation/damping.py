@@ -1,62 +1,81 @@
-"""Viscous damping of the links, implicit in the loop: how it answers torques, and how it may change with the stiffness.
+"""Viscous damping of the links, implicit in the substep: how it answers torques, and how it may change with the stiffness.
 
-The damped kick itself is :func:`asrsim.simulation.kernels.damp`, which the plain and the compiled loop share.
+The damped kick itself is :func:`asrsim.simulation.substep.make_damping`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
+from asrsim.simulation.substep import BASE, INERTIA, RATIO
 
-COUPLED = 0.25
-"""c h / I between joints above which their damping is bounded by the row's sum."""
+COUPLED = 0.1
+"""Decay between joints in a step, c h / I, above which their damping is solved for together."""
+RINGING = 0.5
+"""Share of itself to which a motion that dies within a step comes back, with the other sign: less would lag, more would
+ring."""
 
 
-def mean_response(mass: Array, dampings: Sequence[float], substep: float) -> tuple[list[float], list[float]]:
-    """Half a kick's velocity per torque of each joint, h / 2 (M^-1)_jj, for the mean velocity that damping acts on; and lean.
+@dataclass(frozen=True)
+class Response:
+    """How mean velocities over a kick answer torques."""
 
-    mass: (n, n) kg m^2; dampings: N m s/rad, one a joint; substep h in s. lean: by how much more than half the kick's change
-    counts in the mean, 0 but for joints whose motion dies within a step.
+    weight: float
+    """Of the kick's change of velocity in the mean: 1/2 is the midpoint rule."""
+    coupled: bool
+    response: Array
+    """(n, n) rad/s / N m: mean velocity of each joint per torque on each; with its damping in it if coupled."""
+    spread: Array
+    """(n, n): mean velocity of each joint per undamped one of each, if coupled."""
 
-    Over a kick that mean is v + Dv / 2, and Dv differs from the last kick's v - u by h M^-1 times what the torques of
-    actuator and damping have changed by. Solved for the mean, damping is implicit, and midpoint for what is stiff;
-    only second-order terms depend on the response, so the diagonal, now and then, will do.
+
+def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, explicit: bool, coupled: bool | None) -> Response:
+    """mass: (n, n) kg m^2; dampings: N m s/rad, one a joint; substep h in s; explicit: steppings that damp by the last
+    velocity.
+
+    The mean velocity over a kick is v + w Dv, and Dv differs from the last kick's by h M^-1 times what the torques have
+    changed by. coupled: whether joints are solved for together, None: where it matters. Solved for the mean, damping is
+    implicit, and midpoint (w = 1/2; explicit steppings: 0) but for what is stiff: a mode that decays by f = c h / I comes back
+    as (1 - (1 - w) f) / (1 + w f), which stays above -:data:`RINGING`.
     """
     inverse = np.linalg.inv(mass)
-    root = np.sqrt(np.array(dampings))
+    damping = np.asarray(dampings, dtype=float)
+    root = np.sqrt(np.maximum(damping, 0.0))
     decay = substep * root[:, None] * inverse * root[None, :]
-    own = np.diagonal(decay)
-    coupled = np.sum(np.abs(decay), axis=1) - own
-    # Where damping couples joints strongly (light links on light links), the row's sum bounds it: implicit, so stable.
-    felt = np.where(coupled > COUPLED, own + coupled, own)
-    # Midpoint, but for a joint whose motion dies within a step: there the midpoint rule would ring.
-    weight = np.maximum(0.5, 1.0 - 1.0 / np.maximum(felt, 1e-12))
-    scale = np.divide(felt, own, out=np.ones_like(own), where=own > 0.0)
-    response: list[float] = (weight * substep * np.diagonal(inverse) * scale).tolist()
-    return response, (weight - 0.5).tolist()
+    fastest = float(np.linalg.eigvalsh(decay)[-1]) if len(decay) else 0.0
+    least = 0.0 if explicit else 0.5
+    weight = max(least, (fastest - 1.0 - RINGING) / (max(fastest, 1e-12) * (1.0 + RINGING)))
+    response = weight * substep * inverse
+    if coupled is None:
+        coupled = bool(np.abs(decay - np.diag(np.diagonal(decay))).max(initial=0.0) > COUPLED)
+    spread = np.eye(len(mass))
+    if coupled:
+        spread = np.linalg.inv(spread + response * damping[None, :])
+        response = spread @ response
+    return Response(weight, coupled, np.asarray(response, dtype=float), np.asarray(spread, dtype=float))
 
 
-def make_damping_law(drive: Drive, lag: float) -> Callable[[float, Any, float, float], float] | None:
-    """Additional link damping in N m s/rad as a function of link position, motor state and references, or None (the default).
+def make_damping_law(drive: Drive) -> Callable[[Any, Any, float, tuple[float, ...]], float] | None:
+    """Link damping in N m s/rad from the joint's row, its constants, q and record; None where it is constant.
 
     c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness
-    preset (paper section 4.2.2); the toolbox keeps it fixed. lag: s by which motors' states are behind the link's.
+    preset (paper section 4.2.2); the toolbox keeps it fixed.
     """
     law, actuator = drive.link_damping, drive.actuator
-    if law is None or actuator is None or not (drive.mode and drive.mode.spring):
-        return None if law is None or not law.constant else lambda q, state, first, second: law.constant
-    elastic, motors = drive.elastic, drive.dynamic_motors
+    if law is None or actuator is None or not law.ratio or not (drive.mode and drive.mode.spring):
+        return None
+    stiffness, elastic_of = actuator.stiffness, drive.elastic_of
 
-    def damping(q: float, state: Any, first: float, second: float) -> float:
-        # Ideal motors and an adjuster stand at their references.
-        theta_1 = state[0] + lag * state[1] if motors else first
-        theta_2 = state[4] + lag * state[5] if motors > 1 else second
-        stiffness = actuator.stiffness(q, theta_1, theta_2, elastic)
-        return float(law.constant + 2.0 * law.ratio * max(law.inertia * stiffness, 0.0) ** 0.5)
+    def damping(joint: Any, constants: Any, q: float, record: tuple[float, ...]) -> float:
+        # Of a record, entries 2 and 6 are the motors' positions at the kick.
+        k = stiffness(q, record[2], record[6], elastic_of(constants))
+        return float(joint[BASE] + 2.0 * joint[RATIO] * sqrt(max(joint[INERTIA] * k, 0.0)))
 
     return damping

@@ -13,8 +13,10 @@ from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
 
 
-def describe(scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping: Stepping, resolution: Resolution) -> RunInfo:
-    """The run's description, for its log."""
+def describe(
+    scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping: Stepping, resolution: Resolution, engine: str
+) -> RunInfo:
+    """The run's description, for its log; engine: its library and version."""
     from asrsim import __version__
     from asrsim.versions import version
 
@@ -48,9 +50,9 @@ def describe(scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping
         },
         metadata={
             "asrsim": __version__,
-            "pybullet": version("pybullet"),
             "numpy": version("numpy"),
             "engine": scenario.engine,
+            "engine_version": engine,
             "stepping": stepping.name,
             "order": str(stepping.order),
             "step": repr(scenario.step),

@@ -12,8 +12,8 @@ import numpy as np
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.loop import COLUMNS
 from asrsim.simulation.recorder import COLUMN
+from asrsim.simulation.substep import RAW
 from asrsim.simulation.substeps import COARSE
 
 SHARE = 0.5
@@ -31,7 +31,7 @@ def not_finite(raw: Array) -> int | None:
         # One sum tells of any NaN or infinity; which number it was is seldom asked.
         if np.isfinite(raw.sum()) and np.abs(velocity).max(initial=0.0) <= FASTEST:
             return None
-    looked = raw[:, :, [i for i, name in enumerate(COLUMNS) if not name.startswith("drive")]]
+    looked = raw[:, :, [i for i, name in enumerate(RAW) if not name.startswith("drive")]]
     bad = ~np.isfinite(looked).all(axis=(1, 2)) | (np.abs(velocity) > FASTEST).any(axis=1)
     return int(np.argmax(bad)) if bad.any() else None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +28,10 @@ class Drive:
     """Parameter values by name."""
     stepping: Stepping
     initial_position: float
+    motor_positions: tuple[float, ...] | None = None
+    """rad at the start; None: where the unloaded link rests, so that a run does not begin with a jerk."""
+    motor_velocities: tuple[float, ...] | None = None
+    """rad/s at the start; None: at rest."""
     link_damping: LinkDamping | None = None
     block: ActuatorBlock | None = None
     advance: Advance = field(init=False)
@@ -58,6 +62,31 @@ class Drive:
         return self.values["controller_1_derivative"]
 
     @property
+    def constant_damping(self) -> float:
+        """N m s/rad of the link, but for what depends on the stiffness."""
+        return self.joint.damping + (self.link_damping.constant if self.link_damping else 0.0)
+
+    @property
+    def passive_stiffness(self) -> float:
+        """N m/rad of the joint's own spring; Gazebo's, of URDF files."""
+        return self.joint.spring_stiffness
+
+    @property
+    def elastic_of(self) -> Callable[[Any], Any]:
+        """Constants of `advance` -> parameters of the spring."""
+        if self.stepping.released:
+            return _first
+        return _third if self.dynamic_motors else _all
+
+    @property
+    def derivative_gains(self) -> tuple[float, ...]:
+        """N m s/rad of the controllers of motors or link, 0 where there is none."""
+        if self.mode is None or not self.mode.controller:
+            return (0.0, 0.0)
+        gains = [self.values.get(f"controller_{index}_derivative", 0.0) for index in (1, 2)]
+        return (gains[0], gains[1] if self.dynamic_motors > 1 else 0.0)
+
+    @property
     def dynamic_motors(self) -> int:
         """Motors with dynamics in this mode."""
         return self.actuator.motors if self.actuator and self.mode and self.mode.motor else 0
@@ -73,11 +102,14 @@ class Drive:
             return kernels.advance_link_controller, (0.0,)
         if not self.mode.motor:
             return kernels.make_advance_ideal(self.actuator.elastic_torques), ()
-        # Motors start where the unloaded link rests, so that a run does not begin with a jerk.
-        rest = (self.initial_position, 0.0, self.initial_position, 0.0)
+        motors = range(self.actuator.motors)
+        positions = self.motor_positions or (self.initial_position,) * len(motors)
+        velocities = self.motor_velocities or (0.0,) * len(motors)
+        # Position, velocity, where Dahl's bristles stick, the controller's integral.
+        state = tuple(x for i in motors for x in (positions[i], velocities[i], positions[i], 0.0))
         if self.actuator.motors == 1:
-            return kernels.make_advance_one_motor(self.actuator.elastic_torques), rest
-        return kernels.make_advance_two_motors(self.actuator.elastic_torques), rest + rest
+            return kernels.make_advance_one_motor(self.actuator.elastic_torques), state
+        return kernels.make_advance_two_motors(self.actuator.elastic_torques), state
 
     def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
         """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""
@@ -86,7 +118,7 @@ class Drive:
         return reference_1, reference_2
 
     def constants(self, step: float) -> Any:
-        """Constants of `advance` for a step of `step` s."""
+        """Constants of `advance` for a step of `step` s of motors and controllers."""
         if self.actuator is None or self.mode is None or self.mode.number == 0:
             return ()
         values = self.values
@@ -111,12 +143,26 @@ class Drive:
         return tuple(constants)
 
 
+def _all(constants: Any) -> Any:
+    return constants
+
+
+def _first(constants: Any) -> Any:
+    return constants[0]
+
+
+def _third(constants: Any) -> Any:
+    return constants[2]
+
+
 def make_drives(
     robot: Robot,
     stepping: Stepping,
     *,
     initial_positions: Mapping[str, float],
     link_damping: Mapping[str, LinkDamping],
+    motor_positions: Mapping[str, tuple[float, ...]] | None = None,
+    motor_velocities: Mapping[str, tuple[float, ...]] | None = None,
 ) -> tuple[Drive, ...]:
     """A drive for each moving joint of `robot`, in its order."""
     blocks = {block.joint: block for block in robot.actuators}
@@ -131,6 +177,8 @@ def make_drives(
                 values=block.values() if block else {},
                 stepping=stepping,
                 initial_position=float(for_joint(initial_positions, joint.name, 0.0)),
+                motor_positions=for_joint(motor_positions or {}, joint.name),
+                motor_velocities=for_joint(motor_velocities or {}, joint.name),
                 link_damping=for_joint(link_damping, joint.name) if block else None,
                 block=block,
             )

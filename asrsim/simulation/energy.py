@@ -6,6 +6,7 @@ not resolved it does not, and that is how divergence shows before any number ove
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -17,8 +18,9 @@ from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.groups import Group, spring_groups
 
-POSITION, VELOCITY, TORQUE, SPRING_1, SPRING_2, MOTOR_1, MOTOR_2 = 0, 1, 2, 3, 4, 5, 9
-"""Columns of the raw record; of a motor there are position, mean velocity, torque and friction."""
+POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2, MOTOR_1, MOTOR_2 = 0, 1, 2, 3, 4, 5, 6, 7, 11
+"""Columns of the raw record (:data:`asrsim.simulation.substep.RAW`); of a motor there are position, mean velocity, torque and
+friction."""
 
 MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
 """Parameters of a motor that its balance needs."""
@@ -33,11 +35,12 @@ class EnergyMeter:
     def __init__(self, drives: Sequence[Drive], substep: float) -> None:
         self.drives = tuple(drives)
         self.substep = substep
-        self._staggered = all(drive.stepping.staggered for drive in drives)
         self._springs = [_Springs(group, substep) for group in spring_groups(drives)]
         joints = len(self.drives)
-        self._efforts = efforts(drives)
-        self._totals = np.zeros((4, joints))
+        self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
+        self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
+        self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
+        self._totals = np.zeros((5, joints))
         self._start: Array | None = None
         self.turnover = np.zeros(joints)
         """J: energy that went through each joint, the scale of a residual."""
@@ -45,6 +48,13 @@ class EnergyMeter:
         """J that vanished in each actuator, at the last row; negative where a spring gave more than it held."""
         self.given = np.zeros(joints)
         """J: work of actuators and external torques on the links, less what their damping took, up to the last row."""
+
+    def __deepcopy__(self, memo: Any) -> EnergyMeter:
+        """A meter that goes on from here: what never changes is shared."""
+        twin = copy.copy(self)
+        twin.turnover, twin.residual, twin.given = self.turnover.copy(), self.residual.copy(), self.given.copy()
+        twin._springs = [springs.twin() for springs in self._springs]
+        return twin
 
     @staticmethod
     def quantities(drive: Drive) -> tuple[str, ...]:
@@ -54,17 +64,19 @@ class EnergyMeter:
         names = ["motor_work", "link_work"]
         if drive.mode.spring:
             names += ["spring_energy", "energy_residual"]
+            if drive.joint.effort is not None:
+                names += ["limit_loss"]
         if drive.dynamic_motors:
             names += ["friction_loss"]
         if drive.joint.damping or drive.link_damping:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(self, raw: Array, *, damping: Array | float, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+    def add(self, raw: Array, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
         """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last.
 
-        damping: of the links, (joints, n); external: torques (joints, n + 1); sides: means over the two halves of a kick
-        that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
+        external: torques (joints, n + 1); sides: means over the two halves of a kick that an input cuts, by row of `raw`: what
+        pushes jumps, and the trapezoid rule must not go across.
         """
         joints, n = raw.shape[1], raw.shape[2] - 1
         cut = np.zeros(n, dtype=bool)
@@ -86,27 +98,30 @@ class EnergyMeter:
             return mean(raw[column, pick], column, pick)
 
         moved = np.diff(raw[POSITION])
-        link = mean(np.clip(raw[TORQUE], -self._efforts, self._efforts), TORQUE)
+        link = mean(raw[APPLIED], APPLIED)
+        flows = np.zeros((5, joints, n))
+        # Work of the motors, losses in them, losses by the link's damping, work on the link, taken by the effort limit.
+        if (raw[TORQUE] != raw[APPLIED]).any():
+            np.multiply(mean(raw[TORQUE], TORQUE) - link, moved, out=flows[4])
         link *= moved
-        velocity = raw[VELOCITY]
-        # An explicit scheme damps by the velocity before the kick; else the velocity over the step is the middle one.
-        speed = velocity[:, 1:] if self._staggered else 0.5 * (velocity[:, :-1] + velocity[:, 1:])
-        pushed_in = mean(external, -1) * moved
-        # Work of the motors, losses in them, losses by the link's damping, work on the link.
-        flows = np.zeros((4, joints, n))
+        pushed_in = mean(external, -1)
+        if self._stiffness.any():
+            middle = 0.5 * (raw[POSITION, :, :-1] + raw[POSITION, :, 1:])
+            pushed_in += self._stiffness * (self._rests - middle)
+        pushed_in *= moved
         flows[0] = flows[3] = link
-        if np.any(damping):
-            np.multiply(damping * speed, moved, out=flows[2])
+        if raw[DAMPING].any():
+            np.multiply(mean(raw[DAMPING], DAMPING), -moved, out=flows[2])
         self.given += (link + pushed_in - flows[2]).sum(axis=1)
         stored = np.zeros((joints, n))
         kinetic = np.zeros((joints, n))
         for springs in self._springs:
             pick = springs.group.pick
             flows[0, pick], flows[1, pick], stored[pick], kinetic[pick] = springs.balance(
-                raw[:, pick], partial(pushed, pick), moved[pick], link[pick], cut
+                raw[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[4, pick], cut
             )
         self.turnover += np.nansum(np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in), axis=1)
-        running = np.empty((4, joints, n + 1))
+        running = np.empty((5, joints, n + 1))
         running[:, :, 0] = self._totals
         running[:, :, 1:] = flows
         np.cumsum(running, axis=2, out=running)
@@ -114,21 +129,17 @@ class EnergyMeter:
         at = running[:, :, :-1]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
-        residual = at[0] - at[1] - at[3] - (stored + kinetic - self._start)
+        residual = at[0] - at[1] - at[3] - self._sprung * at[4] - (stored + kinetic - self._start)
         self.residual = residual[:, -1].copy()
         return {
             "motor_work": at[0],
             "friction_loss": at[1],
             "damping_loss": at[2],
             "link_work": at[3],
+            "limit_loss": at[4],
             "spring_energy": stored,
             "energy_residual": residual,
         }
-
-
-def efforts(drives: Sequence[Drive]) -> Array:
-    """(joints, 1) N m: limits of the links' torques, infinite where the URDF has none."""
-    return np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
 
 
 class _Springs:
@@ -139,27 +150,29 @@ class _Springs:
         self.substep = substep
         self._law = energy_over_arrays(group.actuator)
         self._elastic = group.elastic
-        self._efforts = efforts(group.drives)
+        self._held = [np.zeros((len(group.drives), 1), dtype=bool) for _ in range(group.motors)]
+        """Whether each motor was held at the row before."""
         self._motors = [
             tuple(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES) for index in range(1, group.motors + 1)
         ]
 
-    def balance(self, raw: Array, mean: Mean, moved: Array, link: Array, cut: Array) -> tuple[Array, Array, Array, Array]:
+    def twin(self) -> _Springs:
+        """The same, going on from here."""
+        twin = copy.copy(self)
+        twin._held = list(self._held)
+        return twin
+
+    def balance(self, raw: Array, mean: Mean, moved: Array, released: Array, cut: Array) -> tuple[Array, Array, Array, Array]:
         """Work of the motors and losses over the steps, energy in springs and motors at their starts, all in J.
 
-        moved: rad of the links, link: work on them; cut (n,): steps in which an input jumps.
+        moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
         """
         energy = self._energy(raw[POSITION], raw[MOTOR_1], raw[MOTOR_2])
-        lost: Array = np.zeros_like(link)
-        released = link
-        limited = (np.abs(raw[TORQUE]) > self._efforts).any(axis=1, keepdims=True)
-        if limited.any():
-            released = np.where(limited, (mean(SPRING_1) + mean(SPRING_2)) * moved, link)
-            lost = released - link
+        lost: Array = np.zeros_like(released)
         if not self.group.motors:
-            return self._ideal(raw, cut, released + np.diff(energy)), lost, energy[:, :-1], np.zeros_like(link)
-        work: Array = np.zeros_like(link)
-        kinetic: Array = np.zeros_like(link)
+            return self._ideal(raw, cut, released + np.diff(energy)), lost, energy[:, :-1], np.zeros_like(released)
+        work: Array = np.zeros_like(released)
+        kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
             given, taken, fast = self._motor(index, raw, mean)
             work += given
@@ -183,12 +196,14 @@ class _Springs:
         lost = (mean(base + 3) + (damping / self.substep) * moved) * moved
         # A stop and a speed limit take what is left over: the shock, and the torque that they hold.
         held = (position >= high) | (position <= low) | (np.abs(velocity) >= fastest * (1.0 - 1e-9))
-        if held.any():
-            near = held.copy()
-            near[:, :-1] |= held[:, 1:]
-            near[:, 1:] |= held[:, :-1]
+        before = self._held[index - 1]
+        self._held[index - 1] = held[:, -2:-1]
+        if held.any() or before.any():
+            near = held[:, :-1] | held[:, 1:]
+            near[:, 1:] |= held[:, :-2]
+            near[:, :1] |= before
             spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
-            lost = np.where(near[:, :-1] | near[:, 1:], work - spring - np.diff(kinetic), lost)
+            lost = np.where(near, work - spring - np.diff(kinetic), lost)
         return work, lost, kinetic[:, :-1]
 
     def _ideal(self, raw: Array, cut: Array, taken: Array) -> Array:

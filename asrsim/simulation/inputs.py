@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.effects import through
+from asrsim.simulation.sensors import Sensor
+from asrsim.simulation.substep import READINGS
+from asrsim.simulation.wrenches import wrench_table
 
 REST = Constant(value=0.0)
 
@@ -39,17 +42,15 @@ class Block:
     first: int
     arrays: tuple[Array, Array, Array]
     """References 1 and 2 and external torques, each (n, joints), a joint's numbers side by side."""
-    goals: tuple[Array, Array, Array]
-    """The same with references as the joints take them: through the reference map in modes 3 and 6."""
+    stacked: Array
+    """What the joints take, (n, joints, columns): references through the reference map in modes 3 and 6, external torques, and
+    for each sensor whether it looks, and its noise."""
+    wrenches: Array
+    """(n, w, 6) N, N m: means over the kicks."""
     events: dict[int, tuple[Piece, ...]]
     sides: dict[int, Array] = field(default_factory=dict)
     """Filled by the loop, by substep with an event: means over the half kicks before and after its time, (2, joints, columns
     of the raw record with the torque after its limit, and the external torque)."""
-
-    @cached_property
-    def stacked(self) -> Array:
-        """The goals as one C-contiguous array (n, joints, 3): the layout that compiled kernels take."""
-        return np.ascontiguousarray(np.stack(self.goals, axis=2))
 
     def __len__(self) -> int:
         return len(self.arrays[0])
@@ -58,8 +59,20 @@ class Block:
 class Inputs:
     """All input signals of a run, by joint."""
 
-    def __init__(self, scenario: Scenario, drives: Sequence[Drive], *, substep: float, staggered: bool) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        drives: Sequence[Drive],
+        *,
+        substep: float,
+        staggered: bool,
+        sensors: Sequence[Sensor | None] = (),
+    ) -> None:
         self.substep = substep
+        self.held: dict[tuple[int, int], float] = {}
+        """(joint, 0 or 1) -> the reference that stands in place of the scenario's; it makes no jumps."""
+        self._sensors = tuple(sensors)
+        self._wrenches = [wrench_table(wrench, staggered=staggered) for wrench in scenario.wrenches]
         self.staggered = staggered
         mapped: dict[type[Actuator], list[int]] = {}
         for index, drive in enumerate(drives):
@@ -102,6 +115,8 @@ class Inputs:
                 if id(signal) not in known:
                     known[id(signal)] = signal.values(time)
                 row[:] = known[id(signal)]
+        for (joint, slot), value in self.held.items():
+            tables[slot][joint] = value
         return tables[0].T, tables[1].T, tables[2].T
 
     def _goals(self, arrays: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
@@ -116,14 +131,29 @@ class Inputs:
         """Inputs of substeps `first` .. `first + count - 1`."""
         time = grid(first, count, self.substep)
         arrays = self.sample(time)
-        return Block(first, arrays, self._goals(arrays), self._events(first, count))
+        stacked = np.zeros((count, len(arrays[0].T), input_columns(self._sensors)))
+        for column, array in enumerate(self._goals(arrays)):
+            stacked[:, :, column] = array
+        for joint, sensor in enumerate(self._sensors):
+            if sensor is not None:
+                sensor.fill(stacked[:, joint, READINGS:], first, self.substep)
+        wrenches = np.zeros((count, len(self._wrenches), 6))
+        for index, table in enumerate(self._wrenches):
+            wrenches[:, index] = table(first, count, self.substep)
+        return Block(first, arrays, stacked, wrenches, self._events(first, count))
 
     def _events(self, first: int, count: int) -> dict[int, tuple[Piece, ...]]:
         if not self.staggered:
             return {}
         h = self.substep
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
-        signals = {id(s): s for column in self._signals for s in column if type(s) is not Constant}.values()
+        active = (
+            signal
+            for slot, column in enumerate(self._signals)
+            for joint, signal in enumerate(column)
+            if type(signal) is not Constant and (joint, slot) not in self.held
+        )
+        signals = {id(signal): signal for signal in active}.values()
         # Sets, not np.unique: that imports numpy.ma, which a short run has no other use for.
         times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
@@ -151,6 +181,11 @@ class Inputs:
             Piece((edges[i + 1] - edges[i]) / h, (samples[0][i], samples[1][i], samples[2][i]), edges[i] == now, step)
             for i in range(len(middles))
         )
+
+
+def input_columns(sensors: Sequence[Any]) -> int:
+    """Columns of a block's inputs; sensors: one a joint, or None."""
+    return READINGS + 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
 
 
 def grid(first: int, count: int, step: float) -> Array:

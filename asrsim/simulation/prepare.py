@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
 from asrsim.robot.model import Robot
+from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import Drive, make_drives
+from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
-from asrsim.simulation.loop import Hook
+from asrsim.simulation.sensors import Sensor, sensor_of
 from asrsim.simulation.steppings import STEPPINGS, Stepping
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
-from asrsim.simulation.wrenches import wrench_hook
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, its diagonal scaled to 1, that double precision can tell from none."""
@@ -30,48 +31,117 @@ CONFIGURATIONS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """A scenario made ready: everything but the running."""
+    """A scenario read, checked and made ready: everything but the running. It does not change, and serves many simulations."""
 
     scenario: Scenario
     robot: Robot
     stepping: Stepping
     drives: tuple[Drive, ...]
     resolution: Resolution
-    engine: Engine
-    inputs: Inputs
-    hooks: tuple[Hook, ...]
+    sensors: tuple[Sensor | None, ...]
     info: RunInfo
     warnings: tuple[Problem, ...]
+    initial_positions: tuple[float, ...]
+    """rad (m), of the moving joints."""
+    initial_velocities: tuple[float, ...]
+    """rad/s (m/s)."""
+    ranges: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
+    """An engine that the preparation built, for the first who asks."""
 
     @property
     def substep(self) -> float:
         """s."""
         return self.scenario.step / self.resolution.substeps
 
+    @property
+    def velocity_cutoff(self) -> bool:
+        """Whether torque beyond a joint's velocity limit is zeroed when it drives further, as Gazebo does with URDF files."""
+        given = self.scenario.velocity_cutoff
+        return self.stepping.released if given is None else given
 
-def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
-    """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError."""
+    def make_engine(self) -> Engine:
+        """An engine of this scenario's; the caller closes it."""
+        return self._spare.pop() if self._spare else make_engine(self.scenario, self.robot)[0]
+
+    def range_of(self, joint: str, reference: str) -> tuple[float, float]:
+        """Least and largest value that may be set from outside; everything where none is declared."""
+        given = {**self.ranges.get("*", {}), **self.ranges.get(joint, {})}
+        return given.get(reference, (-math.inf, math.inf))
+
+    def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
+        """Number of the joint, and 0 or 1 for the reference of that name in its mode; raises InputError."""
+        names = tuple(drive.name for drive in self.drives)
+        if joint not in names:
+            hint = did_you_mean(joint, names)
+            raise InputError(Problem(message=f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint"))
+        j = names.index(joint)
+        mode = self.drives[j].mode
+        known = mode.references if mode else ()
+        if reference not in known:
+            message = f"joint '{joint}' has no reference '{reference}'"
+            raise InputError(Problem(message=message, choices=known, code="unknown-reference"))
+        return j, known.index(reference)
+
+    def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
+        """The same with other numbers, without reading or checking files again; substeps stay as they are.
+
+        parameters: joint -> name of an actuator's parameter, `damping` or `friction`; link -> `mass`, `x`, `y`, `z` (centre of
+        mass) or `ixx` .. `izz` (about it, in the inertial frame). Raises RobotError naming what is unknown or not physical.
+        """
+        robot = varied_robot(self.robot, parameters)
+        blocks = {block.joint: block for block in robot.actuators}
+        joints = {joint.name: joint for joint in robot.joints}
+        drives = tuple(
+            replace(
+                drive,
+                joint=joints[drive.name],
+                values=blocks[drive.name].values() if drive.name in blocks else drive.values,
+                block=blocks.get(drive.name),
+            )
+            for drive in self.drives
+        )
+        return replace(self, robot=robot, drives=drives, _spare=[])
+
+
+def prepare(
+    scenario: Scenario,
+    robot: Robot | None = None,
+    *,
+    ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
+) -> Prepared:
+    """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
+
+    ranges: joint or "*" -> reference -> least and largest value that may be set while it runs; substeps are chosen for them.
+    """
     from asrsim.scenario import apply_to_robot, checked_robot
 
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
-    drives = make_drives(robot, stepping, initial_positions=scenario.initial_positions, link_damping=scenario.link_damping)
+    drives = make_drives(
+        robot,
+        stepping,
+        initial_positions=scenario.initial_positions,
+        motor_positions=scenario.initial_motor_positions,
+        motor_velocities=scenario.initial_motor_velocities,
+        link_damping=scenario.link_damping,
+    )
     if scenario.task is not None:
         from asrsim.kinematics import plan_references
 
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
-        resolution = _resolve(scenario, drives, engine)
+        if scenario.initial_equilibrium and engine.model is not None:
+            drives = at_equilibrium(scenario, drives, engine.model)
+        resolution = _resolve(scenario, drives, engine, ranges or {})
         substep = scenario.step / resolution.substeps
-        engine.set_step(substep)
-        inputs = Inputs(scenario, drives, substep=substep, staggered=stepping.staggered)
-        drives, hooks = _sensing(scenario, drives, substep)
-        hooks += tuple(
-            wrench_hook(wrench, engine, substep=substep, staggered=stepping.staggered) for wrench in scenario.wrenches
+        sensors = tuple(
+            sensor_of(drive, for_joint(scenario.sensor_effects, drive.name), substep=substep, index=index, seed=scenario.seed)
+            for index, drive in enumerate(drives)
         )
-        info = describe(scenario, robot, drives, stepping, resolution)
+        info = describe(scenario, robot, drives, stepping, resolution, engine.version)
     except BaseException:
         engine.close()
         raise
@@ -81,29 +151,44 @@ def prepare(scenario: Scenario, robot: Robot | None = None) -> Prepared:
         stepping=stepping,
         drives=drives,
         resolution=resolution,
-        engine=engine,
-        inputs=inputs,
-        hooks=hooks,
+        sensors=sensors,
         info=info,
         warnings=(*robot.warnings, *warnings, *engine_warnings),
+        initial_positions=tuple(drive.initial_position for drive in drives),
+        initial_velocities=tuple(float(for_joint(scenario.initial_velocities, drive.name, 0.0)) for drive in drives),
+        ranges=ranges or {},
+        _spare=[engine],
     )
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, at its step."""
+    """The scenario's engine, at its step. Raises SimulationError if it is not installed."""
     from asrsim.engines import ENGINES
 
-    built: tuple[Engine, tuple[Problem, ...]] = ENGINES.get(scenario.engine)(scenario, robot)
-    return built
+    entry = ENGINES.get(scenario.engine)
+    if not entry.available:
+        here = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
+        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {here}"
+        raise SimulationError(message)
+    return entry.make(scenario, robot)
 
 
-def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Resolution:
+def _resolve(
+    scenario: Scenario, drives: Sequence[Drive], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
+) -> Resolution:
     points = np.linspace(0.0, scenario.duration, 2001)
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
+    sampled = _with_ranges(sampled, drives, ranges)
     configurations = _configurations(drives)
-    masses = [engine.mass_matrix(position) for position in configurations]
-    _check_inertia(drives, masses[0])
-    gravity = np.max([np.abs(engine.gravity_torques(position)) for position in configurations], axis=0)
+    model, still = engine.model, [0.0] * len(drives)
+    if model is None:
+        # Links that nothing can move: springs ask for no substeps of theirs.
+        masses = [1e9 * np.eye(len(drives))]
+        gravity = np.zeros(len(drives))
+    else:
+        masses = [model.mass_matrix(position) for position in configurations]
+        _check_inertia(drives, masses[0])
+        gravity = np.max([np.abs(model.bias(position, still)) for position in configurations], axis=0)
     external = np.max(np.abs(sampled[2]), axis=0)
     stiffness = [
         reachable_stiffness(
@@ -130,6 +215,19 @@ def _resolve(scenario: Scenario, drives: Sequence[Drive], engine: Engine) -> Res
         motor_substeps=scenario.motor_substeps,
         cap=scenario.substep_cap,
     )
+
+
+def _with_ranges(
+    sampled: tuple[Array, Array, Array], drives: Sequence[Drive], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
+) -> tuple[Array, Array, Array]:
+    """References in which those that may be set take their least and largest values, too, in turns."""
+    tables = [sampled[0].copy(), sampled[1].copy(), sampled[2]]
+    for j, drive in enumerate(drives):
+        given = {**ranges.get("*", {}), **ranges.get(drive.name, {})}
+        for slot, name in enumerate(drive.mode.references if drive.mode else ()):
+            if name in given:
+                tables[slot][1::4, j], tables[slot][3::4, j] = given[name]
+    return tables[0], tables[1], tables[2]
 
 
 def _check_inertia(drives: Sequence[Drive], mass: Array) -> None:
@@ -176,19 +274,3 @@ def _configurations(drives: Sequence[Drive]) -> list[list[float]]:
     ]
     initial = [drive.initial_position for drive in drives]
     return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]
-
-
-def _sensing(scenario: Scenario, drives: Sequence[Drive], substep: float) -> tuple[tuple[Drive, ...], tuple[Hook, ...]]:
-    from asrsim.simulation.sensors import sensed
-
-    changed: list[Drive] = []
-    hooks: list[Hook] = []
-    for index, drive in enumerate(drives):
-        effects = for_joint(scenario.sensor_effects, drive.name)
-        if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
-            seen, hook = sensed(drive, effects, substep=substep, index=index, seed=scenario.seed)
-            hooks.append(hook)
-            changed.append(seen)
-        else:
-            changed.append(drive)
-    return tuple(changed), tuple(hooks)

@@ -1,7 +1,11 @@
-"""From raw records to samples: centred velocities, quantities by name, energies; vectorised, a block at a time."""
+"""From raw records to samples: centred velocities, quantities by name, energies; vectorised, a block at a time.
+
+What a row becomes does not depend on where blocks begin.
+"""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,13 +15,13 @@ import numpy as np
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.energy import EnergyMeter, efforts
+from asrsim.simulation.energy import EnergyMeter
 from asrsim.simulation.groups import spring_groups
-from asrsim.simulation.inputs import Block, grid
-from asrsim.simulation.loop import COLUMNS
+from asrsim.simulation.inputs import grid
 from asrsim.simulation.steppings import Stepping
+from asrsim.simulation.substep import RAW
 
-COLUMN = {name: index for index, name in enumerate(COLUMNS)}
+COLUMN = {name: index for index, name in enumerate(RAW)}
 
 
 def recorded_quantities(drive: Drive) -> tuple[str, ...]:
@@ -72,7 +76,7 @@ class Recorder:
         self.stepping = stepping
         self.substep = substep
         self.every = every
-        """Substeps between logged rows."""
+        """Substeps between rows of the samples: a step."""
         self.last = last
         """Last substep that is logged."""
         self.meter = EnergyMeter(drives, substep)
@@ -94,26 +98,33 @@ class Recorder:
         self._lacking = {name: [j for j in range(n) if name not in quantities[j]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
-        self._efforts = efforts(drives)
+        self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
         self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
         self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
         self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
-        self._damping = np.array([[drive.joint.damping] for drive in drives])
-        self._brakes = np.array([[drive.link_brake] for drive in drives])
-        self._damped = any(drive.joint.damping or drive.link_damping for drive in drives)
 
-    def add(self, block: Block, raw: Array) -> Samples | None:
-        """Samples of the rows that `raw` (n, joints, columns) completes, or None where there are none."""
+    def __deepcopy__(self, memo: Any) -> Recorder:
+        """A recorder that goes on from here: what never changes is shared."""
+        twin = copy.copy(self)
+        twin.counts, twin.meter = copy.deepcopy(self.counts, memo), copy.deepcopy(self.meter, memo)
+        twin._sides = dict(self._sides)
+        return twin
+
+    def add(self, inputs: Sequence[Array], raw: Array, sides: Mapping[int, Array]) -> Samples | None:
+        """Samples of the rows that `raw` (n, joints, columns) completes, or None where there are none.
+
+        inputs: references 1 and 2 and external torques, (n, joints) each; sides: see :class:`asrsim.simulation.inputs.Block`.
+        """
         held = 0 if self._held is None else 1
         n, joints, columns = raw.shape
         table = np.empty((columns, joints, held + n))
         table[:, :, held:] = raw.transpose(2, 1, 0)
-        inputs = tuple(array.T for array in block.arrays)
+        inputs = tuple(array.T for array in inputs)
         if self._held is not None:
             table[:, :, :1] = self._held
             inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
         self._held, self._held_inputs = table[:, :, -1:].copy(), tuple(a[:, -1:].copy() for a in inputs)
-        self._sides |= block.sides
+        self._sides |= sides
         count = min(table.shape[2] - 1, self.last + 1 - self._next)
         if count < 1:
             return None
@@ -132,23 +143,23 @@ class Recorder:
 
     def _values(self, raw: Array, inputs: Sequence[Array], first: int) -> dict[str, Array]:
         """Quantities (joints, n) by name, of the rows of raw (columns, joints, n + 1) but the last."""
-        raw = self._braked(raw)
+        count = raw.shape[2] - 1
+        joints = len(self.drives)
         now = raw[:, :, :-1]
-        joints, count = now.shape[1:]
         velocity = now[COLUMN["engine_velocity"]]
         if self.stepping.staggered:
-            start = velocity[:, 0].copy()
-            velocity = velocity + raw[COLUMN["engine_velocity"], :, 1:]
-            velocity *= 0.5
+            velocity = 0.5 * (velocity + raw[COLUMN["engine_velocity"], :, 1:])
             if first == 0:
-                velocity[:, 0] = start
+                # Nothing comes before the start: there the engine's velocity is the joint's.
+                velocity[:, 0] = raw[COLUMN["engine_velocity"], :, 0]
         values = {
             "link_position": now[COLUMN["link_position"]],
             "link_velocity": velocity,
-            "link_torque": np.clip(now[COLUMN["actuator_torque"]], -self._efforts, self._efforts),
+            "link_torque": now[COLUMN["link_torque"]],
             "external_torque": inputs[2][:, :count],
             "reference_1": inputs[0][:, :count],
             "reference_2": inputs[1][:, :count],
+            "damping_torque": now[COLUMN["damping_torque"]],
         }
         for name, source in (
             ("elastic_torque_{}", "torque_{}"),
@@ -164,43 +175,15 @@ class Recorder:
             places = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]
             stiffness[group.pick] = law(*places, elastic)
         values["stiffness"] = stiffness
-        damping: Array | float = 0.0
-        if self._damped:
-            damping = self._dampings(stiffness)
-            values["damping_torque"] = -damping * velocity
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
-        values |= self.meter.add(raw, damping=damping, external=inputs[2], sides=sides)
+        values |= self.meter.add(raw, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
         for name, lacking in self._lacking.items():
             if lacking:
                 values[name] = values[name].copy()
                 values[name][lacking] = np.nan
         return values
-
-    def _braked(self, raw: Array) -> Array:
-        """With the derivative action of the links' controllers (mode 1) in the actuator's torque."""
-        if not self._brakes.any():
-            return raw
-        speeds = raw[COLUMN["engine_velocity"]]
-        if self.stepping.staggered:
-            # Centred; the last row's neighbour is not known yet, and extrapolated.
-            centred = 0.5 * (speeds[:, :-1] + speeds[:, 1:])
-            speeds = np.concatenate([centred, 1.5 * speeds[:, -1:] - 0.5 * speeds[:, -2:-1]], axis=1)
-        braked = raw.copy()
-        braked[COLUMN["actuator_torque"]] -= self._brakes * speeds
-        return braked
-
-    def _dampings(self, stiffness: Array) -> Array:
-        """Link damping (joints, n) in N m s/rad."""
-        damping = np.repeat(self._damping, stiffness.shape[1], axis=1)
-        for j, drive in enumerate(self.drives):
-            law = drive.link_damping
-            if law is not None and drive.actuator is not None:
-                damping[j] += law.constant
-                if drive.mode and drive.mode.spring:
-                    damping[j] += 2.0 * law.ratio * np.sqrt(np.maximum(law.inertia * stiffness[j], 0.0))
-        return damping
 
     def _count(self, values: Mapping[str, Array], torque: Array) -> None:
         counts = self.counts

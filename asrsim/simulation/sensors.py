@@ -1,73 +1,56 @@
-"""What the controllers read: positions through delay, hold, noise and quantisation (off by default).
+"""What the controllers read: positions through delay, hold, noise and quantisation, velocities through delay and hold.
 
-The PID of a motor (modes 5, 6) or of the link (mode 1) sees the measured position in place of the true one; the actuators'
-laws stay as they are, since an offset of the measurement is the opposite offset of the reference.
+The PID of a motor (modes 5, 6) or of the link (mode 1) sees the measurements in place of the truth; the actuators' laws stay as
+they are, since an error of the position is the opposite error of the reference, and one of the velocity a torque. Off by
+default.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from asrsim.samples import Array
 from asrsim.scenario.data import Effects
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.effects import Noise
+from asrsim.simulation.substep import Sensing
 
 
+@dataclass(frozen=True)
 class Sensor:
-    """One encoder, asked once a substep."""
+    """The encoders of a joint's controllers."""
 
-    def __init__(self, effects: Effects, *, substep: float, seed: tuple[int, ...]) -> None:
-        self.effects = effects
-        lag = round(effects.delay / substep)
-        self._past: deque[float] = deque(maxlen=lag + 1)
-        self._every = 1.0 / (effects.rate * substep) if effects.rate else 1.0
-        self._noise = Noise(seed, effects.noise) if effects.noise else None
-        self._tick = -1
-        self._held = 0.0
+    effects: Effects
+    sensing: Sensing
+    noises: tuple[Noise | None, ...]
+    """One an encoder."""
 
-    def measure(self, k: int, position: float) -> float:
-        """The reading at substep `k` of a true `position`."""
-        self._past.append(position)
-        tick = int(np.floor(k / self._every + 1e-6))
-        if tick == self._tick:
-            return self._held
-        self._tick = tick
-        value = self._past[0]
-        if self._noise:
-            value += float(self._noise.draw(np.array([tick], dtype=float))[0])
-        if self.effects.quantum:
-            value = self.effects.quantum * round(value / self.effects.quantum)
-        self._held = value
-        return value
+    @property
+    def count(self) -> int:
+        """Encoders."""
+        return self.sensing.count
+
+    def fill(self, table: Array, first: int, substep: float) -> None:
+        """Whether each encoder looks, and its noise, at substeps from `first` on, into `table` (n, 2 count)."""
+        every = 1.0 / (self.effects.rate * substep) if self.effects.rate else 1.0
+        # A tick that falls on a substep belongs to it, whatever the rounding.
+        ticks = np.floor(np.arange(first - 1, first + len(table)) / every + 1e-6)
+        looks = np.diff(ticks) > 0.0
+        if first == 0:
+            looks[0] = True
+        for index, noise in enumerate(self.noises):
+            table[:, 2 * index] = looks
+            if noise is not None:
+                table[:, 2 * index + 1] = noise.draw(ticks[1:])
 
 
-def sensed(drive: Drive, effects: Effects, *, substep: float, index: int, seed: int) -> tuple[Drive, Callable[..., None]]:
-    """`drive` with a controller that reads through sensors, and the hook that updates them before each substep."""
-    offsets = [0.0, 0.0]
-    motors = max(drive.dynamic_motors, 1)
-    sensors = [Sensor(effects, substep=substep, seed=(seed, index, 2 + i)) for i in range(motors)]
-    mode, actuator = drive.mode, drive.actuator
-    if mode is None or actuator is None or not mode.controller:
-        return drive, lambda k, joints, states: None
-    on_link = not mode.motor
-    # Motors' states may be half a step behind the whole steps at which controllers read.
-    lag = drive.stepping.first_drift * substep
-
-    def hook(k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
-        for i, sensor in enumerate(sensors):
-            true = joints[index][0] if on_link else states[index][4 * i] + lag * states[index][4 * i + 1]
-            offsets[i] = sensor.measure(k, true) - true
-
-    changed = replace(drive)
-    advance = drive.advance
-
-    def advance_sensed(state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float) -> Any:
-        return advance(state, constants, q, v, r_1 - offsets[0], r_2 - offsets[1])
-
-    object.__setattr__(changed, "advance", advance_sensed)
-    return changed, hook
+def sensor_of(drive: Drive, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
+    """The sensors of joint number `index`; None where its controllers see the truth, or there are none."""
+    if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
+        return None
+    count = max(drive.dynamic_motors, 1)
+    sensing = Sensing(delay=round(effects.delay / substep), quantum=effects.quantum, on_link=not drive.mode.motor, count=count)
+    noises = tuple(Noise((seed, index, 2 + i), effects.noise) if effects.noise else None for i in range(count))
+    return Sensor(effects, sensing, noises)

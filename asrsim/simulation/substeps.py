@@ -24,6 +24,8 @@ MOTOR_TARGET = 0.3
 """The same for motor and spring at a frozen link."""
 OVERSHOOT = 2.0
 """A step load deflects an undamped spring twice as far as a slow one; the same margin is given to the references' speeds."""
+UNSTABLE = 2.0
+"""omega h from which a spring gains energy at every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
 STANDING = 1e-3
@@ -162,7 +164,7 @@ def resolve(
         substeps = needed
     h = step / substeps
     limit = frequency * h
-    if limit >= 2.0:
+    if limit >= UNSTABLE:
         raise UnresolvedSpringError(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = {limit:.3g}, "
             f"the limit is 2. Use at least {needed} substeps (or leave the number automatic)"

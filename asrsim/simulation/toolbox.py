@@ -83,7 +83,7 @@ def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> 
         return advance_torque, ()
     if mode.number == 1:
         return _advance_link_controller, (0.0,)
-    elastic_torques = actuator.elastic_torques
+    elastic_torques, controlled = actuator.elastic_torques, mode.controller
 
     def advance_ideal(
         state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
@@ -98,7 +98,7 @@ def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> 
         x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y = state
         push_x, push_y = r_1, r_2
         torque_x, torque_y = elastic_torques(q, x, y, elastic)
-        if mode.controller:
+        if controlled:
             error_x, error_y = push_x - x, push_y - y
             integral_x = integral_x + motor_1[7] * error_x * step
             integral_y = integral_y + motor_2[7] * error_y * step
@@ -106,7 +106,7 @@ def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> 
             push_y = integral_y + motor_2[6] * error_y + motor_2[8] * (0.0 - v_y)
         x, v_x, anchor_x, drive_x, friction_x = toolbox_motor(x, v_x, anchor_x, push_x, torque_x, step, motor_1)
         y, v_y, anchor_y, drive_y, friction_y = toolbox_motor(y, v_y, anchor_y, push_y, torque_y, step, motor_2)
-        if mode.controller:
+        if controlled:
             torque_x, torque_y = elastic_torques(q, x, y, elastic)
         record = (torque_x, torque_y, x, v_x, drive_x, friction_x, y, v_y, drive_y, friction_y)
         return torque_x + torque_y, (x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y), record

@@ -1,8 +1,7 @@
-"""Poses and contact forces of the world's objects, looked up where a row is logged."""
+"""Poses and contact forces of the world's objects, looked up where a sample is handed on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,15 +16,13 @@ class WorldRecorder:
     """Keeps poses and contacts until the samples of their rows come."""
 
     engine: Engine
-    every: int
-    """Substeps between logged rows."""
     last: int
     bodies: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
     contacts: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
 
-    def hook(self, k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
-        """Called before each substep."""
-        if k % self.every == 0 and k <= self.last:
+    def look(self, k: int) -> None:
+        """Before substep `k`, where a row is logged."""
+        if k <= self.last:
             for name, pose in self.engine.bodies().items():
                 self.bodies.setdefault(name, []).append(pose)
             for name, force in self.engine.contacts().items():
@@ -38,4 +35,12 @@ class WorldRecorder:
         contacts = {name: np.array(rows[:n]) for name, rows in self.contacts.items()}
         for rows in (*self.bodies.values(), *self.contacts.values()):
             del rows[:n]
-        return replace(samples, bodies=bodies, contacts=contacts)
+        return replace(samples, bodies={**bodies, **samples.bodies}, contacts=contacts)
+
+    def kept(self) -> Any:
+        """What waits for its samples."""
+        return self.bodies, self.contacts
+
+    def put_back(self, kept: Any) -> None:
+        """Wait for samples with that."""
+        self.bodies, self.contacts = kept

@@ -1,41 +1,56 @@
-"""Forces and torques on links by signals, as hooks of the loop: each step feels the mean over its kick, jumps included."""
+"""Forces and torques on links by signals: each step feels the mean over its kick, jumps included."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Engine
+from asrsim.samples import Array
 from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
-from asrsim.simulation.loop import Hook
 
 
-def wrench_hook(wrench: Wrench, engine: Engine, *, substep: float, staggered: bool) -> Hook:
-    """Applies `wrench` before each substep. staggered: kicks go from half step to half step, the first from the start on."""
+def wrench_table(wrench: Wrench, *, staggered: bool) -> Callable[[int, int, float], Array]:
+    """A function (first substep, count, substep in s) -> (count, 6) N, N m.
+
+    staggered: kicks go from half step to half step, the first from the start on.
+    """
     signals = (*wrench.force, *wrench.torque)
 
-    def hook(k: int, joints: Sequence[Any], states: Sequence[Any]) -> None:
-        values = [0.0 if signal is None else kick_mean(signal, k, substep, staggered=staggered) for signal in signals]
-        engine.apply_wrench(wrench.link, values[:3], values[3:], wrench.point, wrench.frame)
+    def table(first: int, count: int, substep: float) -> Array:
+        values = np.zeros((count, 6))
+        for column, signal in enumerate(signals):
+            if signal is not None:
+                values[:, column] = _means(signal, first, count, substep, staggered)
+        return values
 
-    return hook
+    return table
 
 
-def kick_mean(signal: Signal, k: int, substep: float, *, staggered: bool) -> float:
-    """What acts over substep `k` as a constant over a whole step: the signal's value, or its mean where it jumps."""
-    now = round(k * substep, 12)
+def _means(signal: Signal, first: int, count: int, substep: float, staggered: bool) -> Array:
+    """What acts over substeps `first` .. as a constant over a whole step each: the value, or its mean where it jumps."""
+    time = np.round(np.arange(first, first + count) * substep, 12)
+    values = signal.values(time).astype(float)
     if not staggered:
-        return float(signal.values(np.array([now]))[0])
+        return values
+    start, end = max((first - 0.5) * substep, 0.0), (first + count - 0.5) * substep
+    jumps = np.empty(0) if type(signal) is Constant else signal.jumps(start, end)
+    cut = set(np.floor(jumps / substep + 0.5).astype(int).tolist()) | ({0} if first == 0 else set())
+    for k in cut:
+        if first <= k < first + count:
+            values[k - first] = _kick_mean(signal, k, substep)
+    return values
+
+
+def _kick_mean(signal: Signal, k: int, substep: float) -> float:
+    now = round(k * substep, 12)
     start, end = max(now - 0.5 * substep, 0.0), now + 0.5 * substep
     jumps = np.empty(0) if type(signal) is Constant else signal.jumps(start, end)
     edges = [start, *(jump for jump in jumps.tolist() if start < jump < end), end]
     if len(edges) == 2:
         return float(signal.values(np.array([now]))[0]) * (end - start) / substep
     middles = np.array([0.5 * (a + b) for a, b in pairwise(edges)])
-    lengths = np.diff(edges)
-    return float(signal.values(middles) @ lengths) / substep
+    return float(signal.values(middles) @ np.diff(edges)) / substep

@@ -88,6 +88,21 @@ def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInf
     return [joint for joint in joints if claim.joint in ("*", joint.name)]
 
 
+def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
+    """(quantity, joint) of every series that :func:`claim_results` reads, and whether it reads bodies and contacts."""
+    wanted: dict[tuple[str, str], None] = {}
+    for claim in claims:
+        for joint in _joints_of(claim, joints):
+            wanted |= dict.fromkeys((name, joint.name) for name in _needed(claim, joint)[0])
+        if claim.against is not None:
+            from asrsim.recordings.clock import ALIGN_ON
+
+            # A recording is aligned by whatever moves in both, in any of its joints.
+            aligning = {source for name in ALIGN_ON for source in (name, *DERIVED_SOURCES.get(name, ()))}
+            wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in joint.quantities if name in aligning)
+    return tuple(wanted), any(claim.body is not None for claim in claims)
+
+
 def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tuple[str, ...]]:
     wanted = {claim.quantity, "link_position", *DERIVED_SOURCES.get(claim.quantity, ()), *DERIVED_SOURCES["position_error"]}
     return tuple(name for name in joint.quantities if name in wanted), (joint.name,)

@@ -1,64 +1,152 @@
-"""Measures of every joint from a run's samples, a chunk at a time, in memory that does not grow with the run."""
+"""What summary and claims need of a run, taken from its steps as they come: no log is read again for it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.log.reader import concatenate
 from asrsim.metrics import JointSummary, measure, summarise
-from asrsim.samples import Array, JointInfo, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
+from asrsim.summary.claims import needs_of
+
+if TYPE_CHECKING:
+    from asrsim.scenario.data import Expectation
+    from asrsim.signals.base import Signal
 
 KEPT = 2_000_000
 """Samples of all joints together that are looked at; a longer run is thinned evenly, its peaks are not."""
 SHAKEN = 10.0
 """Overshoot (a fraction of the step) above which there was no step to speak of: the joint was shaken, not moved."""
-QUANTITIES = ("link_position", "motor_1_position", "motor_2_position", "reference_1", "reference_2")
-"""What the measures need of a log."""
 
 
-def joint_measures(chunks: Iterable[Samples], joints: Sequence[JointInfo], *, samples: int) -> tuple[JointSummary, ...]:
-    """A summary of each joint of a run.
+class Collector:
+    """A sink that keeps the positions of all joints and, whole, the series that claims are about."""
 
-    Args:
-        chunks: The run's samples in their order; at least the quantities of :data:`QUANTITIES`.
-        joints: Those of the run's description.
-        samples: How many samples the chunks have together, or more.
+    full_rate = True
+    """It asks for every step, whatever the log takes."""
+    bodies: bool
+    """It asks for objects' poses and contacts at every step, too: claims are about them."""
 
-    Returns:
-        Of each joint; overshoot and settling count from where its reference begins to move, see :func:`step_start`.
-    """
-    stride = max(1, -(-samples * len(joints) // KEPT))
-    times: list[Array] = []
-    positions: list[Array] = []
-    errors: list[Array] = []
-    peaks = np.full(len(joints), np.nan)
-    seen = 0
+    def __init__(self, joints: Sequence[JointInfo], *, samples: int, claims: Sequence[Expectation] = ()) -> None:
+        """joints: those of the run's description. samples: how many will come, or more. claims: see :meth:`read`."""
+        self._joints = tuple(joints)
+        self._stride = max(1, -(-samples * len(joints) // KEPT))
+        self._peaks = np.full(len(joints), np.nan)
+        self._seen = 0
+        thinned = samples // self._stride + 1
+        self._time = _Rows(thinned)
+        self._positions = [_Rows(thinned) for _ in joints]
+        self._references = [_Rows(thinned) for _ in joints]
+        wanted, self.bodies = needs_of(claims, joints)
+        self._whole_time = _Rows(samples if wanted else 0)
+        self._whole = {key: _Rows(samples) for key in wanted}
+        self._bodies: list[Samples] = []
+        self._tip_errors = _Rows(0)
+
+    def write(self, samples: Samples) -> None:
+        """The next steps of the run."""
+        order = [samples.joints.index(joint.name) for joint in self._joints]
+        kept = slice((-self._seen) % self._stride, None, self._stride)
+        self._seen += len(samples.time)
+        self._time.add(samples.time[kept])
+        errors = DERIVED_FUNCTIONS["position_error"](samples, self._joints)
+        for j, column in enumerate(order):
+            position = samples.values["link_position"][:, column]
+            self._positions[j].add(position[kept])
+            self._references[j].add((errors[:, column] + position)[kept])
+        deflections = np.abs(DERIVED_FUNCTIONS["deflection"](samples, self._joints)[:, order])
+        self._peaks = np.fmax(self._peaks, np.fmax.reduce(deflections, axis=0, initial=np.nan))
+        if self._whole:
+            self._whole_time.add(samples.time)
+        for (quantity, joint), rows in self._whole.items():
+            rows.add(samples.values[quantity][:, samples.joints.index(joint)])
+        if TIP in samples.bodies:
+            self._tip_errors.add(np.linalg.norm(samples.bodies[TIP][:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1))
+        if self.bodies:
+            own = {"time": samples.time, "joints": (), "values": {}}
+            self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
+
+    def measures(self, desired: Mapping[str, Signal] | None = None) -> tuple[JointSummary, ...]:
+        """A summary of each joint; overshoot and settling count from where its reference begins to move, see `step_start`.
+
+        desired: motion of joints whose reference is not the position that they should take (a planned or learned input).
+        """
+        if not self._seen:
+            return tuple(summarise(np.empty(0), {}) for _ in self._joints)
+        time = self._time.values
+        found = []
+        for j, joint in enumerate(self._joints):
+            signal = (desired or {}).get(joint.name, (desired or {}).get("*"))
+            reference = self._references[j].values if signal is None else signal.values(time)
+            summary = _summary(time, self._positions[j].values, reference)
+            found.append(replace(summary, peak_deflection=float(self._peaks[j])))
+        return tuple(found)
+
+    @property
+    def tip(self) -> dict[str, float]:
+        """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
+        errors = self._tip_errors.values
+        if not len(errors):
+            return {}
+        tail = errors[-max(len(errors) // 10, 1) :]
+        return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
+
+    def read(self, quantities: Sequence[str], joints: Sequence[str]) -> Samples:
+        """Every step of what the claims need, as :data:`asrsim.summary.claims.Reader` gives it."""
+        if not quantities and not joints:
+            return concatenate(self._bodies)
+        empty = np.full(len(self._whole_time.values), np.nan)
+        columns = {
+            name: [self._whole[name, joint].values if (name, joint) in self._whole else empty for joint in joints]
+            for name in quantities
+        }
+        # One joint's column is not copied: long runs have few claims of few joints.
+        tables = {name: parts[0][:, None] if len(parts) == 1 else np.column_stack(parts) for name, parts in columns.items()}
+        return Samples(time=self._whole_time.values, joints=tuple(joints), values=tables)
+
+
+class _Rows:
+    """Numbers that come in pieces, in one array that is made once."""
+
+    def __init__(self, capacity: int) -> None:
+        self._array = np.empty(max(capacity, 1))
+        self._count = 0
+
+    def add(self, values: Array) -> None:
+        """Append values (n,)."""
+        end = self._count + len(values)
+        if end > len(self._array):
+            self._array = np.concatenate([self._array, np.empty(max(end - len(self._array), len(self._array)))])
+        self._array[self._count : end] = values
+        self._count = end
+
+    @property
+    def values(self) -> Array:
+        """All of them, (n,)."""
+        return self._array[: self._count]
+
+
+def joint_measures(
+    chunks: Iterable[Samples], joints: Sequence[JointInfo], *, samples: int, desired: Mapping[str, Signal] | None = None
+) -> tuple[JointSummary, ...]:
+    """A summary of each joint of a run that is there already; arguments as for :class:`Collector`."""
+    collector = Collector(joints, samples=samples)
     for chunk in chunks:
-        order = [chunk.joints.index(joint.name) for joint in joints]
-        kept = slice((-seen) % stride, None, stride)
-        seen += len(chunk.time)
-        times.append(chunk.time[kept])
-        positions.append(chunk.values["link_position"][kept][:, order])
-        errors.append(DERIVED_FUNCTIONS["position_error"](chunk, joints)[kept][:, order])
-        deflections = np.abs(DERIVED_FUNCTIONS["deflection"](chunk, joints)[:, order])
-        peaks = np.fmax(peaks, np.fmax.reduce(deflections, axis=0, initial=np.nan))
-    if not seen:
-        return tuple(summarise(np.empty(0), {}) for _ in joints)
-    time, position, error = np.concatenate(times), np.concatenate(positions), np.concatenate(errors)
-    return tuple(
-        replace(_summary(time, position[:, j], error[:, j]), peak_deflection=float(peaks[j])) for j in range(len(joints))
-    )
+        collector.write(chunk)
+    return collector.measures(desired)
 
 
-def _summary(time: Array, position: Array, error: Array) -> JointSummary:
-    if not np.isfinite(error).all():
+def _summary(time: Array, position: Array, reference: Array) -> JointSummary:
+    if not np.isfinite(reference).all():
         return summarise(time, {"link_position": position})
-    whole = summarise(time, {"link_position": position, "position_error": error})
-    start = step_start(position + error, float(position[0]))
+    whole = summarise(time, {"link_position": position, "position_error": reference - position})
+    start = step_start(reference, float(position[0]))
     if start is None:
         return replace(whole, overshoot=math.nan, settling=math.nan)
     if start:

@@ -89,10 +89,14 @@ class RunSummary:
     """Samples of each joint that were logged."""
     stepping: str
     engine: str
+    loop: str
+    """compiled or plain."""
     seed: int
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()
     """Results of the scenario's `expect:`; empty for a run that did not end."""
+    tip: Mapping[str, float] = field(default_factory=dict)
+    """Cartesian tasks: distance of the tip from its path in m, `largest`, `rms`, `last` (mean over the last tenth)."""
     warnings: tuple[Problem, ...] = ()
     files: Mapping[str, Path | tuple[Path, ...]] = field(default_factory=dict)
     """Kind (log, summary, plots, report) -> what was written."""
@@ -100,6 +104,8 @@ class RunSummary:
     """Results of an earlier run that this one replaced."""
     certificate: Mapping[str, Any] = field(default_factory=dict)
     """Numerical error, of a certified run."""
+    cross_check: Mapping[str, Any] = field(default_factory=dict)
+    """Differences to the run in another engine, where that was asked for (:class:`asrsim.simulation.crosscheck.CrossCheck`)."""
     versions: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -114,8 +120,8 @@ class RunSummary:
 
     @property
     def ok(self) -> bool:
-        """The run came to its end and every claim holds."""
-        return self.status == "complete" and not self.failed_claims
+        """The run came to its end, every claim holds, and no other engine contradicts."""
+        return self.status == "complete" and not self.failed_claims and not self.cross_check.get("finding")
 
     def joint(self, name: str) -> JointReport:
         """The joint of that name; KeyError if there is none."""
@@ -124,6 +130,7 @@ class RunSummary:
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; undefined numbers are null."""
         return {
+            "generator": f"asrsim {self.versions.get('asrsim', '')}",
             "format": FORMAT,
             "ok": self.ok,
             "scenario": self.scenario,
@@ -145,9 +152,11 @@ class RunSummary:
             "samples": self.samples,
             "stepping": self.stepping,
             "engine": self.engine,
+            "loop": self.loop,
             "seed": self.seed,
             "joints": [joint.as_dict() for joint in self.joints],
             "expect": [_claim(claim) for claim in self.claims],
+            **({"tip": dict(self.tip)} if self.tip else {}),
             "warnings": [warning.as_dict() for warning in self.warnings],
             "files": {
                 kind: [str(path) for path in entry] if isinstance(entry, tuple) else str(entry)
@@ -155,6 +164,7 @@ class RunSummary:
             },
             "replaced": [str(path) for path in self.replaced],
             "certificate": dict(self.certificate),
+            "cross_check": dict(self.cross_check),
             "versions": dict(self.versions),
         }
 

@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from asrsim.samples import Samples
-from asrsim.summary.collect import joint_measures
+from asrsim.errors import Problem
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
     from asrsim.simulation.run import Run
+    from asrsim.summary.collect import Collector
+
+NEAR = 1e-2
+"""rad or m within which a joint rests on a stop, or at its reference."""
 
 
 def make_summary(
     run: Run,
-    chunks: Iterable[Samples],
+    collector: Collector,
     *,
+    samples: int,
     claims: tuple[ExpectationResult, ...] = (),
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run whose samples are `chunks`: those of its log, or those that it kept."""
+    """Summary of a run. collector: saw its steps; samples: how many were logged."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    expected = math.floor(scenario.duration / (scenario.step * scenario.log_every)) + 2
-    counter = _Counter(chunks)
-    measures = joint_measures(counter, info.joints, samples=expected)
+    measures = collector.measures(scenario.desired)
     # Counts come in the order of the robot's moving joints, the description in that of the arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
@@ -62,27 +64,30 @@ def make_summary(
         substeps=run.resolution.substeps,
         motor_substeps=run.resolution.motor_substeps,
         total_substeps=counts.substeps,
-        samples=counter.samples,
+        samples=samples,
         stepping=scenario.stepping,
         engine=scenario.engine,
+        loop="compiled" if run.compiled else "plain",
         seed=scenario.seed,
         joints=joints,
         claims=claims,
-        warnings=run.warnings,
+        tip=collector.tip,
+        warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
-        versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
+        versions={name: info.metadata[name] for name in ("asrsim", "engine_version", "numpy") if name in info.metadata},
     )
 
 
-class _Counter:
-    """Counts samples as they pass."""
-
-    def __init__(self, chunks: Iterable[Samples]) -> None:
-        self._chunks = chunks
-        self.samples = 0
-
-    def __iter__(self) -> Iterator[Samples]:
-        for chunk in self._chunks:
-            self.samples += len(chunk.time)
-            yield chunk
+def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
+    """Joints that end on a stop to which no reference sends them."""
+    for joint in joints:
+        limits = run.robot.joint(joint.name)
+        rest, error = joint.measures.steady_state, joint.measures.steady_state_error
+        stops = [stop for stop in (limits.lower, limits.upper) if stop is not None and abs(rest - stop) < NEAR]
+        if joint.stop and stops and limits.kind != "continuous" and not abs(error) < NEAR:
+            unit = "m" if joint.prismatic else "rad"
+            message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
+            message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
+            hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
+            yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")

@@ -5,6 +5,7 @@
   const { start, step, count } = data.grid;
   const time = Float64Array.from({ length: count }, (_, i) => start + i * step);
   const charts = [];
+  const several = data.runs.length > 1;
   let zooming = false;
 
   // 16 bits a value between the smallest and the largest; an empty text is a constant.
@@ -19,7 +20,13 @@
     return values;
   }
 
-  const shown = (value) => (value == null ? "" : String(Number(value.toPrecision(5))));
+  // Digits that can be told apart in the plot: a thousandth of what it shows.
+  function shown(value, chart) {
+    const { min, max } = chart.scales.y, span = max - min;
+    if (!(span > 0)) return String(Number(value.toPrecision(4)));
+    const decimals = Math.ceil(-Math.log10(span / 1000));
+    return decimals > 6 ? value.toExponential(3) : value.toFixed(Math.max(decimals, 0)).replace(/^-(0(\.0*)?)$/, "$1");
+  }
 
   // Very small and very large numbers would not fit beside the axis.
   function ticksText(splits) {
@@ -72,6 +79,10 @@
       const entry = document.createElement("button"), value = document.createElement("span");
       entry.type = "button";
       entry.style.setProperty("--colour", s.colour);
+      if (several && s.run != null) {
+        entry.className = "several";
+        entry.append(dashPicture(s.dash, "#1a1a1a", 24));
+      }
       entry.setAttribute("aria-pressed", "true");
       value.className = "value";
       entry.append(s.label + " ", value);
@@ -86,20 +97,40 @@
     box.append(legend);
   }
 
+  function dashPicture(dash, colour, width) {
+    const space = "http://www.w3.org/2000/svg";
+    const picture = document.createElementNS(space, "svg"), line = document.createElementNS(space, "line");
+    picture.setAttribute("class", "dash");
+    picture.setAttribute("width", String(width));
+    picture.setAttribute("height", "6");
+    for (const [key, value] of Object.entries({ x1: 0, y1: 3, x2: width, y2: 3, stroke: colour, "stroke-width": 2 })) line.setAttribute(key, value);
+    line.setAttribute("stroke-dasharray", dash.join(" "));
+    picture.append(line);
+    return picture;
+  }
+
   function tell(chart) {
     const at = chart.cursor.idx;
     chart.clock.textContent = at == null ? "" : chart.data[0][at].toFixed(3) + " s";
     for (const [label, place] of chart.entries) {
-      let text = "";
+      place.replaceChildren();
       if (at != null) {
         const values = [];
         chart.plot.series.forEach((s, i) => {
-          if (s.label === label && chart.series[i + 1].show && chart.data[i + 1][at] != null) values.push(shown(chart.data[i + 1][at]));
+          if (s.label === label && chart.series[i + 1].show && chart.data[i + 1][at] != null) {
+            const who = several && s.run != null ? data.runs[s.run].label + " " : "";
+            values.push([who + shown(chart.data[i + 1][at], chart), s.colour]);
+          }
         });
         const unit = chart.plot.series.find((s) => s.label === label).unit;
-        text = values.length ? values.join(" | ") + " " + unit : "";
+        values.forEach(([text, colour], i) => {
+          const one = document.createElement("span");
+          one.textContent = (i ? " | " : "") + text;
+          if (several) one.style.color = colour;
+          place.append(one);
+        });
+        if (values.length && unit) place.append(" " + unit);
       }
-      place.textContent = text;
     }
   }
 
@@ -142,16 +173,10 @@
 
   const bar = document.getElementById("runs");
   if (bar) data.runs.forEach((run, number) => {
-    const button = document.createElement("button"), space = "http://www.w3.org/2000/svg";
-    const picture = document.createElementNS(space, "svg"), line = document.createElementNS(space, "line");
-    picture.setAttribute("width", "34");
-    picture.setAttribute("height", "6");
-    for (const [key, value] of Object.entries({ x1: 0, y1: 3, x2: 34, y2: 3, stroke: "#1a1a1a", "stroke-width": 1.6 })) line.setAttribute(key, value);
-    line.setAttribute("stroke-dasharray", run.dash.join(" "));
-    picture.append(line);
+    const button = document.createElement("button");
     button.type = "button";
     button.setAttribute("aria-pressed", "true");
-    button.append(picture, run.label);
+    button.append(dashPicture([], run.colour, 34), run.label);
     button.addEventListener("click", () => {
       if (!hiddenRuns.delete(number)) hiddenRuns.add(number);
       button.setAttribute("aria-pressed", String(!hiddenRuns.has(number)));

@@ -1,0 +1,24 @@
+"""`asrsim examples`: the bundled robots, scenarios, recordings and plugin, to try every command on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def examples(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to copy them into.")] = Path("examples"),
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of the same names there.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
+) -> None:
+    """Copy the bundled examples: robots, scenarios, recordings, an actuator of one's own.
+
+    Example: asrsim examples
+    """
+    from asrsim.runs.examples import copy_examples
+
+    written = copy_examples(out, overwrite=overwrite)
+    if not quiet:
+        typer.echo(f"wrote {len(written)} files into {out}; run one: asrsim run {out / 'scenarios' / 'step_2dof.yaml'}")

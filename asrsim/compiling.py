@@ -1,0 +1,129 @@
+"""Ordinary functions through Numba, kept in the user's cache; the only module that imports numba.
+
+Compiled functions know each other by names that carry module, function, argument types and a number local to the process. So
+code kept by two processes and loaded by a third would share names, and the first definition would serve both. Every name
+here carries a digest of all code that belongs to it: what has the same name is the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import types
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from asrsim.rebind import called_names, rebind
+
+
+def available() -> bool:
+    """Numba is installed (the extra `fast`)."""
+    from importlib.util import find_spec
+
+    return find_spec("numba") is not None
+
+
+def compile_function(
+    function: Any,
+    arguments: tuple[Any, ...],
+    *,
+    names: Mapping[str, Any] | None = None,
+    version: str = "",
+) -> Callable[..., Any]:
+    """`function` compiled for arguments of the types of `arguments` (examples, or types of Numba's); layouts are taken for
+    granted afterwards.
+
+    It must have no closure; what it calls may have, and is compiled with it. names: globals of the code that stand for others
+    (functions of the loop, symbols of a library); version: of what they are. Raises whatever Numba finds to say.
+    """
+    import numba
+
+    kinds: Any = numba
+    typed = numba.types.Type
+    signature = tuple(value if isinstance(value, typed) else kinds.typeof(value) for value in arguments)
+    given = dict(names or {})
+    ingredients = [numba.__version__, sys.version, version, str(signature), repr(_code(function, given, set()))]
+    digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
+    try:
+        return _compiled(function, signature, given, digest, _kept(digest))
+    except Exception:
+        # What is kept may be damaged, or the folder not be ours to write: do without.
+        return _compiled(function, signature, given, digest, None)
+
+
+def fixed_tuple(count: int, place: int) -> Any:
+    """A function that compiled code may call: the numbers at `place` of the first `count` rows, as a tuple."""
+    import numba.np.unsafe.ndarray as arrays
+
+    to_fixed_tuple: Any = arrays.to_fixed_tuple
+
+    def as_tuple(rows: Any) -> Any:
+        return to_fixed_tuple(rows[:count, place], count)
+
+    return as_tuple
+
+
+def _compiled(
+    function: types.FunctionType, signature: Any, names: Mapping[str, Any], digest: str, kept: Path | None
+) -> Callable[..., Any]:
+    import numba
+
+    first: list[types.FunctionType] = []
+
+    def wrap(copy: types.FunctionType) -> Any:
+        if not first:
+            first.append(copy)
+            return copy
+        return numba.njit(copy)
+
+    copy = rebind(function, wrap=wrap, names=names, mark=f"_{digest}")
+    if kept is not None:
+        # Numba keeps code beside the file that it believes a function to be from.
+        copy.__code__ = copy.__code__.replace(co_filename=str(kept))
+    dispatcher = numba.njit(signature, cache=kept is not None)(copy)
+    entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
+
+    # The function itself, round the dispatcher that would look at the types of every call again. The dispatcher owns its
+    # machine code, so whoever holds the one must hold the other.
+    def call(*values: Any) -> Any:
+        return entry(*values)
+
+    call.owner = dispatcher  # type: ignore[attr-defined]
+    call.entry = entry  # type: ignore[attr-defined]
+    return call
+
+
+def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
+    """What a function does, as plain values: code, defaults, closure, and the globals that it mentions."""
+    if not isinstance(function, types.FunctionType):
+        return function.tobytes().hex() if hasattr(function, "tobytes") else repr(function)
+    if id(function) in seen:
+        return function.__qualname__
+    seen.add(id(function))
+    mentioned = [names.get(name, function.__globals__.get(name)) for name in called_names(function)]
+    enclosed = [cell.cell_contents for cell in function.__closure__ or ()]
+    inner = [_code(value, names, seen) for value in (*enclosed, *mentioned)]
+    return [_plain(function.__code__), repr(function.__defaults__), inner]
+
+
+def _plain(code: types.CodeType) -> Any:
+    constants = [_plain(value) if isinstance(value, types.CodeType) else repr(value) for value in code.co_consts]
+    return [code.co_code.hex(), constants, code.co_names, code.co_varnames, code.co_freevars]
+
+
+def _kept(digest: str) -> Path | None:
+    """A file in the user's cache beside which Numba keeps its code; None where nothing can be kept."""
+    try:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asrsim" / "kernels"
+        path = root / f"kernel_{digest}.py"
+        if not path.exists():
+            root.mkdir(parents=True, exist_ok=True)
+            # Another process may write the same file: write aside, then rename.
+            aside = path.with_suffix(f".{os.getpid()}")
+            aside.write_text("# asrsim keeps compiled code beside this file; safe to delete.\n", encoding="utf-8")
+            aside.replace(path)
+    except (OSError, RuntimeError):
+        return None
+    return path

@@ -1,0 +1,41 @@
+"""A robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from asrsim.engines.foreign import crashes, quiet
+from asrsim.errors import Problem, RobotError
+from asrsim.robot.model import Robot
+from asrsim.scenario.data import Scenario
+
+
+def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
+    """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError.
+
+    Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
+    """
+    with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(urdf, encoding="utf-8")
+        load = partial(
+            p.loadURDF,
+            str(path),
+            basePosition=scenario.base_position,
+            baseOrientation=p.getQuaternionFromEuler(scenario.base_rpy),
+            useFixedBase=scenario.fixed_base,
+            flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_IGNORE_VISUAL_SHAPES,
+            physicsClientId=client,
+        )
+        try:
+            with quiet():
+                if "<mesh" in urdf and crashes(load):
+                    message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
+                    raise RobotError(Problem(message=message, file=robot.path, code="engine-crash"))
+                return int(load())
+        except p.error as error:
+            message = f"PyBullet cannot load this robot ({error})"
+            raise RobotError(Problem(message=message, file=robot.path, code="engine-load")) from error

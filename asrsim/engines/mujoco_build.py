@@ -1,0 +1,198 @@
+"""A MuJoCo model of a scenario's robot and world, made from the same URDF text that PyBullet gets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import Problem, RobotError, SimulationError
+from asrsim.robot.model import Joint, Robot, Shape
+from asrsim.robot.poses import rotation_matrix
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario, World, WorldObject
+
+GROUND = "ground"
+GROUND_HALF = 50.0
+"""m: half the edge of the box that is the ground."""
+ROBOT_BIT, WORLD_BIT = 1, 2
+"""Collision classes: the robot meets the world, the world also itself."""
+IMPEDANCE_RATIO = 1000.0
+HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""Impedance of constraints: as hard as MuJoCo takes it."""
+
+
+def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
+    """The compiled model (MjModel) of a robot without fixed joints; raises RobotError, SimulationError with MuJoCo's reason.
+
+    Every body has 1 kg and 1 kg m^2, since MuJoCo refuses massless ones here: the engine puts the true numbers in.
+    """
+    spec = mujoco.MjSpec()
+    contacts = not scenario.world.empty
+    flags = mujoco.mjtDisableBit
+    off = [flags.mjDSBL_EULERDAMP, flags.mjDSBL_REFSAFE, flags.mjDSBL_AUTORESET, flags.mjDSBL_ISLAND]
+    spec.option.disableflags = sum(int(flag) for flag in (off if contacts else [*off, flags.mjDSBL_CONTACT]))
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = IMPEDANCE_RATIO
+    spec.option.gravity = list(scenario.gravity)
+    spec.option.timestep = scenario.step
+    try:
+        _bodies(mujoco, spec, scenario, robot, contacts)
+        if contacts:
+            _furnish(mujoco, spec, scenario.world)
+            _pair(spec, scenario)
+        model = spec.compile()
+        for item in scenario.world.objects:
+            if item.shape == "mesh" and item.mass and item.inertia is None:
+                _box_inertia(mujoco, model, item)
+        return model
+    except ValueError as error:
+        reason = " ".join(str(error).split())[:200]
+        raise RobotError(
+            Problem(message=f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load")
+        ) from error
+
+
+def link_body(name: str) -> str:
+    """Name of a link's body: objects of the world have names of their own."""
+    return f"link/{name}"
+
+
+def base_centre(scenario: Scenario, robot: Robot) -> Array:
+    """(3,) m in the root link's frame: origin of its body, the centre of mass where the base floats.
+
+    So linear velocities of the base are those of its centre, as PyBullet has them: the engines then take the same steps.
+    """
+    return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
+
+
+def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bool) -> None:
+    links = {link.name: link for link in robot.links}
+    carried: dict[str, list[Joint]] = {}
+    for joint in robot.joints:
+        carried.setdefault(joint.parent, []).append(joint)
+    kinds = mujoco.mjtJoint
+    centre = base_centre(scenario, robot)
+    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
+    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion(scenario.base_rpy))
+    if not scenario.fixed_base:
+        root.add_freejoint()
+    waiting = [(root, robot.root.name)]
+    while waiting:
+        body, name = waiting.pop()
+        body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
+        body.simple = mujoco.mjtLimited.mjLIMITED_FALSE
+        shift = centre if body is root else np.zeros(3)
+        for index, shape in enumerate(links[name].collisions if shapes else ()):
+            _collision(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
+        for joint in carried.get(name, ()):
+            origin = (np.array(joint.origin) - shift).tolist()
+            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion(joint.rpy))
+            kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
+            child.add_joint(name=joint.name, type=kind, axis=list(joint.axis), limited=mujoco.mjtLimited.mjLIMITED_FALSE)
+            waiting.append((child, joint.child))
+
+
+def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> None:
+    kinds = mujoco.mjtGeom
+    half = [0.5 * length for length in shape.size[1:]]
+    extra: dict[str, str] = {}
+    if shape.kind == "mesh":
+        spec.add_mesh(name=name, file=shape.mesh, scale=list(shape.scale))
+        kind, size, extra = kinds.mjGEOM_MESH, [0.0, 0.0, 0.0], {"meshname": name}
+    elif shape.kind == "box":
+        kind, size = kinds.mjGEOM_BOX, [0.5 * edge for edge in shape.size]
+    elif shape.kind == "sphere":
+        kind, size = kinds.mjGEOM_SPHERE, [shape.size[0], 0.0, 0.0]
+    else:
+        kind = kinds.mjGEOM_CYLINDER if shape.kind == "cylinder" else kinds.mjGEOM_CAPSULE
+        size = [shape.size[0], *half, 0.0]
+    body.add_geom(
+        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion(shape.rpy),
+        contype=ROBOT_BIT, conaffinity=WORLD_BIT, **extra,
+    )  # fmt: skip
+
+
+def _furnish(mujoco: Any, spec: Any, world: World) -> None:
+    if world.ground:
+        spec.worldbody.add_geom(
+            name=GROUND,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[GROUND_HALF] * 3,
+            pos=[0.0, 0.0, world.ground_height - GROUND_HALF],
+            contype=WORLD_BIT,
+            conaffinity=ROBOT_BIT | WORLD_BIT,
+        )
+    for item in world.objects:
+        if item.restitution:
+            raise SimulationError(f"object '{item.name}': restitution needs engine: bullet; MuJoCo's contacts have none")
+        body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=quaternion(item.rpy))
+        if item.mass:
+            body.add_freejoint(name=f"object/{item.name}")
+        kind, size, extra = _shape(mujoco, spec, item)
+        body.add_geom(
+            name=f"object/{item.name}", type=kind, size=size, mass=item.mass, contype=WORLD_BIT,
+            conaffinity=ROBOT_BIT | WORLD_BIT, **extra,
+        )  # fmt: skip
+        if item.mass and (item.inertia is not None or item.shape == "mesh"):
+            body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
+            body.inertia = list(item.inertia or (1.0, 1.0, 1.0))
+
+
+def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
+    """A mesh's inertia is that of its bounding box, its centre of mass its origin, as PyBullet has them."""
+    geom = model.geom(f"object/{item.name}")
+    mesh = int(geom.dataid[0])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    # MuJoCo moves a mesh's vertices into the axes of its inertia.
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+    vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
+    x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
+    model.body_inertia[int(geom.bodyid[0])] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
+
+
+def _shape(mujoco: Any, spec: Any, item: WorldObject) -> tuple[Any, list[float], dict[str, str]]:
+    kinds = mujoco.mjtGeom
+    if item.shape == "box":
+        return kinds.mjGEOM_BOX, [0.5 * edge for edge in item.size], {}
+    if item.shape == "sphere":
+        return kinds.mjGEOM_SPHERE, [item.size[0], 0.0, 0.0], {}
+    if item.shape == "cylinder":
+        return kinds.mjGEOM_CYLINDER, [item.size[0], 0.5 * item.size[1], 0.0], {}
+    name = f"mesh/{item.name}"
+    spec.add_mesh(name=name, file=str(item.mesh), scale=list(item.size or (1.0, 1.0, 1.0)))
+    return kinds.mjGEOM_MESH, [0.0, 0.0, 0.0], {"meshname": name}
+
+
+def _pair(spec: Any, scenario: Scenario) -> None:
+    """Contacts with the product of both coefficients, as PyBullet has them; MuJoCo's rule takes the larger."""
+    frictions = {f"object/{item.name}": item.friction for item in scenario.world.objects}
+    if scenario.world.ground:
+        frictions[GROUND] = scenario.world.ground_friction
+    base = spec.worldbody.bodies[0].name if scenario.fixed_base else ""
+    shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
+    named = list(frictions)
+    pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
+    # A base that stands on the ground must not push against it.
+    pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == GROUND)]
+    for a, b in pairs:
+        mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)
+        pair = spec.add_pair(geomname1=a, geomname2=b, condim=3)
+        pair.friction = [mu, mu, 0.0, 0.0, 0.0]
+        pair.solimp = list(HARD)
+
+
+def quaternion(rpy: Sequence[float]) -> list[float]:
+    """(w, x, y, z) of fixed-axis roll, pitch, yaw in rad."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(0.5 * angle), math.sin(0.5 * angle)) for angle in rpy)
+    return [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]

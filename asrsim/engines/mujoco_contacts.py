@@ -1,0 +1,116 @@
+"""Stepping with contacts: MuJoCo's own solver, with joint friction and stops among its constraints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from asrsim.engines.exact_friction import STOP_SHARE
+from asrsim.engines.mujoco_build import GROUND, HARD
+from asrsim.engines.mujoco_stages import BEFORE, FRACTION, NOW, STEP
+from asrsim.engines.mujoco_stages import World as State
+from asrsim.scenario.data import World
+
+NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
+"""Time constants of contacts in steps, measured on a sliding box (docs/validation.md)."""
+LIGHTER = 1e-2
+"""Factor on the inverse inertia that regularises friction: with it velocities are 5e-8 rad/s from exact ones (measured)."""
+TOLERANCE = 1e-12
+
+
+class MujocoContacts:
+    """The world's contacts, and steps with them."""
+
+    def __init__(self, mujoco: Any, model: Any, data: Any, world: World) -> None:
+        self._mujoco, self._m, self._d = mujoco, model, data
+        self._objects = [item.name for item in world.objects]
+        names = {model.geom(f"object/{name}").id: name for name in self._objects}
+        if world.ground:
+            names[model.geom(GROUND).id] = GROUND
+        self._owner = [names.get(index, "robot") for index in range(model.ngeom)]
+        self._ground = world.ground
+        model.dof_invweight0[:] *= LIGHTER
+        model.opt.tolerance = TOLERANCE
+
+    def tune(self, state: State) -> None:
+        """Constraints for the step: their time constants are multiples of it."""
+        m, step = self._m, float(state.scheme[STEP])
+        m.opt.timestep = step
+        joints = state.joint_v
+        m.dof_frictionloss[joints] = state.friction
+        m.dof_solimp[joints] = HARD
+        m.dof_solref[joints] = (-1.0, -HARD[0] / step)
+        places = [int(np.flatnonzero(m.jnt_dofadr == dof)[0]) for dof in joints]
+        limited = np.isfinite(state.lower) | np.isfinite(state.upper)
+        m.jnt_limited[places] = limited
+        m.jnt_range[places] = np.column_stack([np.maximum(state.lower, -1e9), np.minimum(state.upper, 1e9)])
+        m.jnt_solref[places] = (-STOP_SHARE / step**2, -1.0 / step)
+        m.jnt_solimp[places] = HARD
+        m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
+        m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
+
+    def move(self, state: State) -> None:
+        """A step under the state's forces; friction, contacts and the rest act for the kick's fraction of it."""
+        mj, m, d = self._mujoco, self._m, self._d
+        now, before, fraction = state.scheme[NOW], state.scheme[BEFORE], float(state.scheme[FRACTION])
+        step = float(state.scheme[STEP])
+        mj.mj_fwdPosition(m, d)
+        lagging = d.qvel.copy()
+        d.qvel[:] = now * lagging + before * state.previous
+        state.previous[:] = lagging
+        mj.mj_fwdVelocity(m, d)
+        d.qvel[:] = lagging
+        mj.mj_referenceConstraint(m, d)
+        d.qfrc_applied[:] = 0.0
+        d.qfrc_applied[state.joint_v] = state.forces
+        self._push(state, fraction)
+        mj.mj_fwdActuation(m, d)
+        mj.mj_fwdAcceleration(m, d)
+        mj.mj_fwdConstraint(m, d)
+        d.qvel[:] += fraction * step * d.qacc
+        mj.mj_integratePos(m, d.qpos, d.qvel, step)
+        d.qacc_warmstart[:] = d.qacc
+
+    def _push(self, state: State, fraction: float) -> None:
+        """Wrenches, which are means over the whole step."""
+        for values, body, point, turn, local in zip(
+            state.wrench, state.wrench_body, state.wrench_point, state.wrench_turn, state.wrench_local, strict=True
+        ):
+            rotation = self._d.xmat[body].reshape(3, 3)
+            force, torque = values[:3] / fraction, values[3:] / fraction
+            if local:
+                force, torque = rotation @ turn @ force, rotation @ turn @ torque
+            place = self._d.xpos[body] + rotation @ point
+            self._mujoco.mj_applyFT(self._m, self._d, force, torque, place, body, self._d.qfrc_applied)
+
+    def poses(self) -> dict[str, tuple[float, ...]]:
+        """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from qpos, since bodies' poses lag a step."""
+        poses = {}
+        for name in self._objects:
+            body = self._m.body(f"object/{name}")
+            if body.dofnum[0]:
+                at = int(self._m.jnt_qposadr[body.jntadr[0]])
+                pose = self._d.qpos[at : at + 7]
+            else:
+                pose = np.concatenate([self._m.body_pos[body.id], self._m.body_quat[body.id]])
+            poses[name] = (*pose[:3].tolist(), *pose[4:7].tolist(), float(pose[3]))
+        return poses
+
+    def forces(self) -> dict[str, tuple[float, float, float]]:
+        """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot."""
+        others = [*self._objects, "robot"] + (["ground"] if self._ground else [])
+        total = {f"{name}/{other}": np.zeros(3) for name in self._objects for other in others if other != name}
+        total = {key: value for key, value in total.items() if not key.endswith("/ground") or self._ground}
+        if self._ground:
+            total["robot/ground"] = np.zeros(3)
+        values = np.zeros(6)
+        for index, contact in enumerate(self._d.contact):
+            first, second = (self._owner[geom] for geom in contact.geom)
+            self._mujoco.mj_contactForce(self._m, self._d, index, values)
+            # MuJoCo's frame points from the first shape to the second; the force is on the second.
+            force = values[:3] @ contact.frame.reshape(3, 3)
+            for key, sign in ((f"{second}/{first}", 1.0), (f"{first}/{second}", -1.0)):
+                if key in total:
+                    total[key] += sign * force
+        return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}

@@ -1,0 +1,196 @@
+"""One step of a robot without contacts on MuJoCo's rigid-body routines: ordinary code, run as it is or compiled.
+
+The routines named below are bound by :mod:`asrsim.engines.mujoco`: to the library through ctypes for plain Python, to its
+symbols for compiled code. Coulomb friction and joint stops are exact: impulses in bounds, found by principal pivoting.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from asrsim.engines.exact_friction import settle
+
+STEP, NOW, BEFORE, FRACTION = range(4)
+"""Places in `World.scheme`: s; weights of the last two velocities in that of the whole step; part of the kick."""
+
+Numbers = NDArray[Any]
+
+
+def _unbound(*arguments: Any) -> None:
+    raise NotImplementedError("bound by asrsim.engines.mujoco")
+
+
+mj_kinematics = mj_comPos = mj_makeM = mj_factorM = mj_comVel = _unbound  # noqa: N816  (the library's names)
+mj_rne = mj_solveM = mj_integratePos = mj_applyFT = _unbound  # noqa: N816
+
+ROUTINES = {
+    "mj_kinematics": "mm", "mj_comPos": "mm", "mj_makeM": "mm", "mj_factorM": "mm", "mj_comVel": "mm", "mj_rne": "mmim",
+    "mj_solveM": "mmmmi", "mj_integratePos": "mmmd", "mj_applyFT": "mmmmmim",
+}  # fmt: skip
+"""Routines of the library with the kinds of their arguments: m address, i int, d double."""
+
+
+class World(NamedTuple):
+    """The engine's live state; arrays are views of MuJoCo's own, or work space. n joints, v degrees of freedom."""
+
+    model: int
+    data: int
+    scheme: Numbers
+    """(4,): see STEP, NOW, BEFORE, FRACTION."""
+    qpos: Numbers
+    qvel: Numbers
+    previous: Numbers
+    """(v,) velocities before the last kick."""
+    velocity: Numbers
+    """(v,) at the whole step."""
+    bias: Numbers
+    impulse: Numbers
+    change: Numbers
+    positions: Numbers
+    """(n,) of the joints: rad, rad/s, and the mean torques (N m) of the next move."""
+    velocities: Numbers
+    forces: Numbers
+    joint_q: Numbers
+    """(n,) places of the joints in qpos, and in qvel:"""
+    joint_v: Numbers
+    free: int
+    """1 if the base floats."""
+    friction: Numbers
+    """(n,) N m, Coulomb."""
+    lower: Numbers
+    upper: Numbers
+    held: Numbers
+    """(n,) integers: 0 sticking, 1 and -1 sliding under the upper and the lower bound of the impulse."""
+    low: Numbers
+    high: Numbers
+    target: Numbers
+    """(n,) velocity that a held joint takes."""
+    columns: Numbers
+    """(n, v) velocities that a unit impulse at a joint gives, where `known` is 1."""
+    known: Numbers
+    pick: Numbers
+    square: Numbers
+    """(n, n) work space."""
+    push: Numbers
+    xpos: Numbers
+    xmat: Numbers
+    wrench: Numbers
+    """(w, 6) N, N m: the next step's."""
+    wrench_body: Numbers
+    wrench_point: Numbers
+    """(w, 3) m, in the body's frame."""
+    wrench_turn: Numbers
+    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
+    wrench_local: Numbers
+    """(w,) 1 where the wrench is given in the link's frame."""
+    vectors: Numbers
+    """(3, 3) work space: force, torque, point."""
+    at_qpos: int
+    """Addresses of arrays above."""
+    at_qvel: int
+    at_bias: int
+    at_impulse: int
+    at_change: int
+    at_push: int
+    at_columns: int
+    at_vectors: int
+
+
+def look(world: World) -> None:
+    """Positions and velocities of the joints, after what of the model depends on positions alone."""
+    mj_kinematics(world.model, world.data)
+    mj_comPos(world.model, world.data)
+    mj_makeM(world.model, world.data)
+    mj_factorM(world.model, world.data)
+    for j in range(len(world.joint_q)):
+        world.positions[j] = world.qpos[world.joint_q[j]]
+        world.velocities[j] = world.qvel[world.joint_v[j]]
+
+
+def move(world: World) -> None:
+    """A step under the forces."""
+    kick = _push(world)
+    qvel = world.qvel
+    settle(world, kick)
+    for i in range(len(qvel)):
+        qvel[i] += world.change[i]
+    step = world.scheme[STEP]
+    if world.free:
+        mj_integratePos(world.model, world.at_qpos, world.at_qvel, step)
+    else:
+        for i in range(len(qvel)):
+            world.qpos[i] += step * qvel[i]
+
+
+def _push(world: World) -> float:
+    """Impulses of everything but friction and stops; returns the kick's length in s."""
+    now, before = world.scheme[NOW], world.scheme[BEFORE]
+    qvel, velocity, previous = world.qvel, world.velocity, world.previous
+    for i in range(len(qvel)):
+        lagging = qvel[i]
+        velocity[i] = lagging
+        qvel[i] = now * lagging + before * previous[i]
+        previous[i] = lagging
+    # Coriolis and centrifugal torques at the velocity of the whole step.
+    mj_comVel(world.model, world.data)
+    mj_rne(world.model, world.data, 0, world.at_bias)
+    kick: float = world.scheme[FRACTION] * world.scheme[STEP]
+    for i in range(len(qvel)):
+        qvel[i] = velocity[i]
+        world.impulse[i] = -kick * world.bias[i]
+    for j in range(len(world.joint_v)):
+        world.impulse[world.joint_v[j]] += kick * world.forces[j]
+    if len(world.wrench):
+        _add_wrenches(world, world.scheme[STEP])
+    return kick
+
+
+def hold(world: World) -> None:
+    """Adds to the forces those of friction and stops, for another engine that is in the world's state.
+
+    Velocity torques are those of the whole step, as in `move`.
+    """
+    mj_kinematics(world.model, world.data)
+    mj_comPos(world.model, world.data)
+    mj_makeM(world.model, world.data)
+    mj_factorM(world.model, world.data)
+    kick = _push(world)
+    settle(world, kick)
+    count = 0
+    for j in range(len(world.friction)):
+        if world.high[j] > world.low[j]:
+            if world.held[j] == 0:
+                world.forces[j] += world.push[count] / kick
+                count += 1
+            else:
+                world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
+
+
+def _add_wrenches(world: World, kick: float) -> None:
+    """Impulses of forces and torques on links; a wrench is a mean over the whole step, the first kick's share in it."""
+    for i in range(len(world.qvel)):
+        world.push[i] = 0.0
+    for index in range(len(world.wrench)):
+        body = world.wrench_body[index]
+        for row in range(3):
+            point = world.xpos[body, row]
+            for column in range(3):
+                point += world.xmat[body, 3 * row + column] * world.wrench_point[index, column]
+            world.vectors[2, row] = point
+            for kind in range(2):
+                if world.wrench_local[index]:
+                    value = 0.0
+                    for column in range(3):
+                        part = 0.0
+                        for axis in range(3):
+                            part += world.wrench_turn[index, column, axis] * world.wrench[index, 3 * kind + axis]
+                        value += world.xmat[body, 3 * row + column] * part
+                    world.vectors[kind, row] = value
+                else:
+                    world.vectors[kind, row] = world.wrench[index, 3 * kind + row]
+        at = world.at_vectors
+        mj_applyFT(world.model, world.data, at, at + 24, at + 48, int(body), world.at_push)
+    for i in range(len(world.qvel)):
+        world.impulse[i] += kick * world.push[i]

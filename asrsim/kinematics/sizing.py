@@ -1,0 +1,130 @@
+"""Whether springs and motors hold the arm's own weight, and what would hold it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.errors import Problem
+from asrsim.kinematics.holding import Holding, holdings
+from asrsim.robot import ActuatorBlock, Robot
+from asrsim.scenario.check import made_elsewhere
+
+if TYPE_CHECKING:
+    from asrsim.scenario.data import Scenario
+
+SAG = 0.3
+"""rad or m beyond which a joint is said to sag: a soft arm sags a little, that is what it is for."""
+ENOUGH = 0.15
+"""rad or m that proposed parameters leave: some of it is left to what is not foreseen here."""
+TRIES = 24
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizing:
+    """The joints that sag or fall, and what would hold them."""
+
+    joints: tuple[Holding, ...]
+    """All joints that are held by a spring."""
+    proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Joint -> parameter -> value with which all hold; empty where all hold, or where no such values were found."""
+
+    @property
+    def weak(self) -> tuple[Holding, ...]:
+        """Those that sag or fall."""
+        return self.beyond(SAG)
+
+    def beyond(self, sag: float) -> tuple[Holding, ...]:
+        """Those that sag by more (rad or m), or come to rest on a stop."""
+        return tuple(one for one in self.joints if one.on_stop or one.sag > sag)
+
+
+def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
+    """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
+
+    Nothing is said of floating bases, of modes without spring, of references that are torques or that a task or learning
+    makes, which see to it themselves.
+    """
+    blocks = [
+        block
+        for block in robot.actuators
+        if MODES[block.mode].spring and block.mode != 4 and not made_elsewhere(scenario, block.joint)
+    ]
+    if not scenario.fixed_base or not any(scenario.gravity) or not blocks:
+        return Sizing(joints=())
+    joints = holdings(scenario, robot, blocks)
+    weak = Sizing(joints=joints).weak
+    if not weak or not propose:
+        return Sizing(joints=joints)
+    changed = {block.joint: block for block in blocks}
+    proposal: dict[str, dict[str, float]] = {}
+    for _ in range(TRIES):
+        for one in weak:
+            given = _stronger(changed[one.joint], one)
+            if not given:
+                return Sizing(joints=joints)
+            proposal[one.joint] = proposal.get(one.joint, {}) | given
+            changed[one.joint] = _with_values(changed[one.joint], given)
+        weak = Sizing(joints=holdings(scenario, robot, list(changed.values()))).beyond(ENOUGH)
+        if not weak:
+            return Sizing(joints=joints, proposal=proposal)
+    return Sizing(joints=joints)
+
+
+def holding_findings(scenario: Scenario, robot: Robot) -> tuple[Problem, ...]:
+    """Warnings of joints that sag or fall under the arm's own weight, with parameters that hold it."""
+    return problems_of_weight(sizing(scenario, robot), robot, scenario.path)
+
+
+def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:
+    """A warning for each joint that sags or falls."""
+    values = ", ".join(
+        f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
+        for joint, given in found.proposal.items()
+    )
+    cure: str | None = f"parameters: {{{values}}} holds the arm" if values else "Choose stiffer actuators or a lighter arm"
+    problems = []
+    for one in found.weak:
+        force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
+        what = "falls onto its stop" if one.on_stop else "falls" if one.falls else f"sags by {one.sag:.2g} {length}"
+        why = "its motors are too weak" if one.limited else "its springs are too soft"
+        message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
+        code = "falls" if one.falls else "sags"
+        problems.append(Problem(message=message, file=file, key=one.joint, hint=cure, code=code))
+        cure = None
+    return tuple(problems)
+
+
+def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
+    """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
+    actuator, values = ACTUATORS.get(block.actuator), block.values()
+    factor = min(max(1.25, math.sqrt(weak.sag / ENOUGH)), 2.0)
+    if weak.limited:
+        names = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1))
+        factor = 1.25
+    else:
+        names = linear_parameters(actuator, values)
+    return {name: float(f"{factor * values[name]:.2g}") for name in names}
+
+
+def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
+    """Parameters of a spring whose common factor is one of its torques: those in units with N; none if it is not so."""
+    names = tuple(parameter.name for parameter in actuator.parameters if "N" in parameter.unit.split("/")[0])
+    place = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
+    once, twice = (
+        actuator.elastic_torques(
+            *place, tuple(values[p.name] * (factor if p.name in names else 1.0) for p in actuator.parameters)
+        )
+        for factor in (1.0, 2.0)
+    )
+    linear = any(once) and all(math.isclose(b, 2.0 * a, rel_tol=1e-9, abs_tol=1e-12) for a, b in zip(once, twice, strict=True))
+    return names if linear else ()
+
+
+def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:
+    parameters = {name: replace(one, value=given.get(name, one.value)) for name, one in block.parameters.items()}
+    return replace(block, parameters=parameters)

@@ -1,0 +1,62 @@
+"""The tip of a Cartesian task: where the task's point is, from the links' positions, beside where its path asks it to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.robot.chain import Chain, Pose
+from asrsim.samples import TIP, TIP_GOAL, Array, Samples
+from asrsim.scenario.data import for_joint
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
+    from asrsim.scenario.data import Scenario
+
+
+class TipPoses:
+    """Adds the tip's pose and its goal to samples, as bodies that a log holds."""
+
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        """The scenario must have a task."""
+        task = scenario.task
+        if task is None:
+            raise ValueError("the scenario has no task")
+        self._task = task
+        self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+        start = {
+            joint.name: np.array([float(for_joint(scenario.initial_positions, joint.name, 0.0))])
+            for joint in robot.moving_joints
+        }
+        place, rotation = self._tip(start, None)
+        self._path = PoseTrajectory.through(task.poses, task.interpolation, (place[0], rotation[0]))
+
+    def _tip(self, positions: dict[str, Array], base: Pose | None) -> tuple[Array, Array]:
+        """Position (n, 3) and rotation (n, 3, 3) of the task's point."""
+        rotation, place = self._chain.poses(positions, base)[self._task.link]
+        return place + rotation @ np.array(self._task.point), rotation
+
+    def added(self, samples: Samples) -> Samples:
+        """The samples with the bodies `tip` and `tip_goal`; the goal turns with the tip where its orientation is free."""
+        table = dict(zip(samples.joints, samples.values["link_position"].T, strict=True))
+        root = self._chain.root
+        place, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)
+        goal, turned = self._path.at(samples.time)
+        poses = {TIP: _row(place, rotation), TIP_GOAL: _row(goal, rotation if turned is None else turned)}
+        return replace(samples, bodies={**samples.bodies, **poses})
+
+
+def _row(place: Array, rotation: Array) -> Array:
+    """(n, 7): position in m, orientation as quaternion x y z w."""
+    from scipy.spatial.transform import Rotation
+
+    return np.concatenate([place, Rotation.from_matrix(rotation).as_quat()], axis=1)
+
+
+def _pose(rows: Array) -> Pose:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(rows[:, 3:]).as_matrix()), rows[:, :3]

@@ -1,0 +1,120 @@
+"""What an excitation excites: its band, whether it stands in lines, and its period."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.samples import Array
+
+FLOOR = 1e-2
+"""Share of the strongest input power (-20 dB) above which a frequency counts as excited."""
+_FLANK = 0.35
+"""Share of the power further inside below which the band ends: a linear chirp has a quarter of it at its first frequency."""
+_REACH = 16
+"""Bins further inside, whose median the flank is compared with."""
+_OUTSIDE = 8
+"""Bins further outside, whose median must be as low: one weak bin of a noise is no edge."""
+_SAME = 1e-2
+"""Difference of an input from itself one period later, as a share of its size, up to which it is periodic."""
+_EXACT = 1e-6
+"""The same, below which nothing drifts: rounding."""
+_LINE = 1e-4
+"""Share of the strongest line's power (-40 dB) above which a line of a periodic input is used."""
+
+
+def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, bool]:
+    """Lowest and highest excited frequency in Hz, and whether the excitation is a set of lines. Raises RecordingError."""
+    from scipy.ndimage import uniform_filter1d
+    from scipy.signal.windows import tukey
+
+    n = len(u)
+    # Without its trend: a slow drift has power at the lowest bins, which is no excitation. The window is flat but for its
+    # ends: a round one would hide the ends of a chirp, which are the ends of its band.
+    straight = u - np.polynomial.polynomial.polyval(np.arange(n), np.polynomial.polynomial.polyfit(np.arange(n), u, 1))
+    power = np.abs(np.fft.rfft(straight * tukey(n, 0.1))) ** 2
+    f = np.fft.rfftfreq(n, step)
+    inside = (f > 0) & (f <= 0.45 / step)
+    if band is not None:
+        inside &= (f >= band[0]) & (f <= band[1])
+    if not inside.any() or not power[inside].max() > 0:
+        raise RecordingError(
+            Problem(message=f"nothing is resolved between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
+                    code="nothing-excited",
+                    hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz")
+        )  # fmt: skip
+    lines = _lines(np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n))) ** 2, inside)
+    if lines is not None:
+        return float(f[lines[0]]), float(f[lines[1]]), True
+    bins = np.flatnonzero(inside)
+    smooth = uniform_filter1d(power, 5)
+    # A valley in the middle of the energy lies inside: the walk outwards begins at the strongest half.
+    share = np.cumsum(power[bins]) / np.sum(power[bins])
+    low, high = (int(bins[np.searchsorted(share, level)]) for level in (0.25, 0.75))
+    enough = FLOOR * smooth[bins].max()
+    first = _edge(power, smooth, low, int(bins[0]), -1, enough)
+    last = _edge(power, smooth, high, int(bins[-1]), 1, enough)
+    return float(f[first]), float(f[last]), False
+
+
+def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: float) -> int:
+    """The last excited bin from `start` towards `end` (way: -1 or 1)."""
+    narrow = np.convolve(power, (0.25, 0.5, 0.25), mode="same")
+    found = start
+    for i in range(start, end + way, way):
+        # Towards low frequencies an octave: the edge of a slow, long chirp is many bins wide.
+        inner = np.median(power[i : i + 1 + max(i, _REACH)] if way < 0 else power[max(i - _REACH, 1) : i + 1])
+        outer = np.median(power[max(i - (_OUTSIDE - 1) * (way < 0), 1) : i + 1 + (_OUTSIDE - 1) * (way > 0)])
+        if smooth[i] < enough or (narrow[i] < _FLANK * inner and outer < _FLANK * inner):
+            break
+        found = i
+    return found
+
+
+def _lines(power: Array, inside: NDArray[np.bool_]) -> tuple[int, int] | None:
+    """First and last bin of an excitation whose power stands in lines (Hann: three or four bins), else None."""
+    strong = inside & (power > 1e-2 * power[inside].max())
+    runs = int(np.sum(np.diff(strong.astype(int)) == 1))
+    bins = np.flatnonzero(strong)
+    narrow = runs > 0 and len(bins) <= 4.5 * runs and bins[0] > 2
+    if not narrow or float(np.sum(power[strong])) < 0.95 * float(np.sum(power[inside])):
+        return None
+    return int(bins[0]), int(bins[-1])
+
+
+def period_of(u: Array) -> int | None:
+    """Samples after which an input (n,) repeats itself, at least twice in the record; None if it does not."""
+    from scipy.signal import correlate
+
+    n, x = len(u), u - np.mean(u)
+    shifts = np.arange(n // 2 + 1)
+    total = np.concatenate([[0.0], np.cumsum(x * x)])
+    # Sum of (x[i + p] - x[i])^2 over the overlap, by its three products.
+    product = correlate(x, x, mode="full", method="fft")[n - 1 : n - 1 + len(shifts)]
+    apart = (total[n] - total[shifts]) + total[n - shifts] - 2 * product
+    apart = np.sqrt(np.maximum(apart, 0.0) / (n - shifts) / (2 * np.var(x)))
+    away = np.flatnonzero(apart > 0.3)
+    if not len(away):
+        return None
+    later = shifts >= away[0]
+    # The transforms round at about 1e-8 of the squares.
+    best = max(float(apart[later].min()), 1e-7)
+    found = int(shifts[later & (apart <= 2 * best)][0])
+    # Noise makes every period differ alike; periods that are no whole number of samples drift apart.
+    drifts = apart[2 * found] > 1.5 * apart[found] if 2 * found < len(apart) else True
+    return None if best > _SAME or (drifts and apart[found] > _EXACT) else found
+
+
+def lines_of(u: Array, period: int, step: float, band: tuple[float, float] | None) -> NDArray[np.intp]:
+    """Harmonics of the period that a periodic input (n,) excites, inside the band (Hz)."""
+    count = len(u) // period
+    mean = u[-count * period :].reshape(count, period).mean(axis=0)
+    power = np.abs(np.fft.rfft(mean - np.mean(mean))) ** 2
+    f = np.fft.rfftfreq(period, step)
+    inside = (f > 0) & (f <= 0.45 / step)
+    if band is not None:
+        inside &= (f >= band[0]) & (f <= band[1])
+    if not inside.any():
+        return np.empty(0, dtype=np.intp)
+    return np.flatnonzero(inside & (power > _LINE * power.max()))

@@ -1,0 +1,109 @@
+"""What a result shows in a notebook, and tables of other libraries made from it."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem
+from asrsim.quantities import unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from asrsim.api import Result
+    from asrsim.samples import Array
+
+WIDTH = 900
+"""Pixels of the picture that a result shows by itself."""
+
+
+def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
+    """The first of the pictures that `asrsim plot` draws of the run: its joints, or the quantities asked for."""
+    from asrsim.log import LogWriter
+    from asrsim.plots.curves import read_curves
+    from asrsim.plots.figures import run_pages
+    from asrsim.plots.output import styled
+
+    with TemporaryDirectory(prefix="asrsim-plot-") as folder:
+        log = result.log
+        if log is None:
+            log = Path(folder) / "log.mcap"
+            with LogWriter(log, result.run.info) as writer:
+                writer.write(result.samples)
+                writer.close({"status": result.status})
+        curves = read_curves(log, joints=joints, quantities=quantities, bodies=quantities is None)
+    with styled():
+        return next(iter(run_pages([curves], quantities=quantities))).figure
+
+
+def as_html(result: Result) -> str:
+    """A short table of the joints with a picture."""
+    import base64
+    from io import BytesIO
+
+    from asrsim.summary.table import headline, joint_columns
+
+    columns = joint_columns(result.summary)
+    head = "".join(f"<th>{html.escape(column.heading)}</th>" for column in columns)
+    rows = "".join(
+        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>"
+        for cells in zip(*(column.cells for column in columns), strict=True)
+    )
+    claims = "".join(
+        f"<li>{'pass' if claim.holds else '<b>FAIL</b>'} {html.escape(claim.text)}</li>" for claim in result.summary.claims
+    )
+    warnings = "".join(f"<li>warning {html.escape(str(warning))}</li>" for warning in result.summary.warnings[:5])
+    figure = draw(result)
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=WIDTH / figure.get_size_inches()[0])
+    picture = base64.b64encode(stream.getvalue()).decode()
+    title = html.escape(f"{result.summary.scenario} / {result.summary.variant}")
+    return (
+        f"<p><b>{title}</b> {html.escape(headline(result.summary))}</p><table><tr>{head}</tr>{rows}</table>"
+        f'<ul>{claims}{warnings}</ul><img width="{WIDTH}" src="data:image/png;base64,{picture}"/>'
+    )
+
+
+def columns_of(result: Result) -> dict[tuple[str, str], Array]:
+    """(joint, quantity) -> (n,), recorded and derived; without those that a joint does not have."""
+    found = {(joint, name): result[joint][name] for joint in result.joints for name in result[joint]}
+    return {key: values for key, values in found.items() if not np.isnan(values).all()}
+
+
+def as_pandas(result: Result) -> Any:
+    """A DataFrame: a row a sample, indexed by time in s, columns by joint and quantity."""
+    pandas = _library("pandas")
+    table = columns_of(result)
+    index = pandas.Index(result.time, name="time")
+    columns = pandas.MultiIndex.from_tuples(list(table), names=("joint", "quantity"))
+    return pandas.DataFrame(np.column_stack(list(table.values())), index=index, columns=columns)
+
+
+def as_xarray(result: Result) -> Any:
+    """A Dataset: a variable a quantity over time and joint, with its unit; NaN where a joint does not have it."""
+    xarray = _library("xarray")
+    table = columns_of(result)
+    prismatic = [joint.prismatic for joint in result.run.info.joints]
+    variables = {}
+    for name in dict.fromkeys(name for _, name in table):
+        missing = np.full(len(result.time), np.nan)
+        values = np.column_stack([table.get((joint, name), missing) for joint in result.joints])
+        units = dict.fromkeys(unit_of(name, prismatic=one) for one in prismatic)
+        variables[name] = (("time", "joint"), values, {"units": " or ".join(unit for unit in units if unit)})
+    return xarray.Dataset(variables, coords={"time": ("time", result.time, {"units": "s"}), "joint": list(result.joints)})
+
+
+def _library(name: str) -> Any:
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError:
+        hint = f"pip install {name}, or asrsim with the extra 'notebook'"
+        raise InputError(Problem(message=f"{name} is not installed here", hint=hint, code="no-library")) from None

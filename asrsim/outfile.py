@@ -1,0 +1,114 @@
+"""Files that we write: whole or not at all, never over what somebody else wrote, and never through a link."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from asrsim.errors import OutputError
+
+MARKS = {
+    "log": rb"\A\x89MCAP0\r\n.{9}\x04\0\0\0ros2.{4}asrsim ",
+    "json": rb'\A\{\s*"generator": ?"asrsim ',
+    "page": rb'<meta name="generator" content="asrsim ',
+    "picture": rb"Software\0asrsim|/Creator \(asrsim\)|<dc:title>asrsim</dc:title>|\x21\xfe\x06asrsim|\xa9cmt.{8,24}asrsim",
+    "metrics": rb"\Asource,joint,quantity,measure,value,unit\r?\n",
+    "bench": rb"\Atime,[^\n]+\.position,[^\n]+\.elastic_torque_1,[^\n]+\.stiffness,",
+    "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
+    "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
+    "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
+    "schema": rb'"title": "asrsim scenario"',
+}
+"""Kind of file -> what is found at the start or the end of one that asrsim wrote, and in no other."""
+_LOOKED_AT = 1 << 16
+"""Bytes at the start and at the end of a file in which its mark stands."""
+
+
+def is_ours(path: Path, kind: str) -> bool:
+    """Whether asrsim wrote this file, as its mark proves. An empty file holds nothing that could be lost."""
+    if path.is_symlink() or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as stream:
+            ends = [stream.read(_LOOKED_AT)]
+            if stream.seek(0, 2) > _LOOKED_AT:
+                stream.seek(-_LOOKED_AT, 2)
+                ends.append(stream.read())
+    except OSError:
+        return False
+    return not ends[0] or any(re.search(MARKS[kind], part, re.DOTALL) for part in ends)
+
+
+def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace: bool = False) -> None:
+    """Whether a file of that kind may be written to `path`.
+
+    inputs: files that the same command reads. replace: the user allows to replace any file but those.
+    Raises OutputError where `path` is an input, a link or a folder, or a file that asrsim did not write.
+    """
+    for one in inputs:
+        with suppress(OSError):
+            if one.samefile(path):
+                raise OutputError(f"{path}: is read by this command, and would be lost: choose another place to write to")
+    if path.is_dir():
+        raise OutputError(f"{path}: cannot be written: it is a folder")
+    if is_special(path):
+        return
+    if path.is_symlink():
+        raise OutputError(f"{path}: is a link: name the file that it leads to")
+    if not replace and path.exists() and not is_ours(path, kind):
+        raise OutputError(f"{path}: is there, and asrsim did not write it: take it away, or choose another place to write to")
+
+
+def is_special(path: Path) -> bool:
+    """A device or a pipe: written to as it is."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+@contextmanager
+def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryIO]:
+    """A file that takes the place of `path` in one move if the block ends without error; else all stays as it was.
+
+    kind: of :data:`MARKS`; replace: as for :func:`check_output`, which raises OutputError first; so do disks that are full.
+    """
+    check_output(path, kind, replace=replace)
+    if is_special(path):
+        with _told(path), path.open("wb") as stream:
+            yield stream
+        return
+    # A name that nobody can foresee, made anew: nothing that stands there is followed or cut.
+    part = path.with_name(f".asrsim-{secrets.token_hex(8)}.part")
+    try:
+        with _told(path):
+            with part.open("xb") as stream:
+                yield stream
+            part.replace(path)
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def write_text(path: Path, text: str, kind: str, *, replace: bool = False) -> None:
+    """Write a UTF-8 file as :func:`written` does; its folder must exist. Raises OutputError."""
+    with written(path, kind, replace=replace) as stream:
+        stream.write(text.encode())
+
+
+def make_folder(folder: Path) -> Path:
+    """The folder, made with those above it if it is not there. Raises OutputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot make the folder: {error.strerror or error}") from error
+    return folder

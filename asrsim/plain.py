@@ -1,0 +1,73 @@
+"""Plain data of files that others may have edited, held against the shape that they must have."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Shape = Any
+"""str, bool, int, float (any number but NaN), None, object (anything), a tuple of alternatives, [shape] for a list, or a
+mapping from keys to shapes: `"key?"` may be missing, `"*"` stands for all that are not named."""
+
+
+def misfit(data: Any, shape: Shape, place: str = "") -> str:
+    """Where plain data have another shape than `shape`, in words; empty if they have it."""
+    if isinstance(shape, tuple):
+        return "" if any(not misfit(data, one) for one in shape) else f"{place or 'it'} is {_words(data)}"
+    if isinstance(shape, list):
+        if not isinstance(data, list):
+            return f"{place or 'it'} is no list"
+        return next((found for i, item in enumerate(data) if (found := misfit(item, shape[0], f"{place}[{i}]"))), "")
+    if isinstance(shape, dict):
+        return _keys(data, shape, place)
+    good = {
+        str: isinstance(data, str) and is_text(data),
+        bool: isinstance(data, bool),
+        int: isinstance(data, int) and not isinstance(data, bool) and abs(data) < 1 << 53,
+        float: _is_number(data),
+        None: data is None,
+        object: True,
+    }
+    return "" if good[shape] else f"{place or 'it'} is {_words(data)}"
+
+
+def _keys(data: Any, shape: dict[str, Shape], place: str) -> str:
+    if not isinstance(data, dict):
+        return f"{place or 'it'} is no mapping"
+    dot = f"{place}." if place else ""
+    for key, inner in shape.items():
+        name = key.removesuffix("?")
+        if key == "*":
+            continue
+        if name in data:
+            if found := misfit(data[name], inner, dot + name):
+                return found
+        elif name == key:
+            return f"{dot}{name} is missing"
+    named = {key.removesuffix("?") for key in shape}
+    for key, value in data.items():
+        if not is_text(key):
+            return f"a key of {place or 'it'} is no text"
+        if key not in named and "*" in shape and (found := misfit(value, shape["*"], dot + key)):
+            return found
+    return ""
+
+
+def _is_number(data: Any) -> bool:
+    if isinstance(data, float):
+        return data == data
+    return isinstance(data, int) and not isinstance(data, bool) and abs(data) < 10**300
+
+
+def is_text(text: str) -> bool:
+    """Whether all characters of a text are whole: JSON can escape one half of a pair."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _words(data: Any) -> str:
+    if isinstance(data, dict | list):
+        return "a mapping" if isinstance(data, dict) else "a list"
+    return ascii(data)[:60]

@@ -1,0 +1,82 @@
+"""Limits of a joint as curves: its stops, the torques and deflections that its actuator can bear."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from asrsim.plots import style
+from asrsim.plots.curves import RunCurves
+from asrsim.plots.world import Curve
+
+
+def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
+    """Upper and lower limits of what a panel (:data:`asrsim.plots.panels.PANELS`) shows of a joint, as the log gives them."""
+    kind = panel.removeprefix("quantity:")
+    link = run.get(joint, "link_position")
+    stops = _joint_limits(run.info.urdf).get(joint, {})
+    values: dict[str, Any] = dict(run.info.resolved.get("parameters", {}).get(joint, {}))
+    pairs: list[tuple[float, float]] = []
+    if kind in ("position", "link_position"):
+        pairs = [(stops.get("lower", math.nan), stops.get("upper", math.nan))]
+    elif kind in ("torque", "link_torque"):
+        pairs = [_both(stops.get("effort", math.nan))]
+    elif kind in ("motor_torque", "motor_1_torque", "motor_2_torque"):
+        motors = (1, 2) if kind == "motor_torque" else (int(kind[6]),)
+        pairs = [_both(values.get(f"motor_{number}_max_torque", math.nan)) for number in motors]
+    elif kind == "deflection":
+        return _deflection_limits(run, joint, float(values.get("max_deflection", math.nan)))
+    # One that is given as 0 is not given: URDF writes it for joints that have none.
+    curves = link or next((curve for (name, _), curve in run.curves.items() if name == joint), None)
+    if curves is None:
+        return []
+    span = np.array([curves.time[0], curves.time[-1]])
+    edges = dict.fromkeys(edge for pair in pairs if pair[0] < pair[1] for edge in pair if math.isfinite(edge))
+    return [Curve(time=span, values=np.full(2, edge)) for edge in edges]
+
+
+def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
+    """A spring's deflection is limited: of two against each other, what the preset leaves."""
+    info = next(info for info in run.joints if info.name == joint)
+    one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
+    if not math.isfinite(limit) or run.get(joint, "deflection") is None:
+        return []
+    if two is None or one is None or style.has_adjuster(info):
+        time = np.asarray(run.curves[joint, "deflection"].time[[0, -1]])
+        left = np.full(2, limit)
+    else:
+        time = one.time
+        left = limit - 0.5 * np.abs(one.values - np.interp(time, two.time, two.values))
+    return [Curve(time=time, values=left), Curve(time=time, values=-left)]
+
+
+def _both(limit: float) -> tuple[float, float]:
+    return -float(limit), float(limit)
+
+
+@lru_cache(maxsize=8)
+def _joint_limits(urdf: str) -> dict[str, dict[str, float]]:
+    """Joint -> lower, upper, effort as its `<limit>` has them; nothing of a text that is no URDF."""
+    from lxml import etree
+
+    try:
+        root = etree.fromstring(urdf.encode(), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
+    except etree.XMLSyntaxError:
+        return {}
+    found: dict[str, dict[str, float]] = {}
+    for joint in root.findall("joint"):
+        limit = joint.find("limit")
+        if limit is None:
+            continue
+        keys = ("lower", "upper", "effort") if joint.get("type") in ("revolute", "prismatic") else ("effort",)
+        try:
+            numbers = {key: float(limit.get(key, "0")) for key in keys}
+        except ValueError:
+            continue
+        if not numbers["effort"] > 0:
+            del numbers["effort"]
+        found[(joint.get("name") or "").strip()] = numbers
+    return found

@@ -1,0 +1,60 @@
+"""Copies of a function whose globals are exchanged: the same source, run on arrays, on another library, or compiled."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+def rebind(
+    function: types.FunctionType,
+    exchange: Callable[[Any], Any] = lambda value: value,
+    wrap: Callable[[Any], Any] = lambda copy: copy,
+    *,
+    names: Mapping[str, Any] | None = None,
+    mark: str = "",
+) -> Any:
+    """A copy of `function` in which every global or enclosed value is `exchange(value)`, and so in the functions that it calls.
+
+    exchange: returns the value to use instead, or the value itself; wrap: applied to each copied function; names: globals that
+    are exchanged by their name, whatever they are; mark: added to the name of each copy.
+    """
+    return _Copier(exchange, wrap, names or {}, mark).copy(function)
+
+
+class _Copier:
+    def __init__(self, exchange: Callable[[Any], Any], wrap: Callable[[Any], Any], names: Mapping[str, Any], mark: str) -> None:
+        self._exchange, self._wrap, self._names, self._mark = exchange, wrap, names, mark
+        self._seen: dict[int, Any] = {}
+
+    def copy(self, function: types.FunctionType) -> Any:
+        if id(function) in self._seen:
+            return self._seen[id(function)]
+        names: dict[str, Any] = {"__builtins__": __builtins__, "__name__": function.__module__}
+        enclosed = tuple(types.CellType(self._replaced(cell.cell_contents)) for cell in function.__closure__ or ())
+        copy = types.FunctionType(
+            function.__code__, names, function.__name__ + self._mark, function.__defaults__, enclosed or None
+        )
+        copy.__module__ = function.__module__
+        copy.__qualname__ = function.__qualname__ + self._mark
+        result = self._seen[id(function)] = self._wrap(copy)
+        for name in called_names(function):
+            if name in self._names:
+                names[name] = self._replaced(self._names[name])
+            elif name in function.__globals__:
+                names[name] = self._replaced(function.__globals__[name])
+        return result
+
+    def _replaced(self, value: Any) -> Any:
+        new = self._exchange(value)
+        return self.copy(value) if new is value and isinstance(value, types.FunctionType) else new
+
+
+def called_names(function: types.FunctionType) -> tuple[str, ...]:
+    """Names of globals that a function's code mentions, nested functions included."""
+    names = list(function.__code__.co_names)
+    for constant in function.__code__.co_consts:
+        if isinstance(constant, types.CodeType):
+            names += constant.co_names
+    return tuple(names)

@@ -1,0 +1,95 @@
+"""Messages of several topics as series on one clock: their headers' stamps, or the times at which they were recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.cells import printable
+from asrsim.recordings.condense import condense
+from asrsim.recordings.data import RawSeries
+from asrsim.recordings.messages import understand
+from asrsim.recordings.timebase import EPOCH, clean_time
+from asrsim.samples import Array
+
+_DAYS = 10 * 86_400_000_000_000
+"""ns that a stamp may be away from the others of its topic."""
+_SAME_CLOCK = 1.0
+"""s by which a header's stamp may differ from the time of recording and still be of the same clock."""
+
+
+@dataclass
+class Group:
+    """Messages of one topic with the same labels."""
+
+    topic: str
+    kind: str
+    labels: list[tuple[str, str | None]]
+    logged: list[int] = field(default_factory=list)
+    stamped: list[int | None] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)
+
+
+def series_of_groups(groups: list[Group], path: Path, findings: list[Problem]) -> tuple[tuple[RawSeries, ...], float | None]:
+    """Series on one clock: header stamps where they agree with the time of recording, else the time of recording."""
+    clocks = [_offset(group) for group in groups]
+    known = [offset for offset in clocks if offset is not None]
+    # All topics stamped by one other clock (simulated time, the robot's uptime) is one base as well.
+    one_other = len(known) == len(clocks) and np.ptp(known) < _SAME_CLOCK
+    nanoseconds: list[NDArray[np.int64]] = []
+    for group, offset in zip(groups, clocks, strict=True):
+        stamps = offset is not None and (abs(offset) < _SAME_CLOCK or one_other)
+        if offset is not None and not stamps:
+            findings.append(
+                Problem(message=f"two time bases: header stamps are {abs(offset):.6g} s off the time of recording, and not all "
+                        "topics have them; the time of recording is used", file=path, key=group.topic, code="two-time-bases")
+            )  # fmt: skip
+        nanoseconds.append(np.array(group.stamped if stamps else group.logged, dtype=np.int64))
+    sound = [_sound(ns, group, path, findings) for ns, group in zip(nanoseconds, groups, strict=True)]
+    first = min(int(ns[keep].min()) for ns, keep in zip(nanoseconds, sound, strict=True))
+    zero = first if first * 1e-9 > EPOCH else 0
+    series: list[RawSeries] = []
+    broken: list[Problem] = []
+    for group, ns, good in zip(groups, nanoseconds, sound, strict=True):
+        seconds: Array = np.asarray((ns[good] - zero) * 1e-9, dtype=np.float64)
+        try:
+            keep, found = clean_time(seconds, None, path=path, name=group.topic)
+        except RecordingError as error:
+            # One topic whose time is broken does not take the others with it.
+            broken += error.problems
+            continue
+        findings += found
+        time, rows = seconds[keep], np.array(group.rows)[good][keep]
+        for i, (label, named) in enumerate(group.labels):
+            joint, quantity, unit = understand(group.topic, group.kind, label, named)
+            joint = None if joint is None else printable(joint)
+            name = printable(group.topic if label == "data" else f"{group.topic}/{label}")
+            series.append(RawSeries(name=name, time=time, values=rows[:, i], unit=unit, joint=joint, quantity=quantity))
+    if not series:
+        raise RecordingError(condense(broken))
+    findings += [replace(problem, message=f"topic is not read: {problem.message}", code="unread-topic") for problem in broken]
+    return tuple(series), (zero * 1e-9 if zero else None)
+
+
+def _sound(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Problem]) -> NDArray[np.bool_]:
+    """Messages whose stamp is no nonsense: days away from the others."""
+    keep = np.asarray(np.abs(ns - np.int64(np.median(ns))) < _DAYS, dtype=bool)
+    bad = int(np.sum(~keep))
+    if bad:
+        findings.append(
+            Problem(message=f"{bad} messages are left out, whose stamps are days away from the others'", file=path,
+                    key=group.topic, code="bad-time")
+        )  # fmt: skip
+    return keep
+
+
+def _offset(group: Group) -> float | None:
+    """Median of header stamp minus time of recording in s; None where a message has no stamp."""
+    stamps = [stamp for stamp in group.stamped if stamp is not None]
+    if len(stamps) < len(group.stamped):
+        return None
+    return float(np.median(np.array(stamps, dtype=np.int64) - np.array(group.logged, dtype=np.int64))) * 1e-9

@@ -1,0 +1,116 @@
+"""The header of a delimited text file: which line holds the names, which the units, and whether they fit the columns."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from asrsim.recordings.cells import glue, printable, share_of_numbers, split
+from asrsim.recordings.units import find_unit
+
+_REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes"}
+"""Last names of headers over columns that no row fills (LabVIEW's "Comment")."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """What stands above the numbers."""
+
+    names: list[str] | None = None
+    """One a column; None: there is none, or it does not fit."""
+    units: list[str] | None = None
+    """Of a row of their own."""
+    line: int | None = None
+    misfit: str = ""
+    """Why a line that looks like a header is not used."""
+
+
+def find_header(rows: Sequence[tuple[int, list[str]]], data: Sequence[Sequence[str]], decimal: str) -> Header:
+    """The header among the lines above the numbers; `data`: the first rows of numbers, all of one length."""
+    columns = len(data[0])
+    rows = [(count, _fitted(cells, data)) for count, cells in rows]
+    if not rows:
+        return Header()
+    fitting = [(count, cells) for count, cells in rows if len(cells) == columns]
+    count, cells = rows[-1]
+    if len(cells) != columns:
+        return Header(misfit=_misfit(cells, columns, decimal), line=count)
+    if share_of_numbers(cells, decimal) >= 0.5:
+        return Header()
+    filled = [cell for cell in cells if cell not in ("", "-")]
+    if len(fitting) > 1 and filled and all(find_unit(cell) for cell in filled):
+        names = _grouped(fitting[:-1], columns)
+        return Header(names=names, units=[cell.strip("[](){}<> ") for cell in cells], line=fitting[-2][0])
+    return Header(names=_grouped(fitting, columns), line=count)
+
+
+def _fitted(cells: list[str], data: Sequence[Sequence[str]]) -> list[str]:
+    """The names over their columns where one is missing or too many and it is clear which."""
+    columns = len(data[0])
+    if len(cells) == columns + 1 and cells[-1].lower() in _REMARKS:
+        return cells[:-1]
+    if len(cells) != columns - 1:
+        return cells
+    if not any(row[-1] for row in data):
+        return [*cells, ""]
+    # R and pandas write row numbers without a name for them.
+    if counts_rows([row[0] for row in data]):
+        return ["", *cells]
+    return cells
+
+
+def counts_rows(cells: Sequence[str]) -> bool:
+    """Whether the cells are 0, 1, 2, ... or 1, 2, 3, ..., as numbers or in quotes."""
+    plain = [cell.strip("\"'") for cell in cells]
+    return len(plain) > 1 and any(plain == [str(i + start) for i in range(len(plain))] for start in (0, 1))
+
+
+def _misfit(cells: Sequence[str], columns: int, decimal: str) -> str:
+    """What is wrong with a header of another length; "" for a line that is no header (a title, a pair of key and value)."""
+    words = sum(bool(cell) and share_of_numbers([cell], decimal) == 0.0 for cell in cells)
+    if len(cells) == 2 * columns - 1 and re.search(r"\D[-+.]?\d[\d.,eE+-]*$", cells[columns - 1]) and words <= columns:
+        return f"the first row of numbers is glued to the header ({columns} columns, {len(cells)} fields in its line)"
+    if words < max(2, 0.5 * min(columns, len(cells))) or (len(cells) <= 2 < columns - 1):
+        return ""
+    return f"the header has {len(cells)} names, its rows have {columns} fields"
+
+
+def _grouped(rows: Sequence[tuple[int, list[str]]], columns: int) -> list[str]:
+    """The names of the last row; where they repeat, each behind the group's name in the row above ("Joint 1" over three)."""
+    names = rows[-1][1] + [""] * (columns - len(rows[-1][1]))
+    filled = [name for name in names if name]
+    if len(set(filled)) == len(filled) or len(rows) < 2 or rows[-2][0] != rows[-1][0] - 1:
+        return names
+    groups, last = [], ""
+    for cell in rows[-2][1] + [""] * (columns - len(rows[-2][1])):
+        last = cell or last
+        groups.append(last)
+    return [f"{group} {name}".strip() if group != name else name for group, name in zip(groups, names, strict=True)]
+
+
+def comment_header(text: str, separator: str | None, columns: int, decimal: str) -> list[str] | None:
+    """A header in the last comment line, as numpy.savetxt writes it."""
+    plain = text.lstrip(" #%/").strip()
+    for candidate in dict.fromkeys((separator, ",", ";", "\t", None)):
+        cells = split(glue(plain, candidate), candidate, quoted='"' in plain)
+        if len(cells) == columns and share_of_numbers(cells, decimal) < 0.5:
+            return cells
+    return None
+
+
+def unique(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without repeats or blanks: the second q becomes q#2, a blank one column_4."""
+    seen: Counter[str] = Counter()
+    result = []
+    for i, name in enumerate(names):
+        name = printable(name.strip()) or f"column_{i + 1}"
+        seen[name] += 1
+        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return tuple(result)
+
+
+def unnamed(names: Sequence[str] | None) -> tuple[int, ...]:
+    """Places of blank names, and of pandas' word for them."""
+    return tuple(i for i, name in enumerate(names or ()) if not name.strip() or name.startswith("Unnamed:"))

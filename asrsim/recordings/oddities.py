@@ -1,0 +1,55 @@
+"""What is odd about the numbers of columns: none at all, stretches without, glitches, and those that never change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import Problem
+from asrsim.recordings.checks import lone
+from asrsim.recordings.data import Column
+from asrsim.samples import Array
+
+
+def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
+    """Constant columns and stretches without numbers, of the columns that are used."""
+    found: list[Problem] = []
+    for column in columns:
+        missing = np.isnan(column.values)
+        if column.quantity is None:
+            continue
+        if missing.all():
+            found.append(Problem(message="has no number at all", file=path, key=column.source, code="empty-column"))
+            continue
+        if missing.any():
+            found.append(
+                Problem(message=_stretches(column.time, missing), file=path, key=column.source, code="missing-stretch",
+                        hint="They are left out of every comparison, not bridged")
+            )  # fmt: skip
+        values = column.values[~missing]
+        glitches = column.time[~missing][lone(values)] if not column.quantity.startswith("reference") else ()
+        if len(glitches):
+            places = ", ".join(f"{t:.6g}" for t in glitches[:4]) + (", ..." if len(glitches) > 4 else "")
+            found.append(
+                Problem(message=f"{len(glitches)} single samples stand far from both neighbours, at t = {places} s: glitches?",
+                        file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
+            )  # fmt: skip
+        if len(values) > 2 and np.ptp(values) == 0.0:
+            hint = None if "reference" in column.quantity else "Was the sensor connected?"
+            found.append(
+                Problem(message=f"is constant at {values[0]:g} {column.unit}".rstrip(), file=path, key=column.source,
+                        code="constant-column", hint=hint)
+            )  # fmt: skip
+    return found
+
+
+def _stretches(time: Array, missing: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> str:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
+    starts, ends = edges[::2], edges[1::2] - 1
+    longest = int(np.argmax(ends - starts))
+    return (
+        f"{int(missing.sum())} of {len(missing)} samples have no number, in {len(starts)} stretches; the longest from "
+        f"{time[starts[longest]]:.6g} s to {time[ends[longest]]:.6g} s"
+    )

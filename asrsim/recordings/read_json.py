@@ -1,0 +1,145 @@
+"""From JSON to a table: a record a line, a list of records, or lists by name; what robots and web tools log."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.cells import kind_of
+from asrsim.recordings.delimited import Faults, Table, report, value_of
+from asrsim.recordings.header import unique
+from asrsim.recordings.sniff import Layout, encoding_of
+
+_LONGEST = 64
+"""Entries of a list in a record; longer ones are pictures or scans."""
+
+Record = dict[str, str]
+"""Label -> cell, as a text file would hold it."""
+
+
+def is_json(path: Path) -> bool:
+    """Whether the file begins as JSON does: with an object, or a list of objects, lists or numbers."""
+    with path.open("rb") as stream:
+        start = stream.read(4096).removeprefix(b"\xef\xbb\xbf").split()
+    text = b"".join(start[:4])
+    return text.startswith(b"{") or (text.startswith(b"[") and text[1:2] in b'{["-0123456789' and text[1:2] != b"")
+
+
+def read_json(path: Path) -> Table:
+    """The table of a JSON file. Raises RecordingError where it is no JSON, or holds no records."""
+    text = path.read_text(encoding=encoding_of(path), errors="replace")
+    records, bad = _records(text, path)
+    labels = list(dict.fromkeys(label for record in records for label in record))
+    if len(records) < 2 or not labels:
+        raise RecordingError(
+            Problem(message=f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
+                    hint="Expected records with a time and signals: one a line, a list of them, or lists by name")
+        )  # fmt: skip
+    columns = [[record.get(label, "") for record in records] for label in labels]
+    kinds = [kind_of(cells, ".") for cells in columns]
+    layout = Layout(
+        encoding="utf-8", separator=None, decimal=".", quoted=False, names=unique(labels), units=("",) * len(labels),
+        header_line=1, first_line=1, skipped=(), stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
+        text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
+    )  # fmt: skip
+    faults, zeros = Faults(ragged=bad, lengths={0} if bad else set()), dict[int, int]()
+    stamps, words = set(layout.stamps), set(layout.text)
+    values = np.array(
+        [[value_of(cell, i, line, ".", stamps, words, faults, zeros) for i, cell in enumerate(row)]
+         for line, row in enumerate(zip(*columns, strict=True), start=1)]
+    )  # fmt: skip
+    return Table(
+        layout=layout, values=values, lines=np.arange(1, len(values) + 1, dtype=np.int64), zeros=zeros,
+        findings=tuple(report(path, layout, faults, len(values))),
+        words={column: next(iter(found)) for column, found in faults.words.items() if len(found) == 1},
+    )  # fmt: skip
+
+
+def _records(text: str, path: Path) -> tuple[list[Record], list[int]]:
+    """Records, and the lines that are none (the last one of a log that was cut off)."""
+    try:
+        return _of(json.loads(text)), []
+    except (ValueError, RecursionError) as error:
+        whole = error
+    records: list[Record] = []
+    bad: list[int] = []
+    for count, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            records.append(_flat(json.loads(line.strip().rstrip(","))))
+        except (ValueError, RecursionError):
+            bad.append(count)
+    if len(records) < 2 or len(bad) > max(1, 0.1 * len(records)):
+        said, place = type(whole).__name__, None
+        if isinstance(whole, json.JSONDecodeError):
+            said, place = whole.msg, whole.lineno
+        raise RecordingError(Problem(message=f"cannot be read as JSON: {said}", file=path, line=place, code="bad-json"))
+    return records, bad
+
+
+def _of(data: Any) -> list[Record]:
+    """Records of a whole document."""
+    if isinstance(data, Mapping) and isinstance(data.get("columns"), list) and isinstance(data.get("data"), list):
+        names = [str(name) for name in data["columns"]]
+        data = [dict(zip(names, row, strict=False)) for row in data["data"] if isinstance(row, list)]
+    if isinstance(data, list):
+        return [_flat(one) for one in data if isinstance(one, Mapping | list)]
+    if not isinstance(data, Mapping):
+        return []
+    tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
+    if tables:
+        return [_flat(one) for one in max(tables, key=len) if isinstance(one, Mapping)]
+    columns = dict(_columns(data, ""))
+    length = max((len(column) for column in columns.values()), default=0)
+    return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]
+
+
+def _values(data: Mapping[str, Any]) -> Iterable[Any]:
+    for value in data.values():
+        yield value
+        if isinstance(value, Mapping):
+            yield from _values(value)
+
+
+def _columns(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, list[Any]]]:
+    """Lists by their path; of lists of lists, one for each entry."""
+    for key, value in data.items():
+        if isinstance(value, Mapping) and len(value) > 1 and all(str(name).isdigit() for name in value):
+            value = list(value.values())  # pandas writes a column by its index
+        if isinstance(value, Mapping):
+            yield from _columns(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and len(value) > 1 and isinstance(value[0], list):
+            rows = [row if isinstance(row, list) else [] for row in value]
+            for i in range(min(_LONGEST, max(len(row) for row in rows))):
+                yield f"{prefix}{key}[{i}]", [row[i] if i < len(row) else None for row in rows]
+        elif isinstance(value, list) and len(value) > 1:
+            yield f"{prefix}{key}", value
+
+
+def _flat(data: Any, prefix: str = "") -> Record:
+    """A record's numbers and words by their path: `header.stamp.sec`, `position[0]`."""
+    if isinstance(data, Mapping):
+        found: Record = {}
+        for key, value in data.items():
+            found |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
+        return found
+    if isinstance(data, list):
+        if len(data) > _LONGEST:
+            return {}
+        found = {}
+        for i, value in enumerate(data):
+            found |= _flat(value, f"{prefix}[{i}]" if prefix else f"column_{i + 1}")
+        return found
+    return {prefix: _cell(data)} if prefix else {}
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if value is None or isinstance(value, list | Mapping) else str(value)

@@ -1,0 +1,150 @@
+"""Which columns of a table hold time: by what was said, by name, by unit, else one that rises evenly and is no counter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.delimited import Table
+from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.names import VOCABULARY, find_column, tokens_of
+from asrsim.recordings.stamps import MERGED
+from asrsim.recordings.units import Unit
+from asrsim.samples import Array
+
+_TIME_WORDS = {
+    "time",
+    "t",
+    "timestamp",
+    "stamp",
+    "zeit",
+    "uhrzeit",
+    "temps",
+    "tempo",
+    "tiempo",
+    "tijd",
+    "elapsed",
+    "clock",
+    "datetime",
+    "date",
+    "millis",
+    "seconds",
+    "epoch",
+    "unix",
+    "utc",
+}
+_COUNTERS = {"sample", "samples", "index", "idx", "n", "no", "nr", "count", "counter", "frame", "row", "seq", "cycle"}
+"""Names of columns that count rows: they rise evenly and are no time."""
+_WHOLE = 0.9
+"""Share of rows that must have a stamp for all rows to be of one kind of message."""
+_MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
+
+
+def time_columns(
+    path: Path,
+    table: Table,
+    names: Sequence[str],
+    stated: Sequence[Unit | None],
+    maps: Sequence[ColumnMap],
+    findings: list[Problem],
+) -> tuple[list[int], dict[int, float]]:
+    """The columns that hold time, and s per unit where it is known."""
+    labels = table.layout.names
+    factors = {i: unit.factor for i, unit in enumerate(stated) if unit is not None and unit.si == "s"}
+    for one in maps:
+        if one.role != "time":
+            continue
+        index = find_column(one.column, labels)
+        if index is None:
+            raise RecordingError(
+                Problem(message="there is no such column for the time", file=path, key=one.column, choices=tuple(labels),
+                        code="no-time")
+            )  # fmt: skip
+        if one.unit is not None:
+            factors[index] = one.unit.factor
+        return [index], factors
+    mapped = {find_column(one.column, labels) for one in maps}
+    free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
+    named = [i for i in free if _is_time(names[i], stated[i])]
+    blank = [i for i in named if i not in table.layout.stamps and np.isfinite(table.values[:, i]).sum() < 2]
+    if blank and (len(blank) < len(named) or table.layout.stamps):
+        findings += [
+            Problem(message="is named as a time but has no numbers; not used", file=path, key=labels[i], code="empty-time")
+            for i in blank
+        ]
+        named = [i for i in named if i not in blank]
+    # Messages know when they were sent, which is when they were measured; a recorder knows when it got them.
+    sent = [i for i in named if _is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
+    got = [
+        i for i in named if set(tokens_of(labels[i])) & {"rosbag", "rosbagtimestamp"} or labels[i].lower() in ("time", "__time")
+    ]
+    if sent and got and len(named) == len({*sent, *got}):
+        findings.append(
+            Problem(message=f"is when messages were sent, and is used; '{labels[got[0]]}' is when they were recorded",
+                    file=path, key=labels[sent[0]], code="second-time", hint=f"Use that with --map '{labels[got[0]]}=time'")
+        )  # fmt: skip
+        return sent[:1], factors
+    if named or table.layout.stamps:
+        return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
+    # What is named as a signal is no time, however evenly it rises.
+    rising = [
+        i for i in free if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
+    ]
+    # A column without a name that counts 0, 1, 2 is an index: pandas writes one, and it is no time in ms.
+    counters = [
+        i for i in rising if _steps_by_one(table.values[:, i]) and (_nameless(table, i) or set(tokens_of(names[i])) & _COUNTERS)
+    ]
+    rising = [i for i in rising if i not in counters]
+    if counters and not rising:
+        raise RecordingError(
+            Problem(message=f"no time column found; '{labels[counters[0]]}' counts the rows", file=path, code="no-time",
+                    hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]")
+        )  # fmt: skip
+    if rising:
+        findings.append(
+            Problem(message="no column is named as the time; this one rises evenly and is taken", file=path,
+                    key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
+        )  # fmt: skip
+        return rising[:1], factors
+    raise RecordingError(
+        Problem(message=f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
+                hint="Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate")
+    )  # fmt: skip
+
+
+def _is_time(name: str, unit: Unit | None) -> bool:
+    words = {word for word in tokens_of(name) if not word.isdigit()}
+    if unit is not None and unit.si != "s":
+        return False
+    if words == {"x", "value"}:  # LabVIEW
+        return True
+    if words & _MEASURED and not words & {"stamp", "timestamp"}:
+        return False
+    return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+
+
+def _is_stamp(label: str) -> bool:
+    """Whether a column is the stamp in the header of messages."""
+    return label == MERGED or {"header", "stamp"} <= set(tokens_of(label))
+
+
+def _nameless(table: Table, column: int) -> bool:
+    return column in table.layout.unnamed or table.layout.header_line is None
+
+
+def _steps_by_one(values: Array) -> bool:
+    finite = values[np.isfinite(values)]
+    return bool(np.median(np.diff(finite)) == 1.0)
+
+
+def _rises(values: Array) -> bool:
+    """Increases nearly always, by nearly the same step."""
+    finite = values[np.isfinite(values)]
+    if len(finite) < 3 or len(finite) < 0.9 * len(values):
+        return False
+    steps = np.diff(finite)
+    typical = float(np.median(steps))
+    return typical > 0 and float(np.mean(np.abs(steps - typical) < typical)) > 0.95

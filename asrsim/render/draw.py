@@ -1,0 +1,186 @@
+"""A scene as a picture: light, outlines, ground and shadow."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.render.camera import Camera
+from asrsim.render.raster import plane, rasterise
+from asrsim.render.scene import Scene
+from asrsim.samples import Array
+
+Image = NDArray[np.uint8]
+"""(height, width, 3)."""
+SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
+AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
+INK, CONTACT = np.array([0.13, 0.15, 0.18]), np.array([0.84, 0.20, 0.0])
+"""Outlines, and those of what is touched."""
+TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
+
+
+class Painter:
+    """Draws a scene's shapes in given frames. All points of the scene are kept in one array, body by body."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self.bodies = tuple(dict.fromkeys(part.body for part in scene.parts))
+        parts = sorted(scene.parts, key=lambda part: self.bodies.index(part.body))
+        counts = np.cumsum([0, *(len(part.mesh.points) for part in parts)])
+        empty = np.empty((0, 3))
+        self._points = np.concatenate([empty, *(part.mesh.points for part in parts)])
+        self._triangles = np.concatenate(
+            [np.empty((0, 3), np.intp), *(p.mesh.triangles + offset for p, offset in zip(parts, counts, strict=False))]
+        )
+        self._normals = np.concatenate([np.empty((0, 3, 3)), *(part.mesh.normals for part in parts)])
+        self._colours = np.concatenate([empty, *(part.colours for part in parts)])
+        owners = [self.bodies.index(part.body) for part in parts]
+        self._point_body = np.repeat(owners, [len(part.mesh.points) for part in parts]).astype(np.intp)
+        self._body = np.repeat(owners, [len(part.mesh.triangles) for part in parts]).astype(np.intp)
+        self._outer = _outermost(self._points, self._point_body)
+
+    def outer_points(self, frames: Mapping[str, Array]) -> Array:
+        """(k, 3) m: of every body the points that stick out, in the world: enough to place a camera."""
+        turn, shift = self._stacked(frames)
+        body = self._point_body[self._outer]
+        return np.asarray(np.einsum("kij,kj->ki", turn[body], self._points[self._outer]) + shift[body])
+
+    def points(self, frames: Mapping[str, Array]) -> Array:
+        """(k, 3) m: every point of every shape in the world."""
+        turn, shift = self._stacked(frames)
+        moved = np.empty_like(self._points)
+        for number in range(len(self.bodies)):
+            mine = self._point_body == number
+            moved[mine] = self._points[mine] @ turn[number].T + shift[number]
+        return moved
+
+    def image(
+        self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
+        touched: Collection[str] = (),
+    ) -> Image:  # fmt: skip
+        """(height, width, 3) what the camera sees. sharpness: times finer, and averaged; touched: bodies with a red outline."""
+        fine = (width * sharpness, height * sharpness)
+        points = self.points(frames)
+        seen = _projected(points, camera, *fine)[self._triangles]
+        raster = rasterise(seen, *fine)
+        picture = self._background(points, camera, *fine, raster.depth)
+        turn, _ = self._stacked(frames)
+        normals = np.einsum("mij,mkj->mki", turn[self._body], self._normals)
+        shades = plane(seen, _light(normals, points[self._triangles], camera))[raster.triangles]
+        y, x = np.divmod(raster.pixels, fine[0])
+        shade = np.clip(shades[:, 0] * (x + 0.5) + shades[:, 1] * (y + 0.5) + shades[:, 2], AMBIENT, 1.12)
+        picture[raster.pixels] = self._colours[raster.triangles] * shade[:, None]
+        owner = np.full(fine[0] * fine[1], -1, dtype=np.intp)
+        owner[raster.pixels] = self._body[raster.triangles]
+        marked = [number for number, body in enumerate(self.bodies) if body in touched]
+        _outline(picture, owner.reshape(fine[::-1]), raster.depth.reshape(fine[::-1]), marked, sharpness)
+        return _averaged(picture, width, height, sharpness)
+
+    def _stacked(self, frames: Mapping[str, Array]) -> tuple[Array, Array]:
+        stacked = np.array([frames[body] for body in self.bodies]).reshape(-1, 4, 4)
+        return stacked[:, :3, :3], stacked[:, :3, 3]
+
+    def _background(self, points: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
+        """(height * width, 3) sky and ground, with the shadow that falls straight down on it."""
+        share = np.linspace(0.0, 1.0, height)[:, None]
+        sky = ((1 - share) * SKY_TOP + share * SKY_BOTTOM).astype(np.float32)
+        picture = np.repeat(sky[:, None], width, axis=1).reshape(-1, 3)
+        level = self._scene.ground
+        if level is None or not len(points):
+            return picture
+        ray = _rays(camera, width, height)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = (level - camera.eye[2]) / ray[:, 2]
+        # The distance along the view is the ray's length in units of its part along the view, which is 1.
+        ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
+        place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[:2]
+        size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        tile = 10.0 ** np.floor(np.log10(size / 2))
+        dark = (np.floor(place / tile).sum(axis=1) % 2)[:, None]
+        colour = (1 - dark) * TILE_LIGHT + dark * TILE_DARK
+        fallen = points.copy()
+        fallen[:, 2] = level
+        above = (points[:, 2] >= level)[self._triangles].any(axis=1)
+        shadow = rasterise(_projected(fallen, camera, width, height)[self._triangles[above]], width, height).depth[ground] > 0
+        colour = np.where(shadow[:, None], 0.72 * colour, colour)
+        # The ground fades into the distance instead of ending.
+        fade = np.clip(2.2 - np.linalg.norm(place - middle, axis=1) / size, 0.0, 1.0)[:, None]
+        picture[ground] = fade * colour + (1 - fade) * picture[ground]
+        return picture
+
+
+def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Numbers of the points that go farthest in any of 26 directions, of every body."""
+    directions = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
+    found = []
+    for number in np.unique(body):
+        mine = np.flatnonzero(body == number)
+        found.append(mine[np.argmax(points[mine] @ directions.T, axis=0)])
+    return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
+
+
+def _axes(camera: Camera) -> tuple[Array, Array, Array]:
+    """Right, up and forward of a camera, unit vectors (3,)."""
+    forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
+    right = np.cross(forward, camera.up)
+    right /= np.linalg.norm(right)
+    return right, np.cross(right, forward), forward
+
+
+def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
+    """(k, 3): x and y in pixels, 1 / distance along the view (not above 0: behind the camera)."""
+    right, up, forward = _axes(camera)
+    away = points - camera.eye
+    near = away @ forward
+    inverse = np.where(near > 1e-9, 1.0 / np.where(near > 1e-9, near, 1.0), -1.0)
+    scale = 0.5 * height / np.tan(np.radians(camera.field / 2))
+    return np.stack([0.5 * width + scale * (away @ right) * inverse, 0.5 * height - scale * (away @ up) * inverse, inverse], 1)
+
+
+def _rays(camera: Camera, width: int, height: int) -> Array:
+    """(height * width, 3) direction of each pixel, 1 along the view."""
+    right, up, forward = _axes(camera)
+    scale = np.tan(np.radians(camera.field / 2)) / (0.5 * height)
+    x = scale * (np.arange(width) + 0.5 - 0.5 * width)
+    y = scale * (0.5 * height - 0.5 - np.arange(height))
+    return np.asarray(forward + x[None, :, None] * right + y[:, None, None] * up).reshape(-1, 3)
+
+
+def _light(normals: Array, corners: Array, camera: Camera) -> Array:
+    """(m, 3) brightness at the corners: a sun over the camera's shoulder, and a weaker light from the other side."""
+    right, _, forward = _axes(camera)
+    view = camera.eye - corners
+    # Not all files turn their triangles outwards: what is seen is the side that faces the camera.
+    facing = np.sign(np.einsum("mki,mki->mk", normals, view))
+    sun = np.array([0.0, 0.0, 0.9]) - 0.7 * forward - 0.35 * right
+    fill = np.array([0.0, 0.0, 0.1]) + 0.9 * right - 0.2 * forward
+    bright = AMBIENT * np.ones(normals.shape[:2])
+    for direction, strength in ((sun, SUN), (fill, FILL)):
+        bright += strength * np.clip(facing * (normals @ (direction / np.linalg.norm(direction))), 0.0, 1.0)
+    return bright
+
+
+def _outline(picture: Array, owner: NDArray[np.intp], depth: Array, marked: Collection[int], width: int) -> None:
+    """Ink along the edges between bodies, on the side of the nearer one; a wider red line around what is touched."""
+    edges = []
+    for step, there in ((1, owner[:, 1:] != owner[:, :-1]), (owner.shape[1], owner[1:] != owner[:-1])):
+        row, column = np.nonzero(there)
+        first = row * owner.shape[1] + column
+        edges.append(np.where(depth.ravel()[first] >= depth.ravel()[first + step], first, first + step))
+    edge = np.unique(np.concatenate(edges))
+    red = edge[np.isin(owner.ravel()[edge], list(marked))]
+    picture[edge] = 0.38 * picture[edge] + 0.62 * INK
+    for x in range(-width, width + 1):
+        for y in range(-width, width + 1):
+            picture[np.clip(red + x + y * owner.shape[1], 0, owner.size - 1)] = CONTACT
+
+
+def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:
+    """Bytes of the picture, `factor` times smaller by averaging."""
+    blocks = picture.reshape(height, factor, width, factor, 3)
+    total = sum(blocks[:, i, :, j] for i in range(factor) for j in range(factor))
+    return np.asarray(np.clip(255.0 / factor**2 * total + 0.5, 0.0, 255.0), dtype=np.uint8)

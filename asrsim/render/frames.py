@@ -1,0 +1,44 @@
+"""Rotations and frames of pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asrsim.samples import Array
+
+
+def about(axis: Array, angle: float) -> Array:
+    """(3, 3) rotation about an axis (3,) by an angle in rad (Rodrigues)."""
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        return np.eye(3)
+    x, y, z = axis / length
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k))
+
+
+def frame(position: Array, rotation: Array) -> Array:
+    """(4, 4) frame at a position (3,) in m."""
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = rotation, position
+    return result
+
+
+def rpy_frame(position: Array, rpy: Array) -> Array:
+    """(4, 4) frame of a URDF's `<origin xyz rpy>`: about fixed x, then y, then z."""
+    roll, pitch, yaw = (float(angle) for angle in rpy)
+    x, y, z = np.eye(3)
+    return frame(position, about(z, yaw) @ about(y, pitch) @ about(x, roll))
+
+
+def pose_frame(pose: Array) -> Array:
+    """(4, 4) frame of a logged pose: x y z (m), quaternion x y z w."""
+    x, y, z, w = pose[3:7] / np.linalg.norm(pose[3:7])
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return frame(pose[:3], rotation)

@@ -1,0 +1,89 @@
+"""A rasteriser with a depth buffer, all triangles at once in NumPy: no display, no graphics card, the same everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.samples import Array
+
+Numbers = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Raster:
+    """What covers each pixel."""
+
+    pixels: Numbers
+    """(p,) numbers of the covered pixels, row by row from the top left."""
+    triangles: Numbers
+    """(p,) the triangle in front, by its number."""
+    depth: Array
+    """(height * width,) 1 / distance along the view, 0 where nothing is."""
+
+
+def rasterise(corners: Array, width: int, height: int) -> Raster:
+    """Which triangle is in front in each pixel.
+
+    corners: (m, 3, 3): x and y in pixels from the top left, and 1 / distance, which is linear on the picture; triangles with a
+    corner behind the camera (1 / distance not above 0) are left out.
+
+    A triangle is cut into rows and a row into pixels whose centres it covers: what is looked at is what is covered.
+    """
+    ahead = np.flatnonzero((corners[:, :, 2] > 0.0).all(axis=1))
+    order = np.argsort(corners[ahead][:, :, 1], axis=1)
+    sorted_corners = np.take_along_axis(corners[ahead], order[:, :, None], axis=1)
+    first, last = (np.clip(np.ceil(sorted_corners[:, k, 1] - 0.5), 0, height).astype(np.intp) for k in (0, 2))
+    tall = last > first
+    ahead, sorted_corners, first, last = ahead[tall], sorted_corners[tall], first[tall], last[tall]
+    member, row = _expanded(first, last - first)
+    low, middle, high = (sorted_corners[:, k].T for k in range(3))
+    y = row + 0.5
+    along = _along(low, high, member, y)
+    upper = y < middle[1][member]
+    short = np.where(upper, _along(low, middle, member, y), _along(middle, high, member, y))
+    left, right = np.minimum(along, short), np.maximum(along, short)
+    begin, end = (np.clip(np.ceil(edge - 0.5), 0, width).astype(np.intp) for edge in (left, right))
+    wide = end > begin
+    member, row, begin, end = member[wide], row[wide], begin[wide], end[wide]
+    slope, rise, offset = plane(sorted_corners, sorted_corners[:, :, 2]).T
+    span, column = _expanded(begin, end - begin)
+    start = offset[member] + rise[member] * (row + 0.5)
+    near = np.maximum(start[span] + slope[member][span] * (column + 0.5), 1e-12)
+    pixel = row[span] * width + column
+    depth = np.zeros(width * height)
+    np.maximum.at(depth, pixel, near)
+    front = near >= depth[pixel]
+    numbers = np.full(width * height, -1, dtype=np.intp)
+    numbers[pixel[front]] = ahead[member[span[front]]]
+    pixels = np.flatnonzero(numbers >= 0)
+    return Raster(pixels=pixels, triangles=numbers[pixels], depth=depth)
+
+
+def plane(corners: Array, values: Array) -> Array:
+    """(m, 3) coefficients a, b, c of a x + b y + c, which has `values` (m, 3) at the corners; flat where there is no area."""
+    x, y = corners[:, :, 0], corners[:, :, 1]
+    x1, y1, x2, y2 = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
+    v1, v2 = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    area = x1 * y2 - x2 * y1
+    # A sliver's slope would be made of rounding errors.
+    inverse = np.where(np.abs(area) > 1e-3, 1.0 / np.where(area == 0.0, 1.0, area), 0.0)
+    a, b = (v1 * y2 - v2 * y1) * inverse, (v2 * x1 - v1 * x2) * inverse
+    c = np.where(inverse == 0.0, values.mean(axis=1), values[:, 0] - a * x[:, 0] - b * y[:, 0])
+    return np.stack([a, b, c], axis=1)
+
+
+def _expanded(first: Numbers, counts: Numbers) -> tuple[Numbers, Numbers]:
+    """For each k the numbers first[k] ... first[k] + counts[k] - 1: which k, and the number."""
+    member = np.repeat(np.arange(len(counts)), counts)
+    starts = np.cumsum(counts) - counts
+    return member, np.arange(len(member)) - starts[member] + first[member]
+
+
+def _along(start: Array, end: Array, member: Numbers, y: NDArray[np.floating]) -> Array:
+    """x where the edge from start to end (3, m) crosses the height y."""
+    rise = end[1] - start[1]
+    slope = np.where(rise > 0.0, (end[0] - start[0]) / np.where(rise > 0.0, rise, 1.0), 0.0)
+    return np.asarray(start[0][member] + slope[member] * (y - start[1][member]))

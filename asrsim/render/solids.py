@@ -1,0 +1,119 @@
+"""Triangle meshes of what a picture shows: boxes, spheres, cylinders, capsules, and any mesh that is read from a file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.samples import Array
+
+Triangles = NDArray[np.intp]
+SIDES = 28
+"""Facets around a round solid; shading is smooth."""
+MOST = 20_000
+"""Triangles of a mesh beyond which those smaller than a pixel are merged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Triangles with the normals of their corners."""
+
+    points: Array
+    """(k, 3) m."""
+    triangles: Triangles
+    """(m, 3) numbers of points."""
+    normals: Array
+    """(m, 3, 3) unit vector of each corner; corners of a flat triangle have the same."""
+    colours: Array | None = None
+    """(m, 3) red, green, blue from 0 to 1 where the file has them, NaN where it has none."""
+
+
+def flat(points: Array, triangles: Triangles, colours: Array | None = None) -> Mesh:
+    """A mesh of flat triangles; those without area are left out."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    kept = length > 0.0
+    normals = np.repeat((normals[kept] / length[kept, None])[:, None], 3, axis=1)
+    return Mesh(points=points, triangles=triangles[kept], normals=normals, colours=None if colours is None else colours[kept])
+
+
+def scaled(mesh: Mesh, scale: Array) -> Mesh:
+    """The mesh times a factor along each axis; it is flat from then on."""
+    return flat(mesh.points * scale, mesh.triangles, mesh.colours)
+
+
+def merged(mesh: Mesh, *, most: int = MOST) -> Mesh:
+    """A mesh of about `most` triangles at most: points that share a cell of a grid become their mean."""
+    cells = 192.0
+    while len(mesh.triangles) > most and cells > 4:
+        size = max(float(np.ptp(mesh.points, axis=0).max()), 1e-12) / cells
+        keys = np.floor((mesh.points - mesh.points.min(axis=0)) / size).astype(np.int64)
+        _, place, counts = np.unique(keys @ [1, 1 << 20, 1 << 40], return_inverse=True, return_counts=True)
+        points = np.stack([np.bincount(place, mesh.points[:, i]) for i in range(3)], axis=1) / counts[:, None]
+        triangles = place[mesh.triangles]
+        whole = (
+            (triangles[:, 0] != triangles[:, 1]) & (triangles[:, 1] != triangles[:, 2]) & (triangles[:, 0] != triangles[:, 2])
+        )
+        _, first = np.unique(np.sort(triangles[whole], axis=1), axis=0, return_index=True)
+        colours = None if mesh.colours is None else mesh.colours[whole][first]
+        mesh = flat(points, triangles[whole][first], colours)
+        cells *= 0.7
+    return mesh
+
+
+def box(size: Array) -> Mesh:
+    """A box of these edges (3,), m."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return flat(corners, np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))], dtype=np.intp))
+
+
+def sphere(radius: float) -> Mesh:
+    """A ball, m."""
+    return _turned(*_arc(radius, 0.0, -0.5 * math.pi, 0.5 * math.pi))
+
+
+def cylinder(radius: float, length: float) -> Mesh:
+    """A cylinder about z, m."""
+    half = 0.5 * length
+    profile = [(0.0, -half), (radius, -half), (radius, -half), (radius, half), (radius, half), (0.0, half)]
+    normals = [(0.0, -1.0), (0.0, -1.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 1.0)]
+    return _turned(np.array(profile), np.array(normals))
+
+
+def capsule(radius: float, length: float) -> Mesh:
+    """A cylinder of that length about z with half a ball at each end, m."""
+    low, high = _arc(radius, -0.5 * length, -0.5 * math.pi, 0.0), _arc(radius, 0.5 * length, 0.0, 0.5 * math.pi)
+    return _turned(np.concatenate([low[0], high[0]]), np.concatenate([low[1], high[1]]))
+
+
+def _arc(radius: float, height: float, start: float, end: float) -> tuple[Array, Array]:
+    angles = np.linspace(start, end, SIDES // 2 if end - start > 2 else SIDES // 4)
+    normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return radius * normals + [0.0, height], normals
+
+
+def _turned(profile: Array, normals: Array) -> Mesh:
+    """A profile (distance from z, height), (k, 2), turned about z, with its normals."""
+    angles = np.linspace(0.0, 2 * math.pi, SIDES, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+    def around(values: Array) -> Array:
+        flat_part = values[:, None, :1] * ring[None]
+        return np.concatenate([flat_part, np.broadcast_to(values[:, None, 1:], (len(values), SIDES, 1))], axis=2).reshape(-1, 3)
+
+    points, directions = around(profile), around(normals)
+    triangles = []
+    for row in range(len(profile) - 1):
+        for i in range(SIDES):
+            a, b = row * SIDES + i, row * SIDES + (i + 1) % SIDES
+            triangles += [(a, b, b + SIDES), (a, b + SIDES, a + SIDES)]
+    numbers = np.array(triangles, dtype=np.intp)
+    corners = points[numbers]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    numbers = numbers[area > 0.0]
+    return Mesh(points=points, triangles=numbers, normals=directions[numbers])

@@ -1,0 +1,103 @@
+"""Actuators put on joints without plugin blocks: a plain URDF becomes a soft robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
+from asrsim.robot.advice import advise
+from asrsim.robot.blocks import default_value
+from asrsim.robot.findings import Findings
+from asrsim.robot.model import ActuatorBlock, ParameterValue, Robot
+from asrsim.robot.overrides import with_overrides
+from asrsim.robot.tags import REQUIRED_TAGS, parameter_tags
+
+
+def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> ActuatorBlock:
+    """The block of an actuator with nothing but defaults. Raises InputError where the actuator is unknown."""
+    cls = ACTUATORS.get(actuator)
+    tags = parameter_tags(cls)
+    parameters = {}
+    for parameter in cls.all_parameters():
+        value, origin = default_value(parameter, mode)
+        parameters[parameter.name] = ParameterValue(
+            name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tags[parameter.name]
+        )
+    return ActuatorBlock(actuator=actuator, joint=joint, mode=mode, namespace=namespace, parameters=parameters)
+
+
+def block_text(joint: str, actuator: str, mode: int) -> str:
+    """The plugin block of an actuator with all its finite parameters at their defaults, to paste into a URDF.
+
+    Raises InputError where the actuator is unknown.
+    """
+    from xml.sax.saxutils import escape, quoteattr
+
+    block = block_for(joint, actuator, mode)
+    docs = {parameter.name: parameter.doc for parameter in ACTUATORS.get(actuator).all_parameters()}
+    given = [("joint", escape(joint)), ("operation_mode", str(mode)), *((tag, "true") for tag in REQUIRED_TAGS[2:])]
+    lines = ["<gazebo>", f'  <plugin name={quoteattr(f"{joint}_{actuator}")} filename="lib{actuator}_plugin.so">']
+    lines += [f"    <{tag}>{text}</{tag}>" for tag, text in given]
+    lines += [
+        f"    <{one.tag}>{one.value:g}</{one.tag}>  <!-- {one.unit}: {escape(docs[one.name])} -->"
+        for one in block.parameters.values()
+        if math.isfinite(one.value)
+    ]
+    return "\n".join([*lines, "  </plugin>", "</gazebo>"])
+
+
+def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
+    """The robot with actuators (type, mode) on joints, or on all moving ones by `"*"` (a joint's own entry wins).
+
+    They take the place of the file's. Parameters are checked as :func:`with_overrides` does, the blocks' warnings join the
+    robot's. Raises ScenarioError, whose keys begin with `actuators`.
+    """
+    if not types:
+        return robot
+    moving = {joint.name: joint for joint in robot.moving_joints}
+    names = tuple(moving)
+    problems = [
+        Problem(
+            message="the robot has no such moving joint", key=f"actuators.{name}", choices=names,
+            hint=did_you_mean(name, names), code="unknown-joint",
+        )
+        for name in types
+        if name != "*" and name not in moving
+    ]  # fmt: skip
+    kinds = ACTUATORS.names()
+    problems += [
+        Problem(
+            message="there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
+            hint=did_you_mean(kind, kinds), code="unknown-actuator",
+        )
+        for name, (kind, _) in types.items()
+        if kind not in kinds
+    ]  # fmt: skip
+    if problems:
+        raise ScenarioError(problems)
+    present = {block.joint: block for block in robot.actuators}
+    blocks = []
+    for name in names:
+        if (entry := types.get(name, types.get("*"))) is not None:
+            blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
+        elif name in present:
+            blocks.append(present[name])
+    try:
+        changed = with_overrides(replace(robot, actuators=tuple(blocks)), parameters=parameters)
+    except InputError as error:
+        raise ScenarioError([replace(problem, key=_key(problem.key or "")) for problem in error.problems]) from None
+    findings = Findings(robot.path)
+    known = [problem for problem in robot.warnings if not blocks or problem.code != "no-actuators"]
+    for block in changed.actuators:
+        if present.get(block.joint) != block:
+            advise(ACTUATORS.get(block.actuator), block, moving[block.joint], findings)
+    return replace(changed, warnings=(*known, *findings.warnings))
+
+
+def _key(key: str) -> str:
+    """`parameters.JOINT.NAME` as the scenario has it: `actuators.JOINT.parameters.NAME`."""
+    joint, _, name = key.removeprefix("parameters.").rpartition(".")
+    return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")

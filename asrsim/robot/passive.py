@@ -1,0 +1,96 @@
+"""What joints have beside actuators: Gazebo's passive springs, and joints that are to follow others (`<mimic>`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from asrsim.errors import did_you_mean
+from asrsim.robot.attributes import AttributeReader
+from asrsim.robot.model import ActuatorBlock, Joint, Mimic
+from asrsim.robot.numbers import plain_number
+from asrsim.robot.xmlfile import elements, name_of, text_of
+
+STIFFNESS, REFERENCE = "springStiffness", "springReference"
+
+
+class PassiveReader(AttributeReader):
+    """Reads springs of `<gazebo reference="JOINT">`; problems go to `findings`."""
+
+    def springs(self, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
+        """The joints, each with its spring. A tag that stands twice counts the last time, as in Gazebo."""
+        found = {joint.name: joint for joint in joints}
+        lines: dict[str, int | None] = {}
+        for gazebo in elements(root, "gazebo"):
+            name = name_of(gazebo, "reference")
+            for tag in (*elements(gazebo, STIFFNESS), *elements(gazebo, REFERENCE)):
+                joint = found.get(name)
+                if joint is None or not joint.moves:
+                    self._misplaced(tag, name, joint, tuple(joint.name for joint in joints if joint.moves))
+                    continue
+                value = self._value(tag, name)
+                if tag.tag == STIFFNESS:
+                    lines[name] = self.line(tag)
+                    found[name] = replace(joint, spring_stiffness=value)
+                else:
+                    lines.setdefault(name, self.line(tag))
+                    found[name] = replace(joint, spring_reference=value)
+        for name, line in lines.items():
+            self._judge(found[name], line)
+        return tuple(found[joint.name] for joint in joints)
+
+    def _value(self, tag: Any, name: str) -> float:
+        text, place = text_of(tag), f"{name}.{tag.tag}"
+        try:
+            value = plain_number(text)
+        except ValueError as error:
+            self.findings.error(str(error), code="not-a-number", line=self.line(tag), key=place, value=text)
+            return 0.0
+        return self.bounded(value, text, tag, place, finite=True)
+
+    def _misplaced(self, tag: Any, name: str, joint: Joint | None, moving: tuple[str, ...]) -> None:
+        what = "the robot has no such joint" if joint is None else f"a {joint.kind} joint does not move"
+        hint = did_you_mean(name, moving) if joint is None else None
+        self.findings.warn(
+            f"passive spring without effect: {what}", code="misplaced-spring", line=self.line(tag), key=f"{name}.{tag.tag}",
+            hint=hint,
+        )  # fmt: skip
+
+    def _judge(self, joint: Joint, line: int | None) -> None:
+        place = f"{joint.name}.{STIFFNESS}"
+        if joint.spring_stiffness < 0.0:
+            self.findings.warn(
+                "the passive spring pushes the joint away from its reference: its stiffness is negative",
+                code="negative-spring", line=line, key=place, value=f"{joint.spring_stiffness:g}",
+            )  # fmt: skip
+        elif joint.spring_stiffness == 0.0:
+            self.findings.warn("the passive spring has no stiffness: it does nothing", code="no-spring", line=line, key=place)
+
+    def judge(self, joints: Sequence[Joint], blocks: Sequence[ActuatorBlock]) -> None:
+        """Warn of springs on joints that an actuator drives, and of joints that should follow others."""
+        driven = {block.joint for block in blocks}
+        names = tuple(joint.name for joint in joints)
+        for joint in joints:
+            if joint.spring_stiffness and joint.name in driven:
+                self.findings.warn(
+                    "the joint has an actuator and a passive spring: both act on it",
+                    code="two-springs", line=joint.line, key=joint.name, value=f"{joint.spring_stiffness:g}",
+                )  # fmt: skip
+            if joint.mimic is not None and joint.moves:
+                self._judge_mimic(joint, joint.mimic, names, joint.name in driven)
+
+    def _judge_mimic(self, joint: Joint, mimic: Mimic, names: tuple[str, ...], driven: bool) -> None:
+        if mimic.joint not in names or mimic.joint == joint.name:
+            self.findings.warn(
+                "<mimic> follows itself" if mimic.joint == joint.name else "<mimic> follows a joint that is not there",
+                code="mimic-of-nothing", line=joint.line, key=joint.name, value=mimic.joint,
+                hint=None if mimic.joint == joint.name else did_you_mean(mimic.joint, names),
+            )  # fmt: skip
+        elif not driven:
+            self.findings.warn(
+                "<mimic> is not simulated: nothing couples the joint to the one that it should follow; it moves freely under "
+                "gravity, its damping and friction",
+                code="mimic-joint", line=joint.line, key=joint.name, value=str(mimic),
+                hint="Give both joints actuators with references that go together, or make this one fixed",
+            )  # fmt: skip

@@ -1,0 +1,99 @@
+"""Numbers that are allowed and hardly meant: grams for kilograms, millimetres for metres, degrees for radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.robot.findings import Findings
+from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.poses import Pose, link_poses
+from asrsim.robot.values import has_spring
+
+HEAVY = 50.0
+"""kg: a link of an arm below 0.8 m is not that heavy; beyond, the bound grows with the cube of the arm's size."""
+DENSITY = 100.0
+"""kg/m^3 over the cube around the whole arm; industrial arms have 10 to 30."""
+AWAY = 2.0
+"""m that a centre of mass may lie outside everything that is known of the robot."""
+DEGREES = (20.0, 720.0)
+"""Limits of revolute joints in this range are turns of several, or degrees."""
+GAINS = ("proportional", "integral", "derivative")
+
+
+def check_sanity(findings: Findings, robot: Robot) -> None:
+    """Warn of what a robot's numbers make improbable."""
+    poses = link_poses(robot)
+    size = _size(robot, poses)
+    for link in robot.links:
+        _check_body(findings, link, size, moves=link is not robot.root)
+    for joint in robot.moving_joints:
+        _check_limits(findings, joint)
+    for block in robot.actuators:
+        for doubt in block_doubts(block):
+            line = block.line if doubt.parameter is None else doubt.parameter.line
+            findings.warn(doubt.message, code=doubt.code, line=line, key=block.plugin_name or block.joint, value=doubt.value)
+
+
+def _size(robot: Robot, poses: Mapping[str, Pose]) -> float:
+    """m: the largest distance of frames and shapes from each other along an axis, at the zero pose."""
+    points = np.array([point for link in robot.links for point in _points(link, poses[link.name])])
+    return float(np.ptp(points, axis=0).max())
+
+
+def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
+    yield pose.position
+    for shape in (*link.collisions, *link.visuals):
+        reach = max(shape.size, default=0.0) / 2.0
+        centre = pose.position + pose.rotation @ shape.origin
+        yield from (centre - reach, centre + reach)
+
+
+def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> None:
+    bound = max(HEAVY, DENSITY * size**3)
+    if moves and link.mass is not None and link.mass > bound:
+        findings.warn(
+            f"a heavy link for a robot of {size:.2g} m (masses are in kg)", code="heavy-link", line=link.line, key=link.name,
+            value=f"{link.mass:g} kg",
+        )  # fmt: skip
+    away = math.hypot(*link.centre_of_mass)
+    if away > AWAY + 2.0 * size:
+        findings.warn(
+            f"the centre of mass lies far outside a robot of {size:.2g} m (lengths are in m)",
+            code="far-centre", line=link.line, key=link.name, value=f"{away:g} m from the link's frame",
+        )  # fmt: skip
+
+
+def _check_limits(findings: Findings, joint: Joint) -> None:
+    bounds = [bound for bound in (joint.lower, joint.upper) if bound is not None]
+    if joint.kind == "revolute" and any(DEGREES[0] < abs(bound) <= DEGREES[1] for bound in bounds):
+        findings.warn(
+            "a limit of several turns; limits are in rad", code="limit-in-degrees", line=joint.line, key=joint.name,
+            value=" to ".join(f"{bound:g}" for bound in bounds), hint="180 degrees are 3.14159 rad",
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """What of an actuator is hardly meant."""
+
+    message: str
+    code: str
+    value: str | None = None
+    parameter: ParameterValue | None = None
+    """The parameter that is at fault, if it is one."""
+
+
+def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
+    """Negative gains, and springs that are none."""
+    mode = MODES[block.mode]
+    for name, parameter in block.parameters.items():
+        if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and parameter.value < 0.0:
+            message = f"a negative gain (<{parameter.tag}>) drives away from the reference"
+            yield Doubt(message=message, code="negative-gain", value=f"{parameter.value:g}", parameter=parameter)
+    if mode.spring and not has_spring(block):
+        yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")

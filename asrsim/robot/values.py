@@ -1,0 +1,58 @@
+"""Which values of an actuator can be calculated with, whether a file gives them or a scenario."""
+
+from __future__ import annotations
+
+import math
+
+from asrsim.actuators import ACTUATORS, MODES, Parameter
+from asrsim.robot.attributes import LARGEST, SMALLEST
+from asrsim.robot.model import ActuatorBlock
+
+DEFLECTION = 1e-3
+"""rad, from rest, or the limit where that is less."""
+
+
+def parameter_fault(parameter: Parameter, value: float) -> str | None:
+    """Why a parameter cannot have the value, or None: by its own bounds, or since squares and quotients would overflow."""
+    fault = parameter.fault(value)
+    if fault is None and math.isfinite(value) and value:
+        if abs(value) > LARGEST:
+            return f"is larger than {LARGEST:g}, which no actuator has"
+        if abs(value) < SMALLEST:
+            return f"is closer to 0 than {SMALLEST:g}, which no actuator is"
+    return fault
+
+
+def law_fault(block: ActuatorBlock) -> str | None:
+    """Why the actuator's laws give no number with its parameters around rest, or None. Laws of users that raise something of
+    their own are told of where they are used.
+    """
+    actuator, values = ACTUATORS.get(block.actuator), block.values()
+    parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    preset = actuator.typical_preset
+    away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
+    if not MODES[block.mode].spring:
+        return None
+    for law in (actuator.elastic_torques, actuator.stiffness, actuator.elastic_energy):
+        try:
+            results = [law(q, *actuator.motor_references(0.0, preset), parameters) for q in (-away, 0.0, away)]
+            numbers = [number for result in results for number in (result if isinstance(result, tuple) else (result,))]
+            if not all(map(math.isfinite, numbers)):
+                return f"its {law.__name__.replace('_', ' ')} is not finite"
+        except ArithmeticError as error:
+            return f"its {law.__name__.replace('_', ' ')} cannot be worked out ({error})"
+        except Exception:
+            return None
+    return None
+
+
+def has_spring(block: ActuatorBlock) -> bool:
+    """Whether a deflection makes a torque anywhere up to its limit."""
+    actuator, values = ACTUATORS.get(block.actuator), block.values()
+    parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    reach = min(values.get("max_deflection", 1.0), 1.0)
+    motors = actuator.motor_references(0.0, actuator.typical_preset)
+    try:
+        return any(any(actuator.elastic_torques(-part * reach, *motors, parameters)) for part in (0.01, 0.1, 1.0))
+    except Exception:
+        return True

@@ -1,0 +1,95 @@
+"""A robot with other numbers: parameters of actuators, damping and friction of joints, inertials of links."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import Problem, RobotError, did_you_mean
+from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
+
+JOINT_NAMES = ("damping", "friction")
+INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+CENTRES = ("x", "y", "z")
+LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
+
+
+def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) -> Robot:
+    """`robot` with joint or link -> name -> value replaced; raises RobotError with all that is unknown or not physical."""
+    problems: list[Problem] = []
+    blocks = {block.joint: block for block in robot.actuators}
+    joints = {joint.name: joint for joint in robot.joints}
+    links = {link.name: link for link in robot.links}
+    for owner, values in parameters.items():
+        if owner not in joints and owner not in links:
+            known = (*joints, *links)
+            hint = did_you_mean(owner, known)
+            problems.append(
+                Problem(message="no joint or link has this name", key=owner, hint=hint, choices=known, code="unknown-joint")
+            )
+        for name, value in values.items():
+            key = f"{owner}.{name}"
+            if owner in joints and name in JOINT_NAMES:
+                _check(value >= 0.0, key, value, "must be at least 0", problems)
+                joint = joints[owner]
+                joints[owner] = replace(joint, damping=value) if name == "damping" else replace(joint, friction=value)
+            elif owner in blocks and name in blocks[owner].parameters:
+                blocks[owner] = _with_parameter(blocks[owner], name, value, key, problems)
+            elif owner in links and name in LINK_NAMES:
+                links[owner] = _with_inertial(links[owner], name, value, key, problems)
+            elif owner in joints or owner in links:
+                known = names_of(owner, blocks, joints, links)
+                hint = did_you_mean(name, known)
+                problems.append(
+                    Problem(message="no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
+                )
+    if problems:
+        raise RobotError(problems)
+    return replace(
+        robot,
+        joints=tuple(joints[joint.name] for joint in robot.joints),
+        links=tuple(links[link.name] for link in robot.links),
+        actuators=tuple(blocks[block.joint] for block in robot.actuators),
+    )
+
+
+def names_of(
+    owner: str, blocks: Mapping[str, ActuatorBlock], joints: Mapping[str, Joint], links: Mapping[str, Link]
+) -> tuple[str, ...]:
+    """Names that a joint or link knows."""
+    names: tuple[str, ...] = ()
+    if owner in joints:
+        names += (*(blocks[owner].parameters if owner in blocks else ()), *JOINT_NAMES)
+    if owner in links:
+        names += LINK_NAMES
+    return names
+
+
+def _check(fine: bool, key: str, value: Any, message: str, problems: list[Problem]) -> None:
+    if not fine:
+        problems.append(Problem(message=message, key=key, value=f"{value:g}", code="parameter-range"))
+
+
+def _with_parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ActuatorBlock:
+    declared = {parameter.name: parameter for parameter in ACTUATORS.get(block.actuator).all_parameters()}
+    fault = declared[name].fault(value)
+    _check(fault is None, key, value, fault or "", problems)
+    changed = replace(block.parameters[name], value=float(value), origin="scenario")
+    return replace(block, parameters={**block.parameters, name: changed})
+
+
+def _with_inertial(link: Link, name: str, value: float, key: str, problems: list[Problem]) -> Link:
+    value = float(value)
+    if name == "mass":
+        _check(value >= 0.0, key, value, "must be at least 0 kg", problems)
+        return replace(link, mass=value)
+    if name in CENTRES:
+        centre = list(link.centre_of_mass)
+        centre[CENTRES.index(name)] = value
+        return replace(link, centre_of_mass=(centre[0], centre[1], centre[2]))
+    inertia = list(link.inertia or (0.0,) * 6)
+    inertia[INERTIAS.index(name)] = value
+    _check(name[1] != name[2] or value >= 0.0, key, value, "must be at least 0 kg m^2", problems)
+    return replace(link, inertia=(inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]))

@@ -1,0 +1,91 @@
+"""What standard URDF calls things: elements and attributes that nobody knows are told of, with the nearest that exists."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asrsim.errors import nearest
+from asrsim.robot.attributes import AttributeReader
+from asrsim.robot.xmlfile import elements, name_of
+
+Words = dict[str, tuple[tuple[str, ...], tuple[str, ...]]]
+
+_SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
+
+VOCABULARY: Words = {
+    "robot": (("name", "version"), ("link", "joint", "material", "gazebo", "transmission", "sensor")),
+    "link": (("name", "type"), ("inertial", "visual", "collision", "sensor")),
+    "inertial": ((), ("origin", "mass", "inertia")),
+    "mass": (("value",), ()),
+    "inertia": (("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ()),
+    "visual": (("name",), ("origin", "geometry", "material")),
+    "collision": (("name",), ("origin", "geometry")),
+    "geometry": ((), _SHAPES),
+    "box": (("size",), ()),
+    "sphere": (("radius",), ()),
+    "cylinder": (("radius", "length"), ()),
+    "capsule": (("radius", "length"), ()),
+    "mesh": (("filename", "scale"), ()),
+    "material": (("name",), ("color", "texture")),
+    "color": (("rgba",), ()),
+    "texture": (("filename",), ()),
+    "joint": (
+        ("name", "type"),
+        ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"),
+    ),
+    "origin": (("xyz", "rpy"), ()),
+    "parent": (("link",), ()),
+    "child": (("link",), ()),
+    "axis": (("xyz",), ()),
+    "limit": (("lower", "upper", "effort", "velocity"), ()),
+    "dynamics": (("damping", "friction"), ()),
+    "mimic": (("joint", "multiplier", "offset"), ()),
+    "calibration": (("rising", "falling", "reference_position"), ()),
+    "safety_controller": (("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), ()),
+}
+"""Element -> attributes and child elements that the format has."""
+OPAQUE = ("gazebo", "transmission", "sensor")
+"""Elements whose insides belong to others."""
+FOREIGN = {
+    "robot": ("ros2_control", "mujoco", "loop_joint", "self_collision_checking", "group", "gripper", "verbose"),
+    "link": ("contact", "inertia_scaling", "self_collision_checking", "collision_checking", "verbose", "gravity"),
+    "collision": ("verbose", "contact_coefficients", "material", "max_contacts"),
+    "joint": ("hardwareInterface", "motor", "limits_soft"),
+    "limit": ("acceleration", "jerk", "deceleration", "has_velocity_limits"),
+    "dynamics": ("armature", "spring_stiffness", "spring_reference"),
+}
+"""Element -> children and attributes that other programs have added to it; they have no effect here, and are no slips."""
+
+
+def check_words(reader: AttributeReader, root: Any) -> None:
+    """Warn of every unknown attribute and element in the robot's own part of the file; names of other name spaces pass."""
+    _check(reader, root, "robot", "")
+
+
+def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None:
+    attributes, children = VOCABULARY[kind]
+    foreign = FOREIGN.get(kind, ())
+    for name in map(str, element.attrib):
+        if name not in attributes and name not in foreign and not _namespaced(name):
+            _warn(reader, element, "attribute", name, attributes, f"{place}.{name}" if place else name, "'{}'")
+    for child in elements(element):
+        name = child.tag
+        inner = name_of(child) or name if kind == "robot" else f"{place}.{name}"
+        if name in children:
+            if name not in OPAQUE:
+                _check(reader, child, name, inner)
+        elif name not in foreign and not _namespaced(name) and kind != "geometry":
+            _warn(reader, child, "element", name, children, f"{place}.{name}" if place else name, "<{}>")
+
+
+def _warn(reader: AttributeReader, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
+    short = [word for word in known if word.startswith(name.lower())]
+    close = nearest(name, known) or nearest(name.lower(), known) or (short[0] if len(short) == 1 else None)
+    reader.findings.warn(
+        f"unknown {what} {form.format(name)}; it has no effect", code=f"unknown-{what}", line=reader.line(element), key=place,
+        hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,
+    )  # fmt: skip
+
+
+def _namespaced(name: str) -> bool:
+    return name.startswith("{") or ":" in name

@@ -1,0 +1,182 @@
+"""A run's description made to say what was run, whatever it came from: so that its log alone repeats it, bit for bit.
+
+A scenario and a robot that were changed after they were read (learned and planned references, other parameters, masses,
+friction) differ from the files that they name. What differs is written into the description.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.document.block import declared_keys
+from asrsim.errors import AsrsimError
+from asrsim.robot.model import Robot
+from asrsim.runs.folder import origin_of
+from asrsim.samples import Array, RunInfo
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.joint_keys import EQUILIBRIUM
+from asrsim.signals.base import Signal
+from asrsim.signals.sampled import Sampled
+
+UNREPEATABLE = "unrepeatable"
+"""Metadata: what was changed about a run that no document can say."""
+_NOT_OF_THE_RUN = {
+    "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
+    "resolved", "lines", "joint_order", "namespace", "desired",
+}  # fmt: skip
+
+
+def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:
+    """The description `info` of a run of `scenario`, with `robot` if one was given in place of the scenario's.
+
+    References that the library computed become playbacks of an attached table; other changes go where a file says them.
+    The scenario's path becomes absolute: it tells one project's runs from another's.
+    """
+    files: dict[str, bytes] = {}
+    resolved = dict(scenario.resolved)
+    lost: list[str] = []
+    as_read = _as_read(scenario)
+    if as_read is not None:
+        for name in (field.name for field in fields(Scenario) if field.name not in _NOT_OF_THE_RUN):
+            value = getattr(scenario, name)
+            if not _alike(value, getattr(as_read, name)):
+                try:
+                    if name.startswith("initial_"):
+                        _start(resolved, scenario)
+                    elif name == "log_every":
+                        resolved["log_rate"] = 1.0 / (scenario.step * value)
+                    else:
+                        _named(resolved, name, value, files)
+                except TypeError:
+                    lost.append(name)
+        if not scenario.expect:
+            resolved.pop("expect", None)
+    urdf = info.urdf
+    if robot is not None:
+        from asrsim.runs.urdf import urdf_as_run
+
+        urdf, blocks, faults = urdf_as_run(robot)
+        lost += faults
+        for joint, (mode, parameters) in blocks.items():
+            resolved["modes"] = {joint: mode, **_by_joint(resolved.get("modes", {}))}
+            own = {**parameters, **resolved.get("parameters", {}).get("*", {}), **resolved.get("parameters", {}).get(joint, {})}
+            resolved["parameters"] = {**resolved.get("parameters", {}), joint: own}
+    metadata = {**info.metadata, UNREPEATABLE: ", ".join(lost)} if lost else info.metadata
+    return replace(
+        info, resolved={**info.resolved, "scenario": resolved}, attachments={**info.attachments, **files}, urdf=urdf,
+        scenario_path=origin_of(scenario), metadata=metadata,
+    )  # fmt: skip
+
+
+def _as_read(scenario: Scenario) -> Scenario | None:
+    """What the scenario's plain data give when they are read again; None where they cannot be read here."""
+    from asrsim.scenario import scenario_from_data
+
+    keys = {key: value for key, value in scenario.resolved.items() if key not in ("expect", "ilc")}
+    if "robot" not in keys:
+        return None
+    named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
+    files = {**scenario.attachments, str(named): scenario.robot}
+    base = scenario.path.parent if scenario.path is not None else None
+    try:
+        return scenario_from_data(keys, base_dir=base, files=files, name=scenario.name, variant=scenario.variant)
+    except AsrsimError:
+        return None
+
+
+def _alike(one: Any, other: Any) -> bool:
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_alike(value, other[key]) for key, value in one.items())
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(_alike(a, b) for a, b in zip(one, other, strict=True))
+    if isinstance(one, Signal) and not is_dataclass(one):
+        # A kind of the user's that cannot be compared: it came from a document.
+        return type(one) is type(other)
+    return bool(one == other)
+
+
+def _signal(signal: Signal, files: dict[str, bytes]) -> Any:
+    """A signal as a document says it. Raises TypeError for a kind that no document has."""
+    if isinstance(signal, Sampled):
+        name = f"computed_{len(files) + 1}.csv"
+        files[name] = _table(signal.times, signal.samples)
+        return {"playback": {"file": name, "column": "value"}}
+    if not is_dataclass(signal) or not declared_keys(type(signal)):
+        raise TypeError(f"{type(signal).__name__} has no form in a document")
+    names = {field.name for field in fields(signal) if field.init}
+    items = {
+        key.name: _value(getattr(signal, key.argument), files) for key in declared_keys(type(signal)) if key.argument in names
+    }
+    return {signal.kind: {key: value for key, value in items.items() if value is not None}}
+
+
+def _value(value: Any, files: dict[str, bytes]) -> Any:
+    if isinstance(value, Signal):
+        return _signal(value, files)
+    if isinstance(value, Path):
+        files[value.name] = value.read_bytes()
+        return value.name
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _value(item, files) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_value(item, files) for item in value]
+    if value is None or isinstance(value, str | int | float):
+        return value
+    raise TypeError(f"{type(value).__name__} has no form in a document")
+
+
+def _table(times: Array, values: Array) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("time", "value"))
+    # repr of a float is the shortest text that reads back as the same float.
+    writer.writerows((repr(float(t)), repr(float(v))) for t, v in zip(times, values, strict=True))
+    return text.getvalue().encode()
+
+
+def _by_joint(modes: Any) -> dict[str, int]:
+    return dict(modes) if isinstance(modes, Mapping) else {"*": modes}
+
+
+def _named(resolved: dict[str, Any], name: str, value: Any, files: dict[str, bytes]) -> None:
+    """Write a field's value under the key that it is declared with, in its group if it has one."""
+    declared = next((field.metadata["key"].name for field in fields(Scenario) if field.name == name and field.metadata), "")
+    group, dot, key = (declared or name).partition(".")
+    if isinstance(value, Mapping):
+        value = {joint: _plain(one) for joint, one in value.items()}
+    if dot:
+        whole = resolved.get(group, {})
+        resolved[group] = {**(whole if isinstance(whole, Mapping) else {"file": whole}), key: _value(value, files)}
+    else:
+        resolved[group] = _value(value, files)
+
+
+def _plain(one: Any) -> Any:
+    """An entry of a table whose entries are blocks, as a mapping of what it sets."""
+    if is_dataclass(one) and not isinstance(one, Signal | type):
+        return {key: value for key, value in vars(one).items() if value is not None and value != {}}
+    return one
+
+
+def _start(resolved: dict[str, Any], scenario: Scenario) -> None:
+    """The start, which one key says for five fields."""
+    if scenario.initial_equilibrium:
+        resolved["initial"] = EQUILIBRIUM
+        return
+    tables = {
+        "position": scenario.initial_positions, "velocity": scenario.initial_velocities,
+        "motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities,
+    }  # fmt: skip
+    joints = dict.fromkeys(joint for table in tables.values() for joint in table)
+    resolved["initial"] = {
+        joint: {name: _value(table[joint], {}) for name, table in tables.items() if joint in table} for joint in joints
+    }

@@ -1,0 +1,31 @@
+"""What is registered under the keys `engine` and `stepping`, and which engine a scenario takes that names none."""
+
+from __future__ import annotations
+
+
+def engines() -> tuple[str, ...]:
+    """Names of the registered engines, those of other packages too."""
+    from asrsim.engines import ENGINES
+
+    return ENGINES.names()
+
+
+def steppings() -> tuple[str, ...]:
+    """Names of the registered steppings, those of other packages too."""
+    from asrsim.simulation.steppings import STEPPINGS
+
+    return STEPPINGS.names()
+
+
+def default_engine() -> str:
+    """The engine of a scenario that names none."""
+    from asrsim import engines
+
+    return engines.default_engine()
+
+
+def prescribes_motion(engine: str) -> bool:
+    """Whether the engine moves the links as told, and asks for `motion`."""
+    from asrsim.engines import ENGINES
+
+    return ENGINES.get(engine).prescribed

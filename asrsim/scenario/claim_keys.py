@@ -1,0 +1,81 @@
+"""Keys of claims about the run, and the data that they become."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from asrsim.document.block import block_of, declare
+from asrsim.document.composite import ListOf, MapOf
+from asrsim.document.kinds import Choice, File, Kind, Optional, Schema, Text
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading
+from asrsim.errors import Problem, ScenarioError, did_you_mean
+from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER
+
+COMPARISONS = ("==", "<", "<=", ">", ">=")
+
+
+class AnyData(Kind[Any]):
+    """Plain data that another module validates."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+        return node.plain()
+
+    def schema(self) -> Schema:
+        return {}
+
+    @property
+    def text(self) -> str:
+        return "anything"
+
+
+class ComparedFile(File):
+    """A recording to compare with; what its columns mean may stand in a file beside it, which is needed too."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
+        from asrsim.recordings.mapping import find_mapping
+
+        place = super().read(node, path, reading)
+        if (mapping := find_mapping(place)) is not None:
+            reading.attachments[f"{reading.renamed[id(node)]}.yaml"] = mapping
+        return place
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expectation:
+    """A claim about a run, as data: `quantity` of `joint` under `measure` compares with `value`."""
+
+    joint: str | None = declare(Optional(Text(noun="name of a joint")), default=None, doc="the joint; this or `body`")
+    body: str | None = declare(Optional(Text(noun="name of an object")), default=None, doc="an object of the world")
+    quantity: str = declare(Text(noun="name of a quantity"), doc="what is measured, such as link_position")
+    measure: str = declare(Text(noun="name of a measure"), doc="how, such as steady_state, overshoot, maximum, rmse")
+    comparison: str = declare(Choice(COMPARISONS), default="==", doc="how it compares; `==` within the tolerance")
+    value: float = declare(NUMBER, unit="measure's", doc="the number to compare with")
+    tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="how far `==` may be off")
+    variant: str | None = declare(
+        Optional(Text(noun="name of a variant")), default=None, doc="the variant of which it is claimed", shown="all"
+    )
+    against: Path | None = declare(
+        Optional(ComparedFile(noun="recording", folder=True)), default=None,
+        doc="a recording to compare with, for measures of a difference",
+    )  # fmt: skip
+    options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
+    line: int | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        from asrsim.quantities import DERIVED, QUANTITIES
+
+        if (self.joint is None) == (self.body is None):
+            raise ScenarioError(Problem(message="needs the key joint, or body", key="", code="expect"))
+        known = (*QUANTITIES, *DERIVED)
+        if self.joint is not None and self.quantity not in known:
+            hint = did_you_mean(self.quantity, known)
+            raise ScenarioError(
+                Problem(message="no such quantity", key="quantity", choices=known, hint=hint, code="unknown-quantity")
+            )
+
+
+CLAIMS = ListOf(of=block_of(Expectation, "claim", line_argument="line"))

@@ -1,0 +1,170 @@
+"""Keys of what belongs to a joint: actuator, start, imperfections of commands and sensors, damping, prescribed motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from asrsim.actuators import ACTUATORS
+from asrsim.document.block import Block, Key, block_of, declare
+from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
+from asrsim.document.kinds import Boolean, Choice, Integer, Kind, Number, Optional, Schema, attempt
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Keys
+from asrsim.signals.base import Signal
+from asrsim.signals.parse import SIGNAL
+
+MODE = Integer(minimum=0, maximum=6)
+PARAMETERS = MapOf(of=Number(finite=False), noun="parameter", star=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effects:
+    """Imperfections between a controller and the joint; all off by default."""
+
+    delay: float = declare(NOT_NEGATIVE, default=0.0, unit="s", doc="dead time")
+    rate: float | None = declare(
+        Optional(POSITIVE), default=None, unit="Hz", doc="values are held between ticks of this rate", shown="continuous"
+    )
+    quantum: float = declare(NOT_NEGATIVE, default=0.0, unit="signal's", doc="step of quantisation")
+    noise: float = declare(
+        NOT_NEGATIVE, default=0.0, unit="signal's",
+        doc="standard deviation of Gaussian noise, a new draw each tick (or step), by the scenario's seed",
+    )  # fmt: skip
+
+    @property
+    def active(self) -> bool:
+        """Whether anything differs from the ideal."""
+        return bool(self.delay or self.rate or self.quantum or self.noise)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkDamping:
+    """Link damping as a function of the stiffness: c(k) = constant + ratio * 2 sqrt(inertia * k), off by default."""
+
+    constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="on top of the URDF's damping")
+    ratio: float = declare(NOT_NEGATIVE, default=0.0, unit="1", doc="damping ratio at `inertia` and the present stiffness")
+    inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia at which `ratio` is meant")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GivenActuator:
+    """An actuator that the scenario puts on a joint, in the place of the robot file's if there is one."""
+
+    type: str = declare(Choice(lambda: ACTUATORS, "name of an actuator"), doc="which actuator; `asrsim actuators` lists them")
+    mode: int = declare(MODE, default=6, doc="operation mode")
+    parameters: Mapping[str, float] = declare(PARAMETERS, default={}, doc="by our name or the toolbox's tag; others as usual")
+
+
+ACTUATORS_BY_JOINT = MapOf(of=block_of(GivenActuator, "actuator", main="type"), bare=True)
+EFFECTS_BY_JOINT = MapOf(of=block_of(Effects, "effects"))
+DAMPING_BY_JOINT = MapOf(of=block_of(LinkDamping, "damping law"))
+
+_MOTORS = ListOf(of=NUMBER, minimum=1)
+START: Block[Keys] = Block(
+    keys=(
+        Key(name="position", kind=Optional(NUMBER), default=None, unit="rad", doc="of the link", shown="0"),
+        Key(name="velocity", kind=Optional(NUMBER), default=None, unit="rad/s", doc="of the link", shown="0"),
+        Key(
+            name="motor_positions", kind=Optional(_MOTORS), default=None, unit="rad", doc="of each motor, link side",
+            shown="the link's, springs undeflected",
+        ),
+        Key(
+            name="motor_velocities", kind=Optional(_MOTORS), default=None, unit="rad/s", doc="of each motor, link side",
+            shown="at rest",
+        ),
+    ),
+    build=dict,
+    noun="state",
+    main="position",
+)  # fmt: skip
+EQUILIBRIUM = "equilibrium"
+
+
+class Start(Kind[Mapping[str, Any]]):
+    """The start, as the scenario's four tables and its flag."""
+
+    _shapes = Either(((lambda node: node.value == EQUILIBRIUM, Choice((EQUILIBRIUM,))), (lambda _: True, MapOf(of=START))))
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Mapping[str, Any]:
+        states = self._shapes.read(node, path, reading)
+        if states == EQUILIBRIUM:
+            return {"initial_equilibrium": True}
+        names = {"position": "positions", "velocity": "velocities"}
+        tables: dict[str, dict[str, Any]] = {f"initial_{names.get(name, name)}": {} for name in START.names}
+        for joint, state in states.items():
+            for value, table in zip(state.values(), tables.values(), strict=True):
+                if value is not None:
+                    table[joint] = value
+        return tables
+
+    def schema(self) -> Schema:
+        return self._shapes.schema()
+
+    @property
+    def text(self) -> str:
+        return self._shapes.text
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return self._shapes.parts
+
+    def merge(self, base: Node, over: Node) -> Node:
+        return self._shapes.merge(base, over)
+
+
+INVERSE_DYNAMICS = "inverse_dynamics"
+"""Word under a joint's references that makes its first one a desired motion of the link."""
+
+
+class JointReferences(Kind[dict[str, Any]]):
+    """Signals by name, and whether the first is a desired motion: a :class:`bool` under :data:`INVERSE_DYNAMICS`."""
+
+    _signals = MapOf(of=SIGNAL, noun="reference", star=False)
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
+        if not isinstance(node.value, dict) or INVERSE_DYNAMICS not in node.value:
+            return dict(self._signals.read(node, path, reading))
+        rest = {name: item for name, item in node.value.items() if name != INVERSE_DYNAMICS}
+        wanted = attempt(Boolean(), node.value[INVERSE_DYNAMICS], (*path, INVERSE_DYNAMICS), reading)
+        signals = self._signals.read(Node(rest, node.line, node.key_lines, node.file), path, reading)
+        if wanted is None:
+            raise Rejected
+        return {**signals, INVERSE_DYNAMICS: wanted[0]}
+
+    def schema(self) -> Schema:
+        return {**self._signals.schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}
+
+    @property
+    def text(self) -> str:
+        return self._signals.text
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return self._signals.parts
+
+    def merge(self, base: Node, over: Node) -> Node:
+        return self._signals.merge(base, over)
+
+
+class References(MapOf[Any]):
+    """Every joint's :class:`JointReferences`, as the scenario's two tables: signals, and whose first is a desired motion."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
+        given = super().read(node, path, reading)
+        return {
+            "references": {
+                joint: {name: signal for name, signal in items.items() if name != INVERSE_DYNAMICS}
+                for joint, items in given.items()
+            },
+            "inverse_dynamics": {joint: items[INVERSE_DYNAMICS] for joint, items in given.items() if INVERSE_DYNAMICS in items},
+        }
+
+
+LOCKED = "locked"
+_LOCKED = (lambda node: node.value == LOCKED, Choice((LOCKED,)))
+MOTION: Kind[str | Mapping[str, str | Signal]] = Either(
+    (_LOCKED, (is_mapping, MapOf(of=Either((_LOCKED, (lambda _: True, SIGNAL))))))
+)

@@ -1,0 +1,102 @@
+"""Rows of the joints for the substep: lists for plain Python, an array for compiled code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from asrsim.simulation.substep import LAWS, STATE, Memory
+
+RINGS = STATE + 2
+"""In a plain row: state, constants, what sensors saw, then the response."""
+STATE_NUMBERS = 8
+"""Room for a state in a compiled row; the constants follow."""
+
+
+def plain_memory() -> Memory:
+    """State and constants are tuples in the list."""
+
+    def save(joint: Any, state: Any) -> None:
+        joint[STATE] = state
+
+    def note(rows: Any, k: int, j: int, q: float, lagging: float, torque: float, applied: float, record: Any) -> None:
+        rows[k][j] = [q, lagging, torque, applied, 0.0, *record]
+
+    return Memory(
+        load=lambda joint: joint[STATE],
+        save=save,
+        constants=lambda joint: joint[STATE + 1],
+        note=note,
+        ring=lambda joint, i: joint[RINGS + i],
+    )
+
+
+def compiled_memory(state: Sequence[float], constants: Any, ring: int) -> Memory:
+    """State, constants and rings of `ring` numbers each are spread over the row."""
+    width, start = len(state), STATE + STATE_NUMBERS
+    load, _ = make_reader(tuple(state), STATE)
+    read_constants, after = make_reader(constants, start)
+
+    def save(joint: Any, values: Any) -> None:
+        for i in range(width):
+            joint[STATE + i] = values[i]
+
+    def nothing(joint: Any, values: Any) -> None:
+        pass
+
+    def note(rows: Any, k: int, j: int, q: float, lagging: float, torque: float, applied: float, record: Any) -> None:
+        row = rows[k][j]
+        row[0] = q
+        row[1] = lagging
+        row[2] = torque
+        row[3] = applied
+        row[4] = 0.0
+        for i in range(len(record)):
+            row[LAWS + i] = record[i]
+
+    def ring_of(joint: Any, i: int) -> Any:
+        return joint[after + i * ring : after + (i + 1) * ring]
+
+    return Memory(load=load, save=save if width else nothing, constants=read_constants, note=note, ring=ring_of)
+
+
+def make_reader(template: Any, start: int) -> tuple[Callable[[Any], Any], int]:
+    """A function of a row that gives its numbers from place `start` on in the nested tuples of `template`; and the place
+    after."""
+    if not isinstance(template, tuple):
+        return _number_at(start), start + 1
+    reader: Callable[[Any], Any] = _empty
+    for part in template:
+        inner, start = make_reader(part, start)
+        reader = _longer(reader, inner)
+    return reader, start
+
+
+def _empty(row: Any) -> Any:
+    return ()
+
+
+def _number_at(place: int) -> Callable[[Any], Any]:
+    def number(row: Any) -> Any:
+        return row[place]
+
+    return number
+
+
+def _longer(first: Callable[[Any], Any], last: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def longer(row: Any) -> Any:
+        return (*first(row), last(row))
+
+    return longer
+
+
+def flatten(values: Any) -> list[float]:
+    """Nested tuples of floats as one list."""
+    if isinstance(values, tuple):
+        return [number for value in values for number in flatten(value)]
+    return [float(values)]
+
+
+def shape_of(values: Any) -> Any:
+    """The nesting of tuples without the numbers."""
+    return tuple(map(shape_of, values)) if isinstance(values, tuple) else 0

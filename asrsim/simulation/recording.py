@@ -1,0 +1,166 @@
+"""What becomes of a simulation's raw record: samples for sinks, and a watch on its energy."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from asrsim.engines.base import Engine
+from asrsim.errors import DivergenceError
+from asrsim.samples import Array, RunInfo, Samples
+from asrsim.simulation.divergence import EnergyGuard, runaway
+from asrsim.simulation.inputs import Block
+from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.recorder import Recorder
+from asrsim.simulation.world import WorldRecorder
+
+if TYPE_CHECKING:
+    from asrsim.kinematics.tip import TipPoses
+
+
+class Sink(Protocol):
+    """Takes samples as they come: logged ones, or those of every step if it has `full_rate = True`; with `bodies = True` too,
+    objects' poses and contacts are in every one of those."""
+
+    def write(self, samples: Samples) -> None:
+        """The next chunk."""
+
+
+class Recording:
+    """Raw records in, samples out. Nothing is kept but what `keep` asks for."""
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        engine: Engine,
+        *,
+        last: int,
+        sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]],
+        keep: bool,
+    ) -> None:
+        scenario, substeps = prepared.scenario, prepared.resolution.substeps
+        self._prepared, self._engine = prepared, engine
+        self._sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
+        self.active = bool(keep or self._sinks)
+        self.kept: list[Samples] | None = [] if keep else None
+        self.recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=last)
+        self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
+        self._tip = _tip_of(prepared) if self.active else None
+        closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
+        self._look_every = 1 if self._whole and closely else scenario.log_every
+        self.every = substeps * self._look_every
+        """Substeps between looks at the world."""
+        self._world = WorldRecorder(engine, last)
+        watched = self.active and not (scenario.world.empty and scenario.fixed_base)
+        self.watch: Callable[[int], None] | None = self._world.look if watched else None
+        """Told of a substep where the world is looked at, before it."""
+        energy = engine.mechanical_energy()
+        self._alone = energy is not None and not scenario.wrenches
+        self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
+        self._last = last
+        self._raw: list[tuple[tuple[Array, ...], Array]] = []
+        self._sides: dict[int, Array] = {}
+
+    def take(self, block: Block, start: int, raw: Array) -> None:
+        """Raw records (n, joints, columns) of the block's substeps from `start` on."""
+        if self.active:
+            end = start + len(raw)
+            self._raw.append((tuple(array[start:end] for array in block.arrays), raw))
+            self._sides |= {k: sides for k, sides in block.sides.items() if start <= k - block.first < end}
+
+    def flush(self, substep: int, *, check: bool = True) -> None:
+        """Hand on what there is; raises DivergenceError where energy came from nowhere up to `substep`."""
+        if not self._raw:
+            return
+        inputs = [np.concatenate(arrays) for arrays in zip(*(given for given, _ in self._raw), strict=True)]
+        raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
+        sides, self._sides, self._raw = self._sides, {}, []
+        samples = self.recorder.add(inputs, raw, sides)
+        if samples is not None:
+            self._hand_on(samples)
+        error = self._energy_fault(substep) if check else None
+        if error is not None:
+            raise error
+
+    def _hand_on(self, samples: Samples) -> None:
+        step, every = self._prepared.scenario.step, self._prepared.scenario.log_every
+        first = round(float(samples.time[0]) / step)
+        if self._look_every == 1:
+            samples = self._world.add_to(samples)
+        if self._whole and self._tip is not None:
+            samples = self._tip.added(samples)
+        logged = samples if every == 1 else _part(samples, slice((-first) % every, None, every))
+        if self._look_every != 1:
+            logged = self._world.add_to(logged)
+        if self._tip is not None and not self._whole:
+            logged = self._tip.added(logged)
+        if self.kept is not None and len(logged.time):
+            self.kept.append(logged)
+        for sink in self._sinks:
+            if getattr(sink, "full_rate", False):
+                sink.write(samples)
+            elif len(logged.time):
+                sink.write(logged)
+
+    def _energy_fault(self, substep: int) -> DivergenceError | None:
+        """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
+        engine, meter, guard, resolution = self._engine, self.recorder.meter, self._guard, self._prepared.resolution
+        if guard is None or self._prepared.stepping.released:
+            # The released order of a step is not passive, and runs springs that it does not resolve: no fault of the user's.
+            return None
+        kinetic = 0.0
+        if self._alone and engine.model is not None:
+            positions, velocities = engine.read()
+            speeds = np.array(velocities)
+            kinetic = 0.5 * float(speeds @ engine.model.mass_matrix(positions) @ speeds)
+        fault = guard.fault(
+            engine.mechanical_energy() if self._alone else None,
+            kinetic=kinetic,
+            given=meter.given,
+            residual=meter.residual,
+            turnover=meter.turnover,
+            names=engine.joints,
+        )
+        if fault is None:
+            return None
+        joint, what = fault
+        return runaway(joint, min(substep, self._last) * self._prepared.substep, what, resolution.omega_h)
+
+    def take_over(self, varied: Prepared, engine: Engine) -> None:
+        """Go on with other numbers, and maybe another engine."""
+        self._prepared, self._engine = varied, engine
+        self._world.engine = engine
+        self._tip = _tip_of(varied) if self.active else None
+
+    def state(self) -> Any:
+        """A copy of what decides how the recording goes on; None where nothing is recorded."""
+        if not self.active:
+            return None
+        return copy.deepcopy((self.recorder, self._guard, self._raw, self._sides, self._world.kept()))
+
+    def put_back(self, state: Any) -> None:
+        """Go on from a state; what went to sinks stays there."""
+        if state is not None:
+            self.recorder, self._guard, self._raw, self._sides, world = copy.deepcopy(state)
+            self._world.put_back(world)
+
+
+def _part(samples: Samples, rows: slice) -> Samples:
+    def cut(table: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: values[rows] for name, values in table.items()}
+
+    return replace(
+        samples, time=samples.time[rows], values=cut(samples.values), bodies=cut(samples.bodies), contacts=cut(samples.contacts)
+    )
+
+
+def _tip_of(prepared: Prepared) -> TipPoses | None:
+    if prepared.scenario.task is None:
+        return None
+    from asrsim.kinematics.tip import TipPoses
+
+    return TipPoses(prepared.scenario, prepared.robot)

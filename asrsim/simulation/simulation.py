@@ -1,0 +1,287 @@
+"""A simulation that somebody else steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import TracebackType
+from typing import Any
+
+from asrsim.errors import InputError, Problem, SimulationError
+from asrsim.samples import RunInfo
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.choice import pays
+from asrsim.simulation.divergence import blame, not_finite, runaway
+from asrsim.simulation.inputs import Block, Inputs
+from asrsim.simulation.loop import Loop
+from asrsim.simulation.observation import Observation, Snapshot, observe
+from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.recording import Recording, Sink
+from asrsim.simulation.stretches import NoValueError
+
+CHUNK = 4096
+"""Substeps, at most, of a chunk: between samples handed on, checks of energy, and progress."""
+CHUNK_NUMBERS = 20_480
+"""The most times joints: what still goes through the processor's cache."""
+SHORTEST_CHUNK = 256
+
+
+class Simulation:
+    """A scenario, stepped from outside; a context manager that releases the engine.
+
+        with asrsim.Simulation(asrsim.load_scenario("arm.yaml")) as simulation:
+            simulation.set_reference("joint_1", "equilibrium_position", 0.3)
+            simulation.advance(20)
+            simulation.observe().link_position
+
+    Steps are the scenario's; however they are grouped into calls, the bits are the same. References follow the scenario's
+    signals until they are set, then hold; a value set takes effect at the next step. Raises what :func:`prepare` raises, and
+    DivergenceError where the motion is no longer sane.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario | Prepared,
+        *,
+        ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
+        sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
+        record: bool = False,
+        compiled: bool | None = None,
+        expected_substeps: int | None = None,
+    ) -> None:
+        """ranges: joint or "*" -> reference -> least and largest value that :meth:`set_reference` takes (substeps are chosen
+        for them). sinks: take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether
+        the loop is compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
+        """
+        self.prepared = prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, ranges=ranges)
+        self.scenario = prepared.scenario
+        resolution = prepared.resolution
+        self.substeps = resolution.substeps
+        """Of a step."""
+        self._engine = prepared.make_engine()
+        try:
+            self._begin(sinks, record, compiled, expected_substeps)
+        except BaseException:
+            self._engine.close()
+            raise
+
+    def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: int | None) -> None:
+        prepared, scenario, engine = self.prepared, self.scenario, self._engine
+        stepping, substep = prepared.stepping, prepared.substep
+        engine.prepare(substep, staggered=stepping.staggered)
+        engine.set_state(prepared.initial_positions, prepared.initial_velocities)
+        self.joints = engine.joints
+        self.last = round(scenario.duration / scenario.step) * self.substeps
+        """Substep at which the scenario's duration ends."""
+        self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
+        self._inputs = Inputs(
+            scenario, prepared.drives, substep=substep, staggered=stepping.staggered, sensors=prepared.sensors
+        )
+        self._loop = self._make_loop(compiled, expected)
+        self._chunk = max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
+        self._block: Block | None = None
+        self._first: Block | None = None
+        self.substep = 0
+        """Substeps done."""
+        self._start = self.snapshot()
+
+    def _make_loop(self, compiled: bool | None, expected: int | None) -> Loop:
+        from asrsim.compiling import available
+
+        prepared, scenario = self.prepared, self.scenario
+        options: dict[str, Any] = {
+            "substep": prepared.substep,
+            "motor_substeps": prepared.resolution.motor_substeps,
+            "sensings": [None if sensor is None else sensor.sensing for sensor in prepared.sensors],
+            "cut": prepared.velocity_cutoff,
+            "floating": not scenario.fixed_base,
+            "every": self.recording.every,
+            "watch": self.recording.watch,
+        }
+        wanted = scenario.compiled if compiled is None else compiled
+        motor_steps = (self.last if expected is None else expected) * prepared.resolution.motor_substeps
+        self.slow_because = ""
+        """Why the plain loop runs where the compiled one would pay; empty where it does not."""
+        if wanted or (wanted is None and pays(len(prepared.drives), motor_steps)):
+            try:
+                if not available():
+                    raise SimulationError("Numba is not installed")
+                return Loop(self._engine, prepared.drives, prepared.stepping, compiled=True, **options)
+            except SimulationError as error:
+                if wanted:
+                    raise
+                self.slow_because = str(error)
+        return Loop(self._engine, prepared.drives, prepared.stepping, compiled=False, **options)
+
+    # -- stepping ---------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """s that are simulated."""
+        return round(self.substep * self.prepared.substep, 12)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the loop runs compiled."""
+        return self._loop.compiled
+
+    def advance(self, steps: int = 1) -> None:
+        """Go on by a number of steps. Raises DivergenceError; what was recorded by then has gone to the sinks."""
+        self.advance_to(self.substep + steps * self.substeps)
+
+    def advance_to(self, end: int) -> None:
+        """Go on until `end` substeps are done."""
+        while self.substep < end:
+            block = self._block
+            if block is None or self.substep >= block.first + len(block):
+                block = self._block = self._next_block()
+            start = self.substep - block.first
+            stop = min(end - block.first, len(block))
+            self._run(block, start, stop)
+            if self.substep == block.first + len(block):
+                self.flush()
+
+    def next_chunk(self, end: int) -> int:
+        """The substep, at most `end`, at which the present chunk ends: where to look up from a long run.
+
+        Chunks end at fixed substeps, first soon, then seldom: a divergence early in the run is found early, and results do
+        not depend on how time is cut.
+        """
+        length = SHORTEST_CHUNK
+        while length <= self.substep and length < self._chunk:
+            length *= 2
+        length = min(length, self._chunk)
+        return min(end, self.substep - self.substep % length + length)
+
+    def _next_block(self) -> Block:
+        """Inputs up to the end of the chunk."""
+        if self.substep == 0 and not self._inputs.held and self._first is not None:
+            return self._first
+        block = self._inputs.block(self.substep, self.next_chunk(self.substep + self._chunk) - self.substep)
+        if self.substep == 0 and not self._inputs.held:
+            self._first = block
+        return block
+
+    def _run(self, block: Block, start: int, stop: int) -> None:
+        h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
+        try:
+            raw = self._loop.run(block, start, stop)
+        except NoValueError as fault:
+            self.recording.flush(self.substep, check=False)
+            raise runaway(fault.joint, fault.substep * h, str(fault), omega_h) from fault
+        row = not_finite(raw)
+        if row is None:
+            self.recording.take(block, start, raw)
+            self.substep += stop - start
+            return
+        self.recording.take(block, start, raw[: max(row, 1)])
+        self.substep += max(row, 1)
+        self.recording.flush(self.substep, check=False)
+        joint = blame(raw, row, self.prepared.drives)
+        raise runaway(joint, (block.first + start + row) * h, "its motion is no longer finite or sane", omega_h)
+
+    def flush(self) -> None:
+        """Hand on what is recorded so far; raises DivergenceError where energy came from nowhere."""
+        self.recording.flush(self.substep)
+
+    # -- from outside -----------------------------------------------------------------------------------------------
+
+    def set_reference(self, joint: str, reference: str, value: float | None) -> float | None:
+        """Hold a reference (by its mode's name) at `value` from the next step on, or None: follow the scenario again.
+
+        Returns what is held: values beyond the declared range are clamped to it. Raises InputError for unknown names and
+        values that are not finite.
+        """
+        j, slot = self.prepared.slot_of(joint, reference)
+        if value is None:
+            self._inputs.held.pop((j, slot), None)
+        else:
+            if not math.isfinite(value):
+                raise InputError(Problem(message=f"{reference} of '{joint}' must be finite", code="reference-value"))
+            low, high = self.prepared.range_of(joint, reference)
+            value = min(max(float(value), low), high)
+            if self._inputs.held.get((j, slot)) == value:
+                return value
+            self._inputs.held[j, slot] = value
+        self._block = None
+        return value
+
+    def observe(self) -> Observation:
+        """The state now."""
+        return observe(self.time, self.prepared.drives, self._loop, self.prepared.substep)
+
+    def snapshot(self) -> Snapshot:
+        """The state, to be given to :meth:`restore`; what is recorded, too."""
+        return Snapshot(
+            substep=self.substep,
+            engine=self._engine.snapshot(),
+            joints=self._loop.snapshot(),
+            held=dict(self._inputs.held),
+            record=self.recording.state(),
+        )
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there."""
+        self._engine.restore(snapshot.engine)
+        self._loop.restore(snapshot.joints)
+        self.substep = snapshot.substep
+        self._inputs.held = dict(snapshot.held)
+        self._block = None
+        self.recording.put_back(snapshot.record)
+
+    def reset(
+        self,
+        initial: Mapping[str, float] | None = None,
+        *,
+        velocities: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> None:
+        """Back to the start, with the bits of a fresh one; references follow the scenario again.
+
+        initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
+        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay as they were chosen. A recording
+        starts anew.
+        """
+        if initial is None and velocities is None and parameters is None:
+            self.restore(self._start)
+            return
+        self.recording.put_back(self._start.record)
+        self.substep, self._block = 0, None
+        self._inputs.held = {}
+        if parameters is not None:
+            self._take_over(self.prepared.vary(parameters))
+        positions = [
+            float((initial or {}).get(name, q)) for name, q in zip(self.joints, self.prepared.initial_positions, strict=True)
+        ]
+        speeds = [
+            float((velocities or {}).get(name, v))
+            for name, v in zip(self.joints, self.prepared.initial_velocities, strict=True)
+        ]
+        self._engine.set_state(positions, speeds)
+        if initial:
+            drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
+            self._loop.take_drives(drives)
+        self._loop.reset()
+        self._loop.refresh_response(0)
+
+    def _take_over(self, varied: Prepared) -> None:
+        same = self._engine.vary(varied.robot)
+        if not same:
+            self._engine.close()
+            self._engine = varied.make_engine()
+            self._engine.prepare(varied.substep, staggered=varied.stepping.staggered)
+        self.prepared = varied
+        self.recording.take_over(varied, self._engine)
+        if not (same and self._loop.take_drives(varied.drives)):
+            self._loop = self._make_loop(self._loop.compiled, None)
+
+    def close(self) -> None:
+        """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
+        self._engine.close()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()

@@ -1,0 +1,172 @@
+"""A substep in which inputs jump: its kick is cut in pieces, each with the inputs of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from asrsim.engines.base import Engine
+from asrsim.samples import Array
+from asrsim.simulation.damping import make_damping_law
+from asrsim.simulation.drives import Drive
+from asrsim.simulation.inputs import Block, Piece
+from asrsim.simulation.stretches import UNDEFINED, NoValueError, push_links
+from asrsim.simulation.substep import (
+    BRAKE,
+    DAMPING,
+    DAMPING_TORQUE,
+    EFFORT,
+    FASTEST,
+    FORCE,
+    LAWS,
+    LINK_TORQUE,
+    PREVIOUS,
+    PUSH_1,
+    PUSH_2,
+    RAW,
+    READ_1,
+    READ_2,
+    REST,
+    SPEED,
+    SPRING,
+    TORQUE,
+    WEIGHT,
+    Memory,
+    Step,
+    lend,
+)  # fmt: skip
+
+
+class Splits:
+    """Cuts substeps for a loop, whose engine, joints and memories it shares; in plain Python, since they are few."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        drives: Sequence[Drive],
+        joints: Any,
+        memories: Sequence[Memory],
+        *,
+        substep: float,
+        weights: tuple[float, float],
+        measures: Sequence[Callable[..., None] | None],
+        damping: Step | None,
+        cut: bool,
+    ) -> None:
+        """weights: of the last two velocities in that of the whole step; measures: of joints with sensors; cut: see the
+        loop."""
+        self.engine, self.joints = engine, joints
+        self.substep = substep
+        self._memories, self._measures, self._damping, self._cut = memories, measures, damping, cut
+        self._now, self._before = weights
+        self.take_drives(drives)
+
+    def take_drives(self, drives: Sequence[Drive]) -> None:
+        """Other numbers for the same kinds of joints."""
+        self.drives = tuple(drives)
+        self._cut_constants: dict[float, list[Any]] = {}
+
+    def run(self, block: Block, index: int) -> Array:
+        """One substep whose kick is cut in pieces, with the inputs of each; the first of a run has no piece before t = 0."""
+        k = block.first + index
+        pieces = block.events[k]
+        joints, count = self.joints, len(self.drives)
+        positions, lagging = self.engine.read()
+        push_links(self.engine, block.wrenches[index])
+        length = sum(piece.fraction for piece in pieces)
+        velocities = [self._now * v + self._before * row[PREVIOUS] for v, row in zip(lagging, joints, strict=False)]
+        if k == 0:
+            velocities = list(lagging)
+        states = [floats(memory.load(joints[j])) for j, memory in enumerate(self._memories)]
+        for j, measure in enumerate(self._measures):
+            if measure is not None:
+                measure(joints[j], states[j], block.stacked[index, j].tolist(), positions[j], velocities[j])
+        means = np.zeros((count, 3))
+        sides = np.zeros((2, count, len(RAW) + 1))
+        rows: list[list[float]] = []
+        side = 0
+        for piece in pieces:
+            if piece.on_time:
+                rows = self._advance_all(piece, k, positions, lagging, velocities, states, 0.0)
+                side = 1
+            looked = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
+            for j, row in enumerate(looked):
+                external = piece.rows[2][j]
+                sides[side, j] += 2.0 * piece.fraction * np.array([*row, external])
+                means[j] += piece.fraction / length * np.array([row[2], row[LINK_TORQUE], external])
+        for j, (torque, applied, external) in enumerate(means.tolist()):
+            row = joints[j]
+            self._memories[j].save(row, states[j])
+            law = make_damping_law(self.drives[j])
+            if law is not None:
+                row[DAMPING] = law(row, self.drives[j].constants(self.substep), positions[j], tuple(rows[j][LAWS:]))
+            row[SPEED] = lagging[j] + row[WEIGHT] * (lagging[j] - row[PREVIOUS])
+            row[PREVIOUS] = lagging[j]
+            row[TORQUE] = torque
+            braked = row[BRAKE] != 0.0
+            row[FORCE] = (torque if braked else applied) + external + row[SPRING] * (row[REST] - positions[j])
+        if self._damping is not None:
+            self._damp(rows, sides, length)
+        self.engine.advance([float(row[FORCE]) for row in joints[:count]], length if k == 0 else 1.0)
+        if k == 0:
+            # The velocity half a step before the start, as if the first kick had been a whole one.
+            for j, (start, after) in enumerate(zip(lagging, self.engine.read()[1], strict=True)):
+                joints[j][PREVIOUS] = 2.0 * start - after
+        block.sides[k] = sides
+        return np.array(rows)
+
+    def _damp(self, rows: list[list[float]], sides: Array, length: float) -> None:
+        """Damping over a kick in pieces, which may be a part of a whole one."""
+        count = len(self.drives)
+        for row in self.joints[:count]:
+            for place in range(len(row) - 2 * count, len(row) - count):
+                row[place] = row[place] * length
+        before = [row[LINK_TORQUE] for row in rows]
+        if self._damping is not None:
+            self._damping(0, None, self.joints, None, [rows])
+        for row in self.joints[:count]:
+            for place in range(len(row) - 2 * count, len(row) - count):
+                row[place] = row[place] / length
+        for j, row in enumerate(rows):
+            sides[:, j, LINK_TORQUE] += row[LINK_TORQUE] - before[j]
+            sides[:, j, DAMPING_TORQUE] = row[DAMPING_TORQUE]
+
+    def _advance_all(
+        self,
+        piece: Piece,
+        k: int,
+        positions: Sequence[float],
+        lagging: Sequence[float],
+        velocities: Sequence[float],
+        states: list[Any],
+        fraction: float,
+    ) -> list[list[float]]:
+        """Advance all joints by a fraction of a substep, in `states`; fraction 0 only looks. Returns records."""
+        step = self.substep * fraction
+        if step not in self._cut_constants:
+            self._cut_constants[step] = [drive.constants(step) for drive in self.drives]
+        rows = []
+        for j, (drive, constants) in enumerate(zip(self.drives, self._cut_constants[step], strict=True)):
+            joint = self.joints[j]
+            sensed = self._measures[j] is not None
+            state = lend(states[j], float(joint[PUSH_1]), float(joint[PUSH_2])) if sensed else states[j]
+            goals = piece.rows[0][j] - float(joint[READ_1]), piece.rows[1][j] - float(joint[READ_2])
+            try:
+                torque, after, record = drive.advance(state, constants, positions[j], velocities[j], *goals)
+            except UNDEFINED as fault:
+                raise NoValueError(drive.name, k, str(fault)) from fault
+            if fraction:
+                states[j] = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            if self._cut and abs(lagging[j]) >= joint[FASTEST] and torque * lagging[j] > 0.0:
+                torque = 0.0
+            limit = float(joint[EFFORT])
+            applied = torque if joint[BRAKE] != 0.0 else min(max(torque, -limit), limit)
+            rows.append([positions[j], lagging[j], torque, applied, 0.0, *record])
+        return rows
+
+
+def floats(values: Any) -> tuple[float, ...]:
+    """As Python has them: what comes out of an array would be slow, and divide by zero in silence."""
+    return tuple(float(value) for value in values)

@@ -1,0 +1,232 @@
+"""One substep of the joints: from what they do to the torques on their links. Ordinary code, run as it is or compiled.
+
+A joint's numbers stand in a row, by the places below: a list for plain Python, a row of an array for compiled code. What
+differs between the two is in :class:`Memory`; everything that is physics is here and in the laws of
+:mod:`asrsim.simulation.kernels`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import floor
+from typing import Any
+
+from asrsim.simulation.kernels import RECORD, Advance
+
+PLACES = (
+    "previous", "speed", "torque", "last_force", "force", "drag", "effort", "fastest", "damping", "brake", "spring", "rest",
+    "weight", "lag", "base", "ratio", "inertia", "read_1", "push_1", "read_2", "push_2", "gain_1", "gain_2", "state",
+)  # fmt: skip
+(
+    PREVIOUS, SPEED, TORQUE, LAST_FORCE, FORCE, DRAG, EFFORT, FASTEST, DAMPING, BRAKE, SPRING, REST,
+    WEIGHT, LAG, BASE, RATIO, INERTIA, READ_1, PUSH_1, READ_2, PUSH_2, GAIN_1, GAIN_2, STATE,
+) = range(len(PLACES))  # fmt: skip
+"""What changes: velocity before the last kick (rad/s); velocity that damping acts on before this kick's torques; torque of the
+actuator, on the link over the last kick and this one, and of damping and brake (N m). Constants: limits (N m, rad/s); damping
+and derivative gain on the link (N m s/rad); a passive spring (N m/rad, rad); weight of a kick's change in the mean velocity; s
+by which motors' states are behind; a damping that depends on the stiffness (N m s/rad, 1, kg m^2). What sensors 1 and 2 read
+beside the truth (rad), the torque that their velocities make (N m), the derivative gains (N m s/rad). Then the state."""
+
+RAW = ("link_position", "engine_velocity", "actuator_torque", "link_torque", "damping_torque", *RECORD)
+"""Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the limits, after them, of damping, and the
+record of the joint's law."""
+LINK_TORQUE, DAMPING_TORQUE, LAWS = 3, 4, 5
+
+GOAL_1, GOAL_2, EXTERNAL, READINGS = 0, 1, 2, 3
+"""Inputs of a joint and substep: references, external torque (N m), and for each sensor whether it looks, and its noise."""
+
+Step = Callable[..., None]
+"""step(k, states, joints, inputs, rows): k in the block; states of the engine; rows: the record, (n, joints, RAW)."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """How a joint's row is read and written."""
+
+    load: Callable[[Any], Any]
+    """Row -> the state, a tuple."""
+    save: Callable[[Any, Any], None]
+    constants: Callable[[Any], Any]
+    """Row -> constants of the joint's law, nested tuples."""
+    note: Callable[..., None]
+    """note(rows, k, j, q, lagging, torque, applied, record)."""
+    ring: Callable[[Any, int], Any]
+    """Row and sensor -> what it saw, positions and velocities in turns."""
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Sensors of a joint's controllers."""
+
+    delay: int
+    """Substeps."""
+    quantum: float
+    on_link: bool
+    count: int
+    """Controllers: 1 or 2."""
+
+
+def make_group(
+    members: tuple[int, ...],
+    advance: Advance,
+    memory: Memory,
+    unpack: Callable[[Any, int], tuple[float, float]],
+    *,
+    now: float,
+    before: float,
+    sensing: Sensing | None,
+    damping: Callable[..., float] | None,
+    cut: bool,
+) -> Step:
+    """Joints of one kind: law, limits, and what else pushes the link but damping.
+
+    now, before: weights of the last two velocities in that of the whole step; damping: the link's, where it depends on the
+    spring; cut: torque beyond the velocity limit is zeroed, as Gazebo does.
+    """
+    load, save, constants_of, note = memory.load, memory.save, memory.constants, memory.note
+    sense = None if sensing is None else make_sense(sensing, memory)
+    sensed = sense is not None
+    varies = damping is not None
+    measure = sense or _nothing
+    law = damping or _nothing
+
+    def group(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
+        where = joints[len(joints) - 1]
+        where[0] = k
+        for j in members:
+            where[1] = j
+            joint = joints[j]
+            goals = inputs[k][j]
+            q, lagging = unpack(states, j)
+            past = joint[PREVIOUS]
+            v = now * lagging + before * past
+            joint[PREVIOUS] = lagging
+            state = load(joint)
+            if sensed:
+                measure(joint, state, goals, q, v)
+                state = lend(state, joint[PUSH_1], joint[PUSH_2])
+            torque, state, record = advance(
+                state, constants_of(joint), q, v, goals[GOAL_1] - joint[READ_1], goals[GOAL_2] - joint[READ_2]
+            )
+            if sensed:
+                state = lend(state, -joint[PUSH_1], -joint[PUSH_2])
+            save(joint, state)
+            if varies:
+                joint[DAMPING] = law(joint, constants_of(joint), q, record)
+            if cut and abs(lagging) >= joint[FASTEST] and torque * lagging > 0.0:
+                torque = 0.0
+            applied = torque
+            # A brake is part of what is limited: see make_damping.
+            if joint[BRAKE] == 0.0:
+                if applied > joint[EFFORT]:
+                    applied = joint[EFFORT]
+                elif applied < -joint[EFFORT]:
+                    applied = -joint[EFFORT]
+            note(rows, k, j, q, lagging, torque, applied, record)
+            joint[SPEED] = lagging + joint[WEIGHT] * (lagging - past)
+            joint[TORQUE] = torque
+            joint[FORCE] = applied + goals[EXTERNAL] + joint[SPRING] * (joint[REST] - q)
+
+    return group
+
+
+def _nothing(*arguments: Any) -> Any:
+    return 0.0
+
+
+def lend(state: Any, push_1: float, push_2: float) -> Any:
+    """A state with torques in its controllers' integrals: of a link's controller, one motor, two motors."""
+    if len(state) == 1:
+        return (state[0] + push_1,)
+    if len(state) == 4:
+        return (state[0], state[1], state[2], state[3] + push_1)
+    return (state[0], state[1], state[2], state[3] + push_1, state[4], state[5], state[6], state[7] + push_2)
+
+
+def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
+    """What the controllers of a joint read: the past position and velocity, held, the position with noise and quantisation."""
+    size = sensing.delay + 1
+    quantum, on_link, count, ring_of = sensing.quantum, sensing.on_link, sensing.count, memory.ring
+
+    def measure(joint: Any, state: Any, goals: Any, q: float, v: float) -> None:
+        for i in range(count):
+            ring = ring_of(joint, i)
+            x, speed = q, v
+            if not on_link:
+                speed = state[4 * i + 1]
+                x = state[4 * i] + joint[LAG] * speed
+            # The ring's last three numbers: the place of the present, position and velocity that are held.
+            place = int(ring[2 * size])
+            ring[2 * place] = x
+            ring[2 * place + 1] = speed
+            oldest = (place + 1) % size
+            ring[2 * size] = float(oldest)
+            if goals[READINGS + 2 * i] != 0.0:
+                seen = ring[2 * oldest] + goals[READINGS + 2 * i + 1]
+                if quantum > 0.0:
+                    seen = quantum * floor(seen / quantum + 0.5)
+                ring[2 * size + 1] = seen
+                ring[2 * size + 2] = ring[2 * oldest + 1]
+            joint[READ_1 + 2 * i] = ring[2 * size + 1] - x
+            joint[PUSH_1 + 2 * i] = -joint[GAIN_1 + i] * (ring[2 * size + 2] - speed)
+
+    return measure
+
+
+def make_damping(count: int, *, coupled: bool) -> Step:
+    """Damping of the links and the controllers' brakes, implicit: on the mean velocity over the kick that they help to make.
+
+    A joint's row ends with its row of the response (mean velocity per torque on each joint, rad/s / N m), and then of the
+    spread, the share that each joint's undamped mean has in it if they are coupled: see
+    :func:`asrsim.simulation.damping.mean_response`.
+    """
+
+    def damp(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
+        for j in range(count):
+            joint = joints[j]
+            damping, brake = joint[DAMPING], joint[BRAKE]
+            drag = 0.0
+            if damping != 0.0 or brake != 0.0:
+                end = len(joint)
+                own = joint[end - 2 * count + j]
+                push = joint[FORCE] - joint[LAST_FORCE]
+                if coupled:
+                    mean = 0.0
+                    for i in range(count):
+                        other = joints[i]
+                        mean += joint[end - count + i] * other[SPEED]
+                        mean += joint[end - 2 * count + i] * (other[FORCE] - other[LAST_FORCE])
+                else:
+                    mean = (joint[SPEED] + own * push) / (1.0 + own * (damping + brake))
+                if brake != 0.0:
+                    applied = joint[TORQUE] - brake * mean
+                    limit = joint[EFFORT]
+                    if abs(applied) > limit:
+                        applied = limit if applied > 0.0 else -limit
+                        if not coupled:
+                            mean = (joint[SPEED] + own * (push + applied - joint[TORQUE])) / (1.0 + own * damping)
+                    rows[k][j][LINK_TORQUE] = applied
+                    drag = applied - joint[TORQUE]
+                rows[k][j][DAMPING_TORQUE] = -damping * mean
+                drag -= damping * mean
+            joint[DRAG] = drag
+        for j in range(count):
+            joint = joints[j]
+            joint[FORCE] += joint[DRAG]
+            joint[LAST_FORCE] = joint[FORCE]
+
+    return damp
+
+
+def chain(steps: Sequence[Step]) -> Step:
+    """Steps one after the other."""
+    if len(steps) == 1:
+        return steps[0]
+    first, rest = steps[0], chain(steps[1:])
+
+    def both(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
+        first(k, states, joints, inputs, rows)
+        rest(k, states, joints, inputs, rows)
+
+    return both

@@ -1,0 +1,85 @@
+"""Files damaged by chance: values, attributes, elements and bytes of a good robot exchanged, doubled, lost."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable
+
+from lxml import etree
+
+VALUES = (
+    "1e308", "-1e308", "1e-308", "5e-324", "nan", "-inf", "inf", "0", "-0", "-1", "", " ", "x", "0 0 0", "1 2", "0 0 0 0",
+    "true", "9" * 30, "9" * 400, "1*2", "pow(9,999)", "pow(0,-1)", "1/0", "(" * 50, "\u00e9", "\u00a01", "\u0661", "1_0",
+    "0x1F", "1e5", "-1e5", "1e12", "1e13", "world", "arm", "elbow", "revolute", "fixed", "floating", "package://a/b.stl",
+    "a.stl", "../../etc/passwd", "file:///dev/zero", "&#9;1&#10;", "&#155;", "\u202e", "--", "]]&gt;", "${1+1}", "1,5", ".",
+)  # fmt: skip
+
+
+def damaged(text: str, source: random.Random) -> bytes:
+    """The text with one to four damages."""
+    for _ in range(source.randint(1, 4)):
+        text = source.choice(DAMAGES)(text, source)
+    data = text.encode("utf-8", "surrogatepass")
+    if source.random() < 0.15:
+        spot = source.randrange(len(data) or 1)
+        data = data[:spot] + bytes([source.randrange(256)]) + data[spot + source.randint(0, 2) :]
+    return data
+
+
+def _value(text: str, source: random.Random) -> str:
+    spots = list(re.finditer(r'(?<==")[^"<>]*(?=")|(?<=>)[^<>\s]+(?=</)', text))
+    if not spots:
+        return text
+    spot = source.choice(spots)
+    return text[: spot.start()] + source.choice(VALUES) + text[spot.end() :]
+
+
+def _digit(text: str, source: random.Random) -> str:
+    spots = list(re.finditer(r"(?<=[\" \d])[\d.e-](?=[\" \d])", text))
+    if not spots:
+        return text
+    spot = source.choice(spots)
+    return text[: spot.start()] + source.choice("0123456789.e-+ ") + text[spot.end() :]
+
+
+def _attribute(text: str, source: random.Random) -> str:
+    spots = list(re.finditer(r'\s[\w:]+="[^"<>]*"', text))
+    if not spots:
+        return text
+    spot = source.choice(spots)
+    new = source.choice(["", spot.group() + ' other="1"', spot.group().replace("=", "s=", 1), spot.group() * 2])
+    return text[: spot.start()] + new + text[spot.end() :]
+
+
+def _tree(text: str, source: random.Random) -> str:
+    """An element taken out, doubled, renamed, or moved into another."""
+    try:
+        root = etree.fromstring(text.encode(), etree.XMLParser(resolve_entities=False))
+    except (etree.XMLSyntaxError, ValueError):
+        return text
+    found = [element for element in root.iter() if isinstance(element.tag, str) and element is not root]
+    if not found:
+        return text
+    element, other = source.choice(found), source.choice([*found, root])
+    parent, what = element.getparent(), source.randrange(4)
+    copy = etree.fromstring(etree.tostring(element))
+    if what == 0:
+        parent.remove(element)
+    elif what == 1:
+        parent.append(copy)
+    elif what == 2:
+        element.tag = source.choice([each.tag for each in found])
+    else:
+        other.append(copy)
+    return str(etree.tostring(root, encoding="unicode"))
+
+
+def _line(text: str, source: random.Random) -> str:
+    lines = text.splitlines()
+    if lines:
+        lines.insert(source.randrange(len(lines)), lines.pop(source.randrange(len(lines))))
+    return "\n".join(lines)
+
+
+DAMAGES: tuple[Callable[[str, random.Random], str], ...] = (_value, _value, _value, _digit, _attribute, _tree, _tree, _line)

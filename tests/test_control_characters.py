@@ -1,0 +1,84 @@
+"""Control characters of files never reach the terminal: they are shown as escapes."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from asrsim.cli.console import MOVING_CODES, OWN_CODES, CleanStream
+from asrsim.errors import CONTROL, Problem, printable
+
+
+def test_a_problem_is_one_line_without_control_characters() -> None:
+    problem = Problem(
+        message="a\x1b[2Jb", file=Path("x\x9b.urdf"), key="k\rk", value="v\x1b", choices=("c\x07",), hint="h\nh\u202e"
+    )
+    assert not CONTROL.search(str(problem))
+    assert "\n" not in str(problem)
+    assert "a\\u001b[2Jb" in str(problem)
+
+
+@pytest.mark.parametrize("text", ["\x1b[31mred\x1b[0m", "tab\tand\nline", "é 中 ─"])
+def test_our_own_output_passes(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "out"
+    with path.open("w", encoding="utf-8") as stream:
+        CleanStream(stream, OWN_CODES).write(text)
+    assert path.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("text", ["\x1b]0;title\x07", "\x1b[2J", "\x1b[1A", "\r", "\x9b2J", "\x00", "\u202e"])
+def test_what_moves_or_hides_does_not(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "out"
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        CleanStream(stream, OWN_CODES).write(text)
+    assert not CONTROL.search(path.read_text(encoding="utf-8"))
+    assert MOVING_CODES.split("\x1b[1A\x1b[2K")[1::2] == ["\x1b[1A", "\x1b[2K"]
+
+
+@pytest.mark.parametrize("character", ["\x1b", "\x9b", "\x07", "\x7f", "\u202e"])
+@pytest.mark.parametrize("place", ["robot", "joint", "plugin", "key", "value", "file"])
+def test_no_command_prints_them(place: str, character: str, tiny, asrsim_command) -> None:
+    robot, scenario = tiny.robot.read_text(), tiny.scenario.read_text()
+    text = f"[2J{character}[2J"
+    escaped = f"\\u{ord(character):04x}"
+    xml = f"&#{ord(character)};" if character not in "\x1b\x07" else "&#155;"  # XML has no such characters
+    path = tiny.scenario
+    if place == "robot":
+        robot = robot.replace('<robot name="pendulum"', f'<robot name="{xml}"')
+    elif place == "joint":
+        robot = robot.replace("elbow", f"el{xml}bow")
+        scenario = "robot: pendulum.urdf\nduration: 0.1\n"
+    elif place == "plugin":
+        robot = robot.replace('name="elbow_drive"', f'name="{xml}"').replace("<spring_k>", "<sprang_k>1</sprang_k><spring_k>")
+    elif place == "key":
+        scenario += f'"{text.replace(character, escaped)}": 1\n'
+    elif place == "value":
+        scenario += f'expect: "{text.replace(character, escaped)}"\n'
+    else:
+        path = tiny.folder / f"{character}.yaml"
+    tiny.robot.write_text(robot)
+    path.write_text(scenario)
+    for arguments in (
+        ("check", path), ("check", tiny.robot), ("run", path, "--no-plot"), ("run", path, "--no-plot", "--json"),
+        ("check", path, "--json"),
+    ):  # fmt: skip
+        outcome = asrsim_command(*arguments)
+        told = outcome.out + outcome.err
+        assert not CONTROL.search(told)
+        if "--json" in arguments:
+            json.loads(outcome.out)
+
+
+def test_json_keeps_the_characters(tiny, asrsim_command) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace('<robot name="pendulum"', '<robot name="a&#155;b"'))
+    outcome = asrsim_command("check", tiny.robot, "--json")
+    assert json.loads(outcome.out)["files"][0]["robot"] == "a\x9bb"
+
+
+def test_printable_changes_nothing_else() -> None:
+    text = "".join(chr(code) for code in range(0x3000) if not CONTROL.match(chr(code)))
+    assert printable(text) == text
+    assert re.search("\t", text)

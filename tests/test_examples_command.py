@@ -1,0 +1,119 @@
+"""What stands in the help can be tried after `asrsim examples`; the recorded sample is what its page says."""
+
+from __future__ import annotations
+
+import os
+import runpy
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from asrsim.cli.app import COMMANDS, app
+from asrsim.errors import OutputError
+from asrsim.runs.examples import copy_examples
+
+ROOT = Path(__file__).parents[1]
+LONG = ("reproduce", "ilc")
+"""Commands whose examples take minutes; they name no other files than the rest."""
+
+
+def examples_of_the_help() -> list[str]:
+    """Every example that a command's help gives, in an order in which one can be tried after the other."""
+    from typer.main import get_command
+
+    group = get_command(app)
+    order = ["run", "examples", "check", "actuators", "init", "run lab", *COMMANDS]
+    found = []
+    for name in dict.fromkeys(order):
+        if name == "run lab":
+            found.append("asrsim run lab.yaml")
+        elif name not in LONG and name != "examples":
+            texts = str(group.get_command(None, name).help).split("\n\n")
+            found += [
+                " ".join(text.split()).removeprefix("Example: ") for text in texts if text.strip().startswith("Example: ")
+            ]
+    return found
+
+
+def run_command(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    words = shlex.split(line)
+    assert words[0] == "asrsim"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "asrsim", *words[1:]]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_every_example_of_the_help_runs_after_asrsim_examples(tmp_path):
+    assert run_command("asrsim examples", tmp_path).returncode == 0
+    tried = examples_of_the_help()
+    assert len(tried) > 10
+    for line in tried:
+        done = run_command(line, tmp_path)
+        assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+
+
+def test_help_by_h_in_every_command(tmp_path):
+    assert run_command("asrsim -h", tmp_path).stdout.startswith("Usage")
+    done = run_command("asrsim init -h", tmp_path)
+    assert done.returncode == 0
+    assert "--actuator" in done.stdout
+
+
+def test_examples_are_copied_whole_and_nothing_of_others_is_replaced(tmp_path):
+    out = tmp_path / "examples"
+    written = copy_examples(out)
+    assert {path.relative_to(out).parts[0] for path in written} == {"plugins", "recordings", "scenarios", "urdf"}
+    copy_examples(out)  # the same files again are no conflict
+    mine = out / "urdf" / "plain_arm.urdf"
+    mine.write_text("mine", encoding="utf-8")
+    removed = out / "scenarios" / "step_2dof.yaml"
+    removed.unlink()
+    with pytest.raises(OutputError, match="plain_arm"):
+        copy_examples(out)
+    assert mine.read_text(encoding="utf-8") == "mine"
+    assert not removed.exists()
+    copy_examples(out, overwrite=True)
+    assert removed.exists()
+    assert mine.read_text(encoding="utf-8") != "mine"
+
+
+def test_a_file_in_place_of_the_folder_is_one_clear_error(tmp_path):
+    (tmp_path / "examples").write_text("", encoding="utf-8")
+    with pytest.raises(OutputError):
+        copy_examples(tmp_path / "examples")
+
+
+def test_the_recorded_sample_is_made_by_its_script(tmp_path):
+    shutil.copytree(ROOT / "examples" / "urdf", tmp_path / "urdf")
+    place = tmp_path / "recordings"
+    shutil.copytree(ROOT / "examples" / "recordings", place)
+    runpy.run_path(str(place / "record.py"), run_name="sample")["main"](place)
+    for name in ("two_joints.csv", "bench_motion.csv"):
+        assert (place / name).read_text() == (ROOT / "examples" / "recordings" / name).read_text()
+
+
+def test_completion_knows_variants_actuators_and_joints(tmp_path):
+    import typer
+
+    from asrsim.cli.completion import actuators, mountings, variants
+
+    copy_examples(tmp_path / "examples")
+    context = typer.Context(_command())
+    context.params = {"scenario": tmp_path / "examples/scenarios/step_2dof.yaml"}
+    assert variants(context, "s") == ["soft", "stiff"]
+    context.params = {"scenario": tmp_path / "nothing.yaml"}
+    assert variants(context, "") == []
+    assert actuators("b") == ["bavs"]
+    context.params = {"robot": tmp_path / "examples/urdf/plain_arm.urdf"}
+    assert mountings(context, "el") == ["elbow="]
+    assert mountings(context, "elbow=q") == ["elbow=qbmove"]
+
+
+def _command():
+    from typer.main import get_command
+
+    return get_command(app)

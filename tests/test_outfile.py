@@ -1,0 +1,101 @@
+"""Files are there as a whole, or as they were; what others wrote stays."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from asrsim.errors import OutputError
+from asrsim.outfile import MARKS, check_output, is_ours, write_text, written
+
+PAGE = '<meta name="generator" content="asrsim 1">'
+
+
+def test_a_file_of_ours_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):
+    path = tmp_path / "page.html"
+    write_text(path, PAGE, "page")
+    write_text(path, "naïve ω", "page")
+    assert path.read_text(encoding="utf-8") == "naïve ω"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("kind", MARKS)
+def test_a_file_of_somebody_else_stays(tmp_path: Path, kind: str):
+    path = tmp_path / "file"
+    path.write_text("# a file about asrsim, by hand: asrsim run scenario.yaml\n")
+    with pytest.raises(OutputError, match="asrsim did not write it"):
+        write_text(path, "new", kind)
+    assert path.read_text().startswith("# a file about asrsim")
+    write_text(path, "new", kind, replace=True)
+    assert path.read_text() == "new"
+
+
+def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path):
+    path = tmp_path / "page.html"
+    path.touch()
+    write_text(path, "new", "page")
+    assert path.read_text() == "new"
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_links_are_not_followed(tmp_path: Path, there: bool):
+    target, link = tmp_path / "precious", tmp_path / "page.html"
+    if there:
+        target.write_text(PAGE)
+    link.symlink_to(target)
+    with pytest.raises(OutputError, match="is a link"):
+        write_text(link, "new", "page")
+    assert link.is_symlink()
+    assert target.exists() == there
+    assert not there or target.read_text() == PAGE
+
+
+def test_an_input_is_never_an_output_even_when_allowed(tmp_path: Path):
+    path, other = tmp_path / "page.html", tmp_path / "hard.html"
+    path.write_text(PAGE)
+    os.link(path, other)
+    for one in (path, other, tmp_path / "." / "page.html"):
+        with pytest.raises(OutputError, match="is read by this command"):
+            check_output(one, "page", inputs=[path], replace=True)
+
+
+def test_a_device_is_written_to_as_it_is():
+    with written(Path(os.devnull), "page") as stream:
+        stream.write(b"gone")
+    assert not Path(os.devnull).is_file()
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_what_fails_leaves_the_earlier_file(tmp_path: Path, error: BaseException):
+    path = tmp_path / "page.html"
+    path.write_text(PAGE)
+
+    def fail() -> None:
+        with written(path, "page") as stream:
+            stream.write(b"half")
+            raise error
+
+    with pytest.raises((OutputError, KeyboardInterrupt)):
+        fail()
+    assert path.read_text() == PAGE
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_in_the_way_stays(tmp_path: Path):
+    folder = tmp_path / "page.html"
+    folder.mkdir()
+    with pytest.raises(OutputError, match=r"page\.html: cannot be written: "):
+        write_text(folder, "text", "page")
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_folder_that_is_not_there_is_an_output_error(tmp_path: Path):
+    with pytest.raises(OutputError, match="No such file or directory"):
+        write_text(tmp_path / "nowhere" / "page.html", "text", "page")
+
+
+def test_what_cannot_be_read_is_not_ours(tmp_path: Path):
+    assert not is_ours(tmp_path, "page")
+    assert not is_ours(tmp_path / "nowhere", "page")

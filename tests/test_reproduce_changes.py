@@ -1,0 +1,134 @@
+"""Claims that cannot fail are none: every changed law, mass or loss makes at least one claim of a figure fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.reproduce import FIGURES
+from asrsim.reproduce.lab import Lab
+from asrsim.robot import load_robot
+from asrsim.robot.model import Robot
+
+FACTORS = (1.25, 0.75)
+
+
+def joints(robot: Robot, **factors: float) -> Robot:
+    """The robot with numbers of its moving joints multiplied."""
+
+    def changed(joint: Any) -> Any:
+        return replace(joint, **{name: getattr(joint, name) * factor for name, factor in factors.items()})
+
+    return replace(robot, joints=tuple(changed(joint) if joint.moves else joint for joint in robot.joints))
+
+
+def masses(robot: Robot, factor: float) -> Robot:
+    """The robot with masses, and the inertia that goes with them, multiplied: in data and in its file's text."""
+    root = ElementTree.fromstring(robot.text)
+    for inertial in root.iter("inertial"):
+        for element in inertial:
+            for key in tuple(element.keys()) if element.tag in ("mass", "inertia") else ():
+                element.set(key, repr(float(element.get(key, "0")) * factor))
+    links = tuple(
+        replace(link, mass=link.mass * factor, inertia=tuple(factor * value for value in link.inertia))
+        if link.mass and link.inertia
+        else link
+        for link in robot.links
+    )
+    return replace(robot, text=ElementTree.tostring(root, encoding="unicode"), links=links)
+
+
+def parameters(robot: Robot, factor: float, *names: str) -> Robot:
+    """The robot with parameters of its actuators multiplied."""
+    blocks = []
+    for block in robot.actuators:
+        known = block.values()
+        assert set(names) & set(known), f"{names} are none of {tuple(known)}"
+        changed = {n: replace(block.parameters[n], value=known[n] * factor) for n in names if n in known}
+        blocks.append(replace(block, parameters={**block.parameters, **changed}))
+    return replace(robot, actuators=tuple(blocks))
+
+
+def spring(monkeypatch: pytest.MonkeyPatch, name: str, scale: float = 1.0, stretch: float = 1.0) -> None:
+    """The actuator's law with torques, or deflections, multiplied: its stiffness and energy as they follow from it."""
+    law = ACTUATORS.get(name)
+    torques, stiffness, energy = law.elastic_torques, law.stiffness, law.elastic_energy
+
+    def at(q: float, first: float, second: float) -> tuple[float, float]:
+        return q + stretch * (first - q), second if law.adjuster or law.motors == 1 else q + stretch * (second - q)
+
+    def changed_torques(q: float, first: float, second: float, values: tuple[float, ...]) -> tuple[float, float]:
+        one, other = torques(q, *at(q, first, second), values)
+        return scale * one, scale * other
+
+    def changed_stiffness(q: float, first: float, second: float, values: tuple[float, ...]) -> float:
+        return scale * stretch * stiffness(q, *at(q, first, second), values)
+
+    def changed_energy(q: float, first: float, second: float, values: tuple[float, ...]) -> float:
+        return scale / stretch * energy(q, *at(q, first, second), values)
+
+    for key, function in (
+        ("elastic_torques", changed_torques),
+        ("stiffness", changed_stiffness),
+        ("elastic_energy", changed_energy),
+    ):
+        monkeypatch.setattr(law, key, staticmethod(function))
+
+
+def failing(figure: str, monkeypatch: pytest.MonkeyPatch, folder: Any, change: Callable[[Robot], Robot] | None) -> list[str]:
+    """Claims of a figure that do not hold with every robot changed; plain loop, no pictures."""
+    original = Lab.run
+
+    def run(self: Lab, name: str, variant: str, **keywords: Any) -> Any:
+        robot = keywords.pop("robot", None)
+        overrides = [*keywords.pop("overrides", ()), "compiled=false"]
+        if change is not None:
+            robot = change(robot or load_robot(self.scenario(name, variant, overrides).robot))
+        return original(self, name, variant, robot=robot, overrides=overrides, **keywords)
+
+    monkeypatch.setattr(Lab, "run", run)
+    for module in ("steps", "chirp", "arm_steps", "arm_sine"):
+        monkeypatch.setattr(f"asrsim.reproduce.{module}.picture", lambda *_, **__: None)
+    parts = FIGURES.get(figure).parts(Lab(folder=folder))
+    return [claim.text for part in parts for claim in part.claims if not claim.holds]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("figure", ["8", "11", "12", "13"])
+def test_unchanged_every_claim_holds(figure, monkeypatch, tmp_path):
+    assert failing(figure, monkeypatch, tmp_path, lambda robot: robot) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", ["scale", "stretch"])
+@pytest.mark.parametrize("name", ["sea", "awas_ii", "bavs", "qbmove"])
+def test_a_changed_spring_law_is_caught(name, what, factor, monkeypatch, tmp_path):
+    spring(monkeypatch, name, **{what: factor})
+    assert failing("8", monkeypatch, tmp_path, None)
+
+
+CHANGES: dict[str, Callable[[Robot, float], Robot]] = {
+    "masses": masses,
+    "damping": lambda robot, factor: joints(robot, damping=factor),
+    "friction": lambda robot, factor: joints(robot, friction=factor),
+    "springs": lambda robot, factor: parameters(robot, factor, "spring_k_1", "spring_k_2", "spring_k", "spring_stiffness"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_changed_robot_is_caught(what, factor, monkeypatch, tmp_path):
+    assert failing("8", monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, factor))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("figure", "what"), [("11", "damping"), ("11", "springs"), ("13", "springs")])
+def test_changes_of_the_paper_s_arms_are_caught(figure, what, monkeypatch, tmp_path):
+    assert failing(figure, monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, 1.25))

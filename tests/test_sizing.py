@@ -1,0 +1,131 @@
+"""Springs and motors against the arm's own weight: what is foretold is what the simulation does."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robots import PLAIN_ARM, write_plain_arm
+
+import asrsim
+from asrsim.kinematics.sizing import holding_findings, sizing
+from asrsim.robot.chain import Chain
+from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
+
+ROOT = Path(__file__).parents[1]
+SCENARIOS = ROOT / "examples" / "scenarios"
+
+
+def scenario_of(robot: Path, **keys: object):
+    return make_scenario(robot, **{"duration": 4.0, **keys})
+
+
+def judged(scenario, **options):
+    robot, _ = checked_robot(scenario)
+    return sizing(scenario, apply_to_robot(scenario, robot), **options)
+
+
+@pytest.mark.parametrize("preset", [0.3, 0.45])
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuator, preset):
+    """Ideal motors, strong link damping: the run ends at rest, and the sag is what was foretold."""
+    scenario = scenario_of(
+        write_plain_arm(tmp_path, lengths=(0.2, 0.15), masses=(0.3, 0.2)),
+        actuators={"*": {"type": actuator, "mode": 3}},
+        references={"*": {"equilibrium_position": 0.5, **({} if actuator == "sea" else {"stiffness_preset": preset})}},
+        link_damping={"*": {"constant": 0.05}},
+        duration=12.0,
+    )
+    result = asrsim.run(scenario)
+    for one in judged(scenario).joints:
+        moved = result[one.joint].link_position
+        assert abs(moved[-1] - moved[-200]) < 1e-4
+        assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
+
+
+def test_the_sag_of_one_spring_in_closed_form(tmp_path):
+    """k (e - q) + m g r sin q = 0, of one upright link."""
+    robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.5,))
+    scenario = scenario_of(
+        robot, actuators={"*": {"type": "sea", "mode": 2}}, references={"*": {"reference_1": 0.4}},
+    )  # fmt: skip
+    (one,) = judged(scenario).joints
+    q = 0.4 + one.sag
+    assert 10.0 * (0.4 - q) + 0.5 * 9.81 * 0.2 * math.sin(q) == pytest.approx(0.0, abs=1e-3)
+    assert one.load == pytest.approx(0.5 * 9.81 * 0.2 * math.sin(0.4), rel=1e-9)
+
+
+def test_an_arm_that_falls_is_told_of_and_the_values_proposed_hold_it(tmp_path):
+    keys = {
+        "actuators": "qbmove",
+        "references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.5}}, "stiffness_preset": 0.3}},
+    }
+    robot = write_plain_arm(tmp_path)
+    fallen = asrsim.run(scenario_of(robot, **keys))
+    assert fallen["joint_1"].link_position.max() > PLAIN_ARM["upper"] - 1e-3
+    warned = [warning for warning in fallen.summary.warnings if warning.code == "falls"]
+    assert [warning.key for warning in warned] == ["joint_1"]
+    proposal = judged(scenario_of(robot, **keys)).proposal
+    damped = asrsim.run(scenario_of(robot, **keys, link_damping={"*": {"constant": 0.1}}))
+    assert [warning.key for warning in damped.summary.warnings if warning.code == "on-stop"] == ["joint_1"]
+    held = asrsim.run(scenario_of(robot, **keys, parameters=proposal))
+    assert not [warning for warning in held.summary.warnings if warning.code in ("falls", "sags")]
+    for joint in held.joints:
+        assert abs(held[joint].link_position[-500:].mean() - 0.5) < 0.3
+
+
+def test_motors_that_are_too_weak_are_told_from_springs(tmp_path):
+    robot = write_plain_arm(tmp_path)
+    keys = {
+        "actuators": {"*": {"type": "sea", "parameters": {"spring_k": 300.0, "motor_1_max_torque": 0.5}}},
+        "references": {"*": {"equilibrium_position": 1.2}},
+    }
+    scenario = scenario_of(robot, **keys)
+    applied = apply_to_robot(scenario, checked_robot(scenario)[0])
+    problems = holding_findings(scenario, applied)
+    assert problems
+    assert all("motors are too weak" in problem.message for problem in problems)
+    assert all("motor_1_max_torque" in values for values in judged(scenario).proposal.values())
+
+
+def test_the_examples_hold_themselves():
+    for path in sorted(SCENARIOS.glob("*.yaml")):
+        for scenario in asrsim.load_scenario(path):
+            found = judged(scenario, propose=False)
+            assert not found.weak, f"{path.name}: {found.weak}"
+
+
+def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
+    robot = write_plain_arm(tmp_path)
+    lying = {"base": {"fixed": False}, "actuators": "sea", "references": {"*": {"equilibrium_position": 0.5}}}
+    assert not judged(scenario_of(robot, **lying)).joints
+    weightless = {"gravity": [0, 0, 0], "actuators": "sea", "references": {"*": {"equilibrium_position": 0.5}}}
+    assert not judged(scenario_of(robot, **weightless)).joints
+    torques = {"actuators": {"*": {"type": "sea", "mode": 4}}, "references": {"*": {"motor_1_torque": 0.1}}}
+    assert not judged(scenario_of(robot, **torques)).joints
+
+
+@pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal"])
+def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
+    """Forward kinematics and gravity by NumPy against the engine's, at random postures on a turned base."""
+    from asrsim.kinematics import model_of
+
+    place = shutil.copy(ROOT / "examples" / "urdf" / f"{name}.urdf", tmp_path / "robot.urdf")
+    base = {"position": [0.1, -0.2, 0.3], "rpy": [0.4, -0.3, 0.7]}
+    scenario = make_scenario(place, duration=1.0, base=base)
+    robot, _ = checked_robot(scenario)
+    chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+    random = np.random.default_rng(3)
+    with model_of(scenario, robot) as model:
+        postures = random.uniform(-1.0, 1.0, (5, len(model.joints)))
+        table = {joint: postures[:, column] for column, joint in enumerate(model.joints)}
+        loads, poses = chain.gravity_load(table, scenario.gravity), chain.poses(table)
+        for row, posture in enumerate(postures):
+            assert [loads[joint][row] for joint in model.joints] == pytest.approx(-model.gravity_torques(posture), abs=1e-9)
+            for link in model.links:
+                position, rotation = model.pose(posture, link, (0.0, 0.0, 0.0))
+                assert poses[link][1][row] == pytest.approx(position, abs=1e-6)
+                assert poses[link][0][row] == pytest.approx(rotation, abs=1e-6)

@@ -1,0 +1,267 @@
+"""Every command that writes: others' files stay, a full disk leaves what was there; and how a run is ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import asrsim
+from asrsim.errors import OutputError
+from asrsim.log import open_log
+from asrsim.runs.lock import owned
+
+HAND = "written by hand; asrsim run scenario.yaml\n"
+LIFT = """\
+robot: pendulum.urdf
+duration: 0.2
+ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.3}}}, tolerance: 0.001, gain: 0.5, max_iterations: 1}
+"""
+
+
+@pytest.fixture
+def place(tiny, asrsim_command) -> Path:
+    """A folder with a run in `made`, a motion for the bench and a scenario to learn."""
+    (tiny.folder / "motion.csv").write_text("time,elbow.position,elbow.velocity\n0,0,0\n0.001,0,0\n0.002,0,0\n")
+    (tiny.folder / "lift.yaml").write_text(LIFT)
+    assert asrsim_command("run", tiny.scenario, "--set", "duration=0.1", "--out", "made", "--no-plot").code == 0
+    return tiny.folder
+
+
+WRITERS = {
+    "run": ("run step.yaml --set duration=0.1 --out out --report", ["log.mcap", "summary.json", "report.html", "joints.png"]),
+    "rerun": ("rerun made/log.mcap --out out", ["log.mcap"]),
+    "plot": ("plot made/log.mcap --out out", ["joints.png", "energy.png"]),
+    "plot pdf svg": ("plot made/log.mcap --out out --format pdf --format svg", ["joints.pdf", "joints.svg"]),
+    "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
+    "report": ("report made --out out/page.html --no-film", ["page.html"]),
+    "bench": ("bench pendulum.urdf motion.csv --out out/bench.csv", ["bench.csv"]),
+    "ilc": ("ilc lift.yaml --out out", ["state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png", "learned.mcap"]),
+    "init": ("init pendulum.urdf --out out/start.yaml", ["start.yaml"]),
+}
+"""Command -> arguments that write into `out`, and files that it writes there."""
+CASES = [(name, file) for name, (_, files) in WRITERS.items() for file in files]
+
+
+@pytest.mark.parametrize(("name", "file"), CASES)
+def test_a_file_of_somebody_else_stays(place: Path, asrsim_command, name: str, file: str) -> None:
+    (place / "out").mkdir()
+    (place / "out" / file).write_text(HAND)
+    outcome = asrsim_command(*WRITERS[name][0].split(), *(["--overwrite"] if name in ("run", "rerun", "ilc") else []))
+    assert outcome.code == 1
+    assert file in outcome.err
+    assert (place / "out" / file).read_text() == HAND
+
+
+@pytest.mark.parametrize(("name", "file"), CASES)
+def test_a_planted_link_is_not_followed(place: Path, asrsim_command, name: str, file: str) -> None:
+    (place / "out").mkdir()
+    (place / "precious").write_text(HAND)
+    for planted in (file, f".{file}.part", f"{file}.part"):
+        (place / "out" / planted).symlink_to(place / "precious")
+    asrsim_command(*WRITERS[name][0].split())
+    assert (place / "precious").read_text() == HAND
+    assert (place / "out" / file).is_symlink()
+
+
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "init"])
+def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, name: str) -> None:
+    arguments, files = WRITERS[name]
+    (place / "out").mkdir()
+    for _ in range(2):
+        outcome = asrsim_command(*arguments.split())
+        assert "asrsim:" not in outcome.err, outcome.err
+        assert all((place / "out" / file).stat().st_size for file in files)
+    assert not [path for path in (place / "out").iterdir() if path.name.startswith(".") or path.name.endswith(".part")]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "bench pendulum.urdf motion.csv --out pendulum.urdf", "bench pendulum.urdf motion.csv --out motion.csv",
+        "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
+        "rerun made/log.mcap --out made", "rerun made/log.mcap --out made --overwrite",
+        "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
+    ],
+)  # fmt: skip
+def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str) -> None:
+    before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
+    outcome = asrsim_command(*arguments.split())
+    assert outcome.code == 1
+    assert {path: path.read_bytes() for path in place.rglob("*") if path.is_file()} == before
+
+
+def test_a_run_does_not_replace_the_log_that_it_compares_with(place: Path, asrsim_command) -> None:
+    what = "quantity: link_position, measure: rmse, value: 0, tolerance: 1, against: made/log.mcap"
+    claim = f"\nexpect:\n  - {{joint: elbow, {what}}}\n"
+    (place / "step.yaml").write_text((place / "step.yaml").read_text() + claim)
+    outcome = asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot")
+    assert outcome.code == 1
+    assert "is read by this command" in outcome.err
+    assert open_log(place / "made/log.mcap").status == "complete"
+
+
+def test_the_same_name_in_another_project_is_another_run(place: Path, asrsim_command, monkeypatch) -> None:
+    other = place / "other"
+    other.mkdir()
+    for name in ("pendulum.urdf", "step.yaml"):
+        (other / name).write_text((place / name).read_text())
+    out = place / "made"
+    before = (out / "log.mcap").read_bytes()
+    monkeypatch.chdir(other)
+    outcome = asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", out, "--no-plot")
+    assert outcome.code == 1
+    assert "another run" in outcome.err
+    assert (out / "log.mcap").read_bytes() == before
+
+
+@pytest.mark.parametrize("gone", ["log.mcap", "log.mcap summary.json"])
+def test_pictures_of_another_scenario_stay_when_its_log_is_gone(place: Path, asrsim_command, gone: str) -> None:
+    asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made")
+    for name in gone.split():
+        (place / "made" / name).unlink()
+    picture = (place / "made/joints.png").read_bytes()
+    (place / "third.yaml").write_text((place / "step.yaml").read_text())
+    outcome = asrsim_command("run", "third.yaml", "--set", "duration=0.1", "--out", "made")
+    assert outcome.code == 1
+    assert (place / "made/joints.png").read_bytes() == picture
+
+
+def test_a_summary_names_nothing_to_be_removed(place: Path, asrsim_command) -> None:
+    summary = place / "made/summary.json"
+    data = json.loads(summary.read_text())
+    (place / "made/thesis.tex").write_text(HAND)
+    data["files"] = {"plots": [str(place / "made/thesis.tex"), "thesis.tex"], "log": "../step.yaml"}
+    summary.write_text(json.dumps(data))
+    assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot").code == 0
+    assert (place / "made/thesis.tex").read_text() == HAND
+
+
+def test_a_folder_in_use_is_refused(place: Path, asrsim_command) -> None:
+    with owned(place / "made"):
+        for arguments in ("run step.yaml --out made", "rerun made/log.mcap --out made", "ilc lift.yaml --out made"):
+            outcome = asrsim_command(*arguments.split())
+            assert outcome.code == 1
+            assert "is in use" in outcome.err
+        with pytest.raises(OutputError, match="is in use"):
+            asrsim.run(place / "step.yaml", out=place / "made")
+    assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot").code == 0
+
+
+def begin(place: Path, *arguments: str, **options) -> subprocess.Popen:
+    """A long run in a process of its own, once its log grows."""
+    command = [sys.executable, "-m", "asrsim.cli.app", "run", "step.yaml", "--no-plot", "--set", "duration=600", *arguments]
+    process = subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if any(path.stat().st_size > 50_000 for path in place.glob("long/**/log.mcap*")):
+            return process
+        time.sleep(0.05)
+    process.kill()
+    raise AssertionError(process.communicate()[1])
+
+
+def test_a_killed_run_leaves_no_lock_and_the_earlier_result(place: Path, asrsim_command) -> None:
+    assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "long", "--no-plot").code == 0
+    before = (place / "long/log.mcap").read_bytes()
+    first = begin(place, "--out", "long")
+    refused = asrsim_command("run", "step.yaml", "--out", "long", "--no-plot")
+    first.kill()
+    first.communicate()
+    assert "is in use" in refused.err
+    assert (place / "long/log.mcap").read_bytes() == before
+    assert open_log(place / "long/log.mcap.part").status == "truncated"
+    assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "long", "--no-plot").code == 0
+    assert sorted(path.name for path in (place / "long").iterdir()) == ["log.mcap", "summary.json"]
+
+
+def test_sigterm_is_a_ctrl_c(place: Path) -> None:
+    run = begin(place, "--out", "long")
+    run.send_signal(signal.SIGTERM)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "Traceback" not in err
+    assert open_log(place / "long/log.mcap").status == "interrupted"
+    assert json.loads((place / "long/summary.json").read_text())["status"] == "interrupted"
+
+
+def test_a_reader_that_goes_ends_the_run(place: Path) -> None:
+    run = begin(place, "--out", "long")
+    run.stdout.close()
+    assert run.wait(timeout=60) is not None
+    assert run.stderr.read() == ""
+    run.stderr.close()
+    assert open_log(place / "long/log.mcap").status == "interrupted"
+
+
+def test_workers_end_with_their_parent(tmp_path: Path) -> None:
+    code = (
+        "import multiprocessing, os, time\nfrom asrsim.processes import end_with_parent\n"
+        "def work(): print(os.getpid(), flush=True); time.sleep(600)\n"
+        "if __name__ == '__main__':\n"
+        "    pool = multiprocessing.get_context('spawn').Pool(1, initializer=end_with_parent)\n"
+        "    pool.apply(work)\n"
+    )
+    (tmp_path / "parent.py").write_text(code)
+    parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    worker = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    for _ in range(100):
+        try:
+            os.kill(worker, 0)
+        except ProcessLookupError:
+            return
+        if Path(f"/proc/{worker}/stat").exists() and " Z " in Path(f"/proc/{worker}/stat").read_text():
+            return
+        time.sleep(0.1)
+    os.kill(worker, signal.SIGKILL)
+    raise AssertionError("the worker outlived its parent")
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 400 kB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if (
+        os.name != "posix"
+        or subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(folder)], capture_output=True, check=False
+        ).returncode
+    ):
+        pytest.skip("no small disk can be mounted here")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("again", [False, True])
+def test_a_full_disk_leaves_what_was_there(place: Path, asrsim_command, disk: Path, name: str, again: bool) -> None:
+    arguments, _ = WRITERS[name]
+    arguments = re.sub(r"--out out", "--out disk", arguments)
+    if again and name != "init":
+        asrsim_command(*arguments.split())
+    before = {path: path.read_bytes() for path in disk.rglob("*") if path.is_file()}
+    filler = os.open(disk / "filler", os.O_WRONLY | os.O_CREAT)
+    for size in (4096, 1):
+        with suppress(OSError):
+            while os.write(filler, bytes(size)):
+                pass
+    os.close(filler)
+    outcome = asrsim_command(*arguments.split())
+    assert outcome.code == 1
+    assert "No space left" in outcome.err
+    assert "unexpected" not in outcome.err
+    after = {path: path.read_bytes() for path in disk.rglob("*") if path.is_file() and path.name != "filler"}
+    assert after == before

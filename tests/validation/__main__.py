@@ -1,0 +1,48 @@
+"""Run every check and write the page; `--figures` makes its picture.
+
+Usage: PYTHONPATH=tests python -m validation --out docs/validation.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from validation.document import document, measure
+from validation.sections import SECTIONS
+
+PICTURE = "images/work_precision.png"
+
+
+def main() -> int:
+    """Exit status 1 where a check failed."""
+    parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
+    parser.add_argument("--out", type=Path, help="write the page here (Markdown)")
+    parser.add_argument("--figures", type=Path, nargs="?", const=Path("docs"), help="write the picture into this folder (docs)")
+    arguments = parser.parse_args()
+    if arguments.figures is not None:
+        from validation.figures import work_precision
+
+        work_precision(arguments.figures / PICTURE)
+        sys.stdout.write(f"{arguments.figures / PICTURE}\n")
+        if arguments.out is None:
+            return 0
+    results, failed = [], False
+    for section, by_engine in measure(SECTIONS):
+        checks = [check for listed in by_engine.values() for check in listed]
+        missed = [check for check in checks if not check.passed]
+        sys.stdout.write(f"{section.title}: {len(checks) - len(missed)} of {len(checks)} hold\n")
+        sys.stdout.writelines(f"  {check}\n" for check in missed)
+        sys.stdout.flush()
+        failed = failed or bool(missed)
+        results.append((section, by_engine))
+    if arguments.out is not None:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        arguments.out.write_text(document(results), encoding="utf-8")
+        sys.stdout.write(f"{arguments.out}\n")
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

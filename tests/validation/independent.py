@@ -1,0 +1,99 @@
+"""The eight cases of the paper's figure 8 against a Runge-Kutta solution at 1e-5 s, and against real Gazebo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators import ACTUATORS
+from asrsim.robot import load_robot
+from asrsim.samples import Array
+from asrsim.simulation.run import Run
+from validation.check import DATA, Check
+from validation.models import run
+
+CASES = {
+    "sea_k200": 1.2e-2, "sea_k400": 1.8e-2, "awas_s0.005": 1.1e-3, "awas_s0.04": None,
+    "bavs_p0.001": 2.8e-3, "bavs_p0.22": 2.9e-3, "qbmove_p0.2": 9.6e-4, "qbmove_p0.6": 1.5e-3,
+}  # fmt: skip
+"""Case -> RMS distance in rad of Gazebo's 1 ms run from the truth over 5 s; None: Gazebo is unstable there."""
+STABLE = 5e-4
+"""rad, the bound where Gazebo sets none."""
+GAZEBO_GRAVITY = 9.8
+
+
+def preset_of(case: str) -> float:
+    """Stiffness preset that the case's name states (SEA: none)."""
+    return 0.0 if case.startswith("sea") else float(case.split("_")[1][1:])
+
+
+def simulate_case(case: str, kind: str = "_ideal", **fields: Any) -> Run:
+    """The run that Gazebo did: URDF as recorded, a reference of 0.8 rad from the start, 5 s."""
+    robot = load_robot(DATA / f"gazebo_urdf/dof1_m3_step_{case}{kind}.urdf")
+    options = {"duration": 5.0, **fields}
+    return run(
+        robot, gravity=GAZEBO_GRAVITY, references={"equilibrium_position": 0.8, "stiffness_preset": preset_of(case)}, **options
+    )
+
+
+def positions(result: Run) -> Array:
+    """(n,) rad of the only joint."""
+    if result.samples is None:
+        raise ValueError("the run kept no samples")
+    return result.samples.values["link_position"][:, 0]
+
+
+def equilibrium(result: Run, case: str) -> float:
+    """rad at which the case's spring and weight balance, from the law."""
+    from scipy.optimize import brentq
+
+    block, link = result.robot.actuators[0], result.robot.links[1]
+    law, values = ACTUATORS.get(block.actuator), block.values()
+    elastic = tuple(values[parameter.name] for parameter in law.parameters)
+    theta = law.motor_references(0.8, preset_of(case))
+    weight = (link.mass or 0.0) * GAZEBO_GRAVITY * -link.centre_of_mass[2]
+    return float(
+        brentq(lambda q: sum(law.elastic_torques(q, *theta, elastic)) - weight * math.sin(q), 0.0, 1.0, xtol=1e-16, rtol=1e-15)
+    )
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def step_responses() -> Iterator[Check]:
+    """Distance to the Runge-Kutta solution at default settings and 1 ms: a thirtieth of Gazebo's at most."""
+    truth = np.load(DATA / "ideal.npz")
+    for case, gazebo in CASES.items():
+        result = simulate_case(case)
+        error = rms(positions(result) - truth[case][:, 1])
+        bound = STABLE if gazebo is None else gazebo / 30.0
+        source = "RK4 at 1e-5 s; " + ("Gazebo is unstable here" if gazebo is None else f"Gazebo {gazebo:.1e}")
+        name = f"{case}, {result.resolution.substeps} substeps, omega h {result.resolution.omega_h:.2f}"
+        yield Check(name=f"RMS distance over 5 s, {name}", figure=error, bound=bound, unit="rad", source=source)
+
+
+def certificates() -> Iterator[Check]:
+    """The numerical error that `--certify` reports, over the true one."""
+    from asrsim.simulation.certify import certify
+
+    truth = np.load(DATA / "ideal.npz")
+    for case in CASES:
+        result = simulate_case(case)
+        error = rms(positions(result) - truth[case][:, 1])
+        reported = certify(result.scenario, result, load_robot(result.scenario.robot)).joints["joint"]
+        factor = max(reported.position_rms / error, error / reported.position_rms)
+        name = f"reported over true error, {case}: order {reported.order:.2f}"
+        yield Check(name=name, figure=factor, bound=2.0, source="RK4 at 1e-5 s; either way")
+
+
+def steady_states() -> Iterator[Check]:
+    """Where the eight cases come to rest."""
+    for case in CASES:
+        result = simulate_case(case, duration=8.0)
+        error = abs(float(positions(result)[-1]) - equilibrium(result, case))
+        yield Check(name=f"steady state, {case}", figure=error, bound=1e-9, unit="rad", source="spring law and weight")
