@@ -79,6 +79,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ("link_damping", scenario.link_damping, actuated),
         ("motion", scenario.motion, moving),
         ("ilc.trajectory", scenario.learning.get("trajectory", {}), actuated),
+        *((f"ilc.trajectories.{name}", each, actuated) for name, each in scenario.learning.get("trajectories", {}).items()),
         ("ilc.joint_gains", scenario.learning.get("joint_gains", {}), actuated),
         ("task.preset", scenario.task.preset if scenario.task else (), actuated),
     )
@@ -207,7 +208,8 @@ def _names(block: ActuatorBlock) -> tuple[str, ...]:
 
 def made_elsewhere(scenario: Scenario, joint: str) -> bool:
     """Whether a Cartesian task, or learning, makes the joint's reference."""
-    if joint in scenario.learning.get("trajectory", {}) or "*" in scenario.learning.get("trajectory", {}):
+    learned = (scenario.learning.get("trajectory", {}), *scenario.learning.get("trajectories", {}).values())
+    if any(joint in trajectory or "*" in trajectory for trajectory in learned):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
