@@ -35,7 +35,9 @@ def numerical_error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
 
 def _cross_checks(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     """The runs against the same in another engine; empty where that was not looked at."""
-    rows, notes, engines = [], [], {}
+    rows: list[list[str]] = []
+    notes: list[str] = []
+    engines: dict[str, None] = {}
     for run, label in zip(runs, labels, strict=True):
         check = run.summary.get("cross_check") or {}
         for name, joint in (check.get("joints") or {}).items():
