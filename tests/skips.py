@@ -1,4 +1,4 @@
-"""Which tests may be skipped where: in CI (`ASRSIM_CI` is set) any other skip is a failure, so that nothing is left out unseen."""
+"""Which tests may be skipped where: in CI (`ASRSIM_CI` is set) any other skip is a failure."""
 
 from __future__ import annotations
 
