@@ -38,8 +38,8 @@ def compile_function(
     granted afterwards.
 
     It must have no closure; what it calls may have, and is compiled with it. names: globals of the code that stand for others
-    (functions of the loop, symbols of a library); version: of what they are; inline: modules whose functions become part of their
-    callers (where arguments are many and callers few, calls cost more than what they do). Raises whatever Numba finds to say.
+    (functions of the loop, symbols of a library); version: of what they are; inline: modules whose functions become part of
+    their callers (with many arguments, calls cost more than what they do). Raises whatever Numba finds to say.
     """
     import numba
 
@@ -86,7 +86,9 @@ def borrow() -> Any:
             array.parent = cgutils.get_null_value(array.parent.type)
             return array._getvalue()
         if isinstance(kind, types.BaseTuple):
-            parts = [uncounted(context, builder, part, v) for part, v in zip(kind, cgutils.unpack_tuple(builder, value), strict=True)]
+            parts = [
+                uncounted(context, builder, part, v) for part, v in zip(kind, cgutils.unpack_tuple(builder, value), strict=True)
+            ]
             return context.make_tuple(builder, kind, parts)
         return value
 
@@ -100,7 +102,12 @@ def borrow() -> Any:
 
 
 def _compiled(
-    function: types.FunctionType, signature: Any, names: Mapping[str, Any], digest: str, kept: Path | None, inline: tuple[str, ...]
+    function: types.FunctionType,
+    signature: Any,
+    names: Mapping[str, Any],
+    digest: str,
+    kept: Path | None,
+    inline: tuple[str, ...],
 ) -> Callable[..., Any]:
     import numba
 

@@ -11,8 +11,8 @@ _LINK = """<link name="{name}"><inertial><origin xyz="0 0 {centre}"/><mass value
 <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
 """
 _JOINT = """<joint name="{name}" type="{kind}"><origin xyz="{origin}"/><parent link="{parent}"/><child link="{child}"/>
-<axis xyz="{axis}"/><limit lower="{lower}" upper="{upper}" effort="100" velocity="100"/>
-<dynamics friction="{friction}"/></joint>
+<axis xyz="{axis}"/>
+<limit lower="{lower}" upper="{upper}" effort="100" velocity="100"/><dynamics friction="{friction}"/></joint>
 """
 _PLUGIN = """<gazebo><plugin name="plugin_{i}" filename="lib{actuator}_plugin.so"><joint>joint_{i}</joint>
 <operation_mode>6</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>
@@ -99,7 +99,8 @@ def scenario(
     engine: str | None = None,
     compiled: bool | None = True,
     duration: float = 10.0,
-    substeps: int = 1,
+    substeps: int | None = 1,
+    preset: float | None = 0.2,
     amplitude: float = 0.3,
     offset: float = 0.0,
     gravity: bool = True,
@@ -110,14 +111,13 @@ def scenario(
     text = f"""robot: {robot}
 duration: {duration}
 step: 0.001
-substeps: {substeps}
-motor_substeps: 1
 gravity: [0, 0, {-9.81 if gravity else 0}]
 references:
   "*":
     equilibrium_position: {{sinusoid: {{amplitude: {amplitude}, frequency: 0.5, offset: {offset}}}}}
-    stiffness_preset: 0.2
 """
+    text += "" if preset is None else f"    stiffness_preset: {preset}\n"
+    text += "" if substeps is None else f"substeps: {substeps}\nmotor_substeps: 1\n"
     text += "" if compiled is None else f"compiled: {str(compiled).lower()}\n"
     text += f"engine: {engine}\n" if engine else ""
     path = robot.with_name(f"{robot.stem}_{abs(hash((text, extra)))}.yaml")
@@ -135,6 +135,8 @@ class BareBullet:
         from asrsim.engines.bullet import BulletEngine
 
         self._engine = BulletEngine(loaded, checked_robot(loaded, None)[0])
+        # Frees the joints of Bullet's own motors.
+        self._engine.prepare(loaded.step, staggered=False)
         self.step = self._engine._simulate
 
     def reset(self) -> None:

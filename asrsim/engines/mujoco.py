@@ -203,7 +203,12 @@ class MujocoEngine:
         if self._contacts is not None:
             return None
         return EngineKernel(
-            look=stages.look, move=stages.move, world=self._world, compiled=symbols(), load=load, version=self.version,
+            look=stages.look,
+            move=stages.move,
+            world=self._world,
+            compiled=symbols(),
+            load=load,
+            version=self.version,
             inline=INLINE,
         )
 

@@ -137,10 +137,18 @@ class Loop:
             kernel = self.engine.kernel()
             if kernel is not None:
                 kernel.load()
-                names = {"laws": laws, "borrow": compiling.borrow(), "look": kernel.look, "move": kernel.move, **kernel.compiled}
+                names = {
+                    "laws": laws,
+                    "borrow": compiling.borrow(),
+                    "look": kernel.look,
+                    "move": kernel.move,
+                    **kernel.compiled,
+                }
                 wrenches = np.zeros((1, *kernel.world.wrench.shape))
                 arguments: tuple[Any, ...] = (0, 1, self.joints, inputs, rows, wrenches, kernel.world)
-                whole = compiling.compile_function(stretch.stretch, arguments, names=names, version=kernel.version, inline=kernel.inline)
+                whole = compiling.compile_function(
+                    stretch.stretch, arguments, names=names, version=kernel.version, inline=kernel.inline
+                )
                 self.engine.accelerate()
                 return whole_stretch(kernel, whole, self.joints)
             names = {"laws": laws, "borrow": compiling.borrow(), "as_tuple": compiling.fixed_tuple(count, FORCE)}
