@@ -24,7 +24,6 @@ from asrsim.summary.claims import check_claims
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from asrsim.metrics import ExpectationResult
     from asrsim.robot.model import Robot
 
 
@@ -54,8 +53,7 @@ class JointSeries(Mapping[str, Array]):
         try:
             return self[quantity]
         except KeyError:
-            message = f"joint '{self.info.name}' has no quantity '{quantity}'"
-            raise AttributeError(message, name=quantity, obj=self) from None
+            raise AttributeError(f"no quantity '{quantity}'", name=quantity, obj=self) from None
 
     def __iter__(self) -> Iterator[str]:
         yield from self.info.quantities
@@ -224,10 +222,9 @@ def run_variants(
 
     out: a folder in which each variant gets its own.
     """
-    loaded = _load(scenario, None, overrides, plugins, None)
     return {
-        one.variant: _run_one(one, None, Path(out) / one.variant if out is not None else None, overwrite=overwrite, keep=keep)
-        for one in loaded
+        one.variant: _run_one(one, None, None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
+        for one in _load(scenario, None, overrides, plugins, None)
     }
 
 
@@ -235,19 +232,18 @@ def _load(
     scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
     robot: Robot | str | Path | None,
 ) -> tuple[Scenario, ...]:  # fmt: skip
-    if plugins:
-        from asrsim.actuators.user import load_plugin_file
+    from asrsim.actuators.user import load_plugin_file
 
-        for path in plugins:
-            load_plugin_file(path)
+    for path in plugins:
+        load_plugin_file(path)
     file = robot if isinstance(robot, str | Path) else None
-    if isinstance(scenario, Scenario):
-        if overrides or file is not None or variant not in (None, scenario.variant):
-            message = "a scenario that is made already takes no overrides, no variant and no robot file"
-            raise ScenarioError(Problem(message=message, hint="Give them where it is made", code="usage"))
-        loaded: tuple[Scenario, ...] = (scenario,)
-    else:
+    if not isinstance(scenario, Scenario):
         loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
+    elif overrides or file is not None or variant not in (None, scenario.variant):
+        message = "a scenario that is made already takes no overrides, no variant and no robot file"
+        raise ScenarioError(Problem(message=message, hint="Give them where it is made", code="usage"))
+    else:
+        loaded = (scenario,)
     return tuple(with_plugins(one, [Path(path) for path in plugins]) for one in loaded)
 
 
@@ -265,7 +261,6 @@ def _run_one(
         if executed.error is not None:
             raise executed.error
         return Result(executed.run, executed.summary, executed.log)
-
     if cross_check:
         require_other_engine(scenario)
     collectors: list[Collector] = []
@@ -276,15 +271,16 @@ def _run_one(
         return collectors
 
     done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
-    claims: tuple[ExpectationResult, ...] = ()
-    if done.status == "complete":
-        claims = claim_results(scenario.expect, done.info.joints, collectors[0].read, file=scenario.path)
-    samples = len(done.samples.time) if done.samples is not None else 0
+    complete = done.status == "complete"
+    judged = scenario.expect if complete else ()
+    claims = claim_results(judged, done.info.joints, collectors[0].read, file=scenario.path)
+    samples = 0 if done.samples is None else len(done.samples.time)
     summary = make_summary(done, collectors[0], samples=samples, claims=claims)
-    if certify and done.status == "complete":
+    if certify and complete:
         from asrsim.simulation.certify import certify as certify_run
 
-        summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
-    if done.samples is not None and done.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
+        certificate = certify_run(scenario, done, robot, stop=stop)
+        summary = summary if certificate is None else replace(summary, certificate=certificate.as_dict())
+    if done.samples is not None and complete and (cross_check or (certify and other_engine(scenario.engine))):
         summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
     return Result(done, summary)

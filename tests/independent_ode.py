@@ -30,7 +30,8 @@ def spring(joint: JointSpec, q: float, first: float, second: float) -> tuple[flo
     if joint.actuator == "sea":
         return p["spring_stiffness"] * clip(first - q, p["max_deflection"]), 0.0
     if joint.actuator == "awas_ii":
-        gain = 2.0 * p["spring_stiffness"] * (p["lever_length"] / p["pulley_radius"] * second / (p["lever_length"] - second)) ** 2
+        arm = p["lever_length"] / p["pulley_radius"] * second / (p["lever_length"] - second)
+        gain = 2.0 * p["spring_stiffness"] * arm**2
         d = clip(first - q, 0.3)
         return gain * np.sin(d) * np.cos(d), 0.0
     if joint.actuator == "qbmove":
@@ -142,9 +143,7 @@ class Truth:
             error = goals[i] - theta
             push = goals[i]
             if joint.mode > 4:
-                push = (
-                    p[f"controller_{i + 1}_proportional"] * error + integral - p[f"controller_{i + 1}_derivative"] * omega
-                )
+                push = p[f"controller_{i + 1}_proportional"] * error + integral - p[f"controller_{i + 1}_derivative"] * omega
                 slope[place + 4 * i + 2] = p[f"controller_{i + 1}_integral"] * error
             push = clip(push, p[f"motor_{i + 1}_max_torque"])
             # Dahl: bristles bend until they slip.
@@ -152,9 +151,9 @@ class Truth:
             bent = clip(bristle, slip)
             slope[place + 4 * i + 3] = 0.0 if (bristle >= slip and omega > 0.0) or (bristle <= -slip and omega < 0.0) else omega
             slope[place + 4 * i] = omega
-            slope[place + 4 * i + 1] = (
-                push - loads[i] - BRISTLES * bent - p[f"motor_{i + 1}_damping"] * omega
-            ) / p[f"motor_{i + 1}_inertia"]
+            slope[place + 4 * i + 1] = (push - loads[i] - BRISTLES * bent - p[f"motor_{i + 1}_damping"] * omega) / p[
+                f"motor_{i + 1}_inertia"
+            ]
         return sum(loads)
 
 
@@ -185,9 +184,6 @@ def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11, longest: fl
         "velocities": rows[:, [truth.nq + v for v in truth.v_of]],
         "base": rows[:, : truth.base_q],
         "motors": np.column_stack(
-            [
-                rows[:, truth.inner[j]] if motors_of(joint) else np.full(len(times), np.nan)
-                for j, joint in enumerate(run.joints)
-            ]
+            [rows[:, truth.inner[j]] if motors_of(joint) else np.full(len(times), np.nan) for j, joint in enumerate(run.joints)]
         ),
     }

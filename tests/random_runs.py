@@ -90,7 +90,8 @@ class RandomRun:
         if driven:
             keys["actuators"] = {j.name: {"type": j.actuator, "mode": j.mode, "parameters": j.parameters} for j in driven}
             keys["references"] = {
-                j.name: {name: wave.keys() for name, wave in zip(REFERENCES[j.mode], j.references, strict=False)} for j in driven
+                j.name: {name: wave.keys() for name, wave in zip(REFERENCES[j.mode], j.references, strict=False)}
+                for j in driven
             }
         keys["external_torques"] = {j.name: j.external.keys() for j in self.joints if j.external is not None}
         return keys
@@ -155,7 +156,9 @@ def _limits(text: str, joint: JointSpec) -> str:
     return f'{head}<joint name="{joint.name}"{body}</joint>{rest}'
 
 
-def _wave(source: np.random.Generator, size: float, times: tuple[float, ...], offset: float = 0.0, *, plus: bool = False) -> Wave:
+def _wave(
+    source: np.random.Generator, size: float, times: tuple[float, ...], offset: float = 0.0, *, plus: bool = False
+) -> Wave:
     """plus: it stays above zero."""
     at = float(source.choice(times)) if times and source.random() < 0.7 else np.inf
     amplitude = float(source.uniform(0.1, 0.5 if plus else 1.0)) * size
@@ -198,10 +201,7 @@ def _joint(
                 gains = {"proportional": (20.0, 80.0), "integral": (0.0, 100.0), "derivative": (0.5, 3.0)}
                 parameters |= {f"controller_{i}_{key}": float(source.uniform(*ends)) for key, ends in gains.items()}
     start, preset = plain["start"], PRESETS[actuator]
-    if mode in (0, 4):
-        first = _wave(source, 1.0, times)
-    else:
-        first = _wave(source, 0.3, times, start)
+    first = _wave(source, 1.0, times) if mode in (0, 4) else _wave(source, 0.3, times, start)
     if actuator == "awas_ii":
         second: Wave | None = _wave(source, 0.3 * preset, times, preset, plus=True)
     elif actuator == "sea":

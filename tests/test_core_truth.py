@@ -86,8 +86,8 @@ def controlled(effort: float = np.inf) -> RandomRun:
     first = joint("j1", effort=effort, actuator="sea", mode=1, parameters=GAINS, references=(JUMP,))
     parameters = {
         "spring_stiffness": 20.0, "max_deflection": 1.5, "motor_1_inertia": 0.02, "motor_1_damping": 0.1,
-        "motor_1_max_torque": 8.0, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1e3, "controller_1_proportional": 40.0,
-        "controller_1_integral": 20.0, "controller_1_derivative": 1.0,
+        "motor_1_max_torque": 8.0, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1e3,
+        "controller_1_proportional": 40.0, "controller_1_integral": 20.0, "controller_1_derivative": 1.0,
     }  # fmt: skip
     second = joint("j2", effort=effort, actuator="sea", mode=6, parameters=parameters, references=(NEVER,))
     text = links("0 1 0", "0 1 0", effort=1e6 if np.isinf(effort) else effort)

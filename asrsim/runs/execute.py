@@ -90,7 +90,7 @@ def execute(
             return [writer, collector]
 
         try:
-            run = simulate(scenario, robot, sinks=open_sinks, keep=keep or certify, progress=progress, stop=stop)
+            run = simulate(scenario, robot, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise
@@ -98,7 +98,7 @@ def execute(
         if certify and run.status == "complete":
             from asrsim.simulation.certify import certify as certify_run
 
-            certificate = certify_run(scenario, run, robot, progress=certifying)
+            certificate = certify_run(scenario, run, robot, progress=certifying, stop=stop)
         ((writer, collector),) = made
         writer.close(result_metadata(run, error, certificate))
     claims: tuple[ExpectationResult, ...] = ()

@@ -154,7 +154,7 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
             f"unstable from {UNSTABLE:g} on): what it does there is no physics"
         )
         hint = "Lower step, or take stepping leapfrog, which chooses substeps."
-        warnings.append(Problem(message=message, key="stepping", value=prepared.stepping.name, hint=hint, code="unresolved-spring"))
+        warnings.append(Problem(message=message, key="stepping", hint=hint, code="unresolved-spring"))
     for drive, foreseen, seen in zip(prepared.drives, resolution.stiffness, counts.stiffest.tolist(), strict=True):
         if foreseen <= 0.0 or seen <= foreseen:
             continue

@@ -62,7 +62,9 @@ def reachable_stiffness(
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
-    sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster else 0.0
+    # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
+    torque_driven = drive.stepping.released and mode.number == 4
+    sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
     def torque_at(deflection: float) -> float:
         pairs = [(d, sigma if actuator.adjuster else d) for d in (deflection, -deflection)]
