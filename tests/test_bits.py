@@ -33,7 +33,7 @@ class Tape:
 
     def of(self, simulation: Simulation, end: int | None = None) -> Samples:
         """What `simulation` gives up to substep `end`, by default the scenario's, from now on."""
-        simulation.advance_to(simulation.last + 2 if end is None else end)
+        simulation.advance_to(simulation.total if end is None else end)
         simulation.flush()
         chunks, self.chunks = self.chunks, []
         return join(chunks)
@@ -55,7 +55,7 @@ def record(scenario: Scenario, sizes: Sequence[int], *, compiled: bool = False, 
     """sizes: of the blocks that are advanced by, in turns; flushed: after each."""
     tape = Tape()
     with Simulation(scenario, sinks=[tape], compiled=compiled) as simulation:
-        total, turn = simulation.last + 2, 0
+        total, turn = simulation.total, 0
         while simulation.substep < total:
             simulation.advance_to(min(total, simulation.substep + sizes[turn % len(sizes)]))
             turn += 1
@@ -95,7 +95,7 @@ def test_from_a_snapshot_and_after_a_reset(tmp_path: Path, engine: str, fixed: b
         half = simulation.last // 2 - 3
         simulation.advance_to(half)
         middle = simulation.snapshot()
-        simulation.advance_to(simulation.last + 2)
+        simulation.advance_to(simulation.total)
         simulation.restore(middle)
         tape.chunks.clear()
         assert_same(fresh, tape.of(simulation))

@@ -149,12 +149,12 @@ class _Track:
     @property
     def running(self) -> bool:
         """Not at its end yet; one row beyond it completes the last velocity."""
-        return self._simulation is not None and self._simulation.substep < self._simulation.last + 2
+        return self._simulation is not None and self._simulation.substep < self._simulation.total
 
     def advance(self) -> None:
         """Another chunk."""
         if self._simulation is not None:
-            self._simulation.advance_to(self._simulation.next_chunk(self._simulation.last + 2))
+            self._simulation.advance_to(self._simulation.next_chunk(self._simulation.total))
             self._simulation.flush()
 
     def write(self, samples: Samples) -> None:

@@ -102,7 +102,7 @@ def _finish(simulation: Simulation, *, progress: Callable[[float], None] | None,
     status, error = "complete", None
     began = clock.perf_counter()
     # One row beyond the end completes the last velocity.
-    total = simulation.last + 2
+    total = simulation.total
     try:
         while simulation.substep < total:
             if stop is not None and stop():

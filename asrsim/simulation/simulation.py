@@ -19,6 +19,7 @@ from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.loop import Loop
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
 
@@ -79,7 +80,8 @@ class Simulation:
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
         self.last = round(scenario.duration / scenario.step) * self.substeps
-        """Substep at which the scenario's duration ends."""
+        """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
+        self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(
             scenario, prepared.drives, substep=substep, staggered=stepping.staggered, sensors=prepared.sensors
