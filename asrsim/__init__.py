@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from asrsim.robot import Robot, load_robot
     from asrsim.runs.repeat import Repetition, repeat
     from asrsim.scenario import Scenario, load_scenario, make_scenario
+    from asrsim.simulation.observation import Observation
+    from asrsim.simulation.prepare import Prepared, prepare
+    from asrsim.simulation.simulation import Simulation
     from asrsim.summary import RunSummary
 
 _HOMES = {
@@ -32,6 +35,9 @@ _HOMES = {
     "asrsim.robot": ("Robot", "load_robot"),
     "asrsim.runs.repeat": ("Repetition", "repeat"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
+    "asrsim.simulation.observation": ("Observation",),
+    "asrsim.simulation.prepare": ("Prepared", "prepare"),
+    "asrsim.simulation.simulation": ("Simulation",),
     "asrsim.summary": ("RunSummary",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
@@ -42,18 +48,22 @@ __all__ = [
     "InputError",
     "JointSeries",
     "Log",
+    "Observation",
     "OutputError",
+    "Prepared",
     "Repetition",
     "Result",
     "Robot",
     "RunSummary",
     "Scenario",
+    "Simulation",
     "SimulationError",
     "__version__",
     "load_robot",
     "load_scenario",
     "make_scenario",
     "open_log",
+    "prepare",
     "read_log",
     "repeat",
     "run",

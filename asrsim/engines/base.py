@@ -147,4 +147,4 @@ class EngineEntry:
         return not self.module or find_spec(self.module) is not None
 
 
-ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines")
+ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)

@@ -253,13 +253,12 @@ class BulletEngine:
     # -- what is around ---------------------------------------------------------------------------------------------
 
     def base_state(self) -> tuple[Array, Array, Array]:
-        """Of a floating base: origin (3,) m and rotation (3, 3) of its frame; linear velocity of the origin, angular velocity,
-        (6,)."""
-        place, rotation = self.model.frame_now(self.base)
+        """Of a floating base: centre of mass (3,) m, rotation (3, 3) of its frame; velocity of the centre and angular velocity
+        in the base's axes, (6,)."""
+        _, rotation = self.model.frame_now(self.base)
         linear, angular = self._p.getBaseVelocity(self._body, self._client)
         centre = self._p.getBasePositionAndOrientation(self._body, self._client)[0]
-        velocity = np.concatenate([np.array(linear) + np.cross(angular, place - np.array(centre)), angular])
-        return place, rotation, velocity
+        return np.array(centre), rotation, np.concatenate([linear, rotation.T @ np.array(angular)])
 
     def mechanical_energy(self) -> float | None:
         """Kinetic and gravitational energy of the robot's links in J; None with contacts or a free base."""

@@ -37,13 +37,6 @@ _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0
 _TRAILER = DATA_END + _OPEN_END
 
 
-def _pwrite(file: int, data: memoryview, position: int) -> int:
-    if hasattr(os, "pwrite"):
-        return os.pwrite(file, data, position)
-    os.lseek(file, position, os.SEEK_SET)
-    return os.write(file, data)
-
-
 class McapStorage:
     """The bytes of an MCAP file, appended to in whole records. Raises OutputError if the file cannot be written."""
 
@@ -106,7 +99,9 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            written = _pwrite(self._file, rest, position)
+            # Not os.pwrite, which Windows does not have.
+            os.lseek(self._file, position, os.SEEK_SET)
+            written = os.write(self._file, rest)
             rest = rest[written:]
             position += written
 

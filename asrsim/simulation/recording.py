@@ -21,9 +21,6 @@ from asrsim.simulation.world import WorldRecorder
 if TYPE_CHECKING:
     from asrsim.kinematics.tip import TipPoses
 
-UNSTABLE = 2.0
-"""omega h from which no stepping is stable."""
-
 
 class Sink(Protocol):
     """Takes samples as they come: logged ones, or those of every step if it has `full_rate = True`; with `bodies = True` too,
@@ -112,8 +109,8 @@ class Recording:
     def _energy_fault(self, substep: int) -> DivergenceError | None:
         """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
         engine, meter, guard, resolution = self._engine, self.recorder.meter, self._guard, self._prepared.resolution
-        if guard is None or (self._prepared.stepping.released and resolution.omega_h < UNSTABLE):
-            # The released order of a step is not passive, which is no fault of the user's; springs beyond the step are.
+        if guard is None or self._prepared.stepping.released:
+            # The released order of a step is not passive, and runs springs that it does not resolve: no fault of the user's.
             return None
         kinetic = 0.0
         if self._alone and engine.model is not None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.choice import pays
 from asrsim.simulation.divergence import blame, not_finite, runaway
 from asrsim.simulation.inputs import Block, Inputs
@@ -30,7 +32,7 @@ SHORTEST_CHUNK = 256
 class Simulation:
     """A scenario, stepped from outside; a context manager that releases the engine.
 
-        with asrsim.Simulation(asrsim.load_scenario("arm.yaml")) as simulation:
+        with asrsim.Simulation("arm.yaml", variant="soft") as simulation:
             simulation.set_reference("joint_1", "equilibrium_position", 0.3)
             simulation.advance(20)
             simulation.observe().link_position
@@ -42,19 +44,23 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: Scenario | Prepared,
+        scenario: str | Path | Scenario | Prepared,
         *,
+        variant: str | None = None,
+        overrides: Overrides = (),
         ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
         sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
         record: bool = False,
         compiled: bool | None = None,
         expected_substeps: int | None = None,
     ) -> None:
-        """ranges: joint or "*" -> reference -> least and largest value that :meth:`set_reference` takes (substeps are chosen
-        for them). sinks: take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether
-        the loop is compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
+        """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
+        take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether the loop is
+        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
         """
-        self.prepared = prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, ranges=ranges)
+        if not isinstance(scenario, Prepared):
+            scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
+        self.prepared = prepared = scenario
         self.scenario = prepared.scenario
         resolution = prepared.resolution
         self.substeps = resolution.substeps
