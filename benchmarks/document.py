@@ -40,8 +40,9 @@ steps the world, and records *everything*: positions, velocities, torques, stiff
 
 ## The compiled loop
 
-`compiled: auto` (the default) puts the joints of a robot through [Numba](https://numba.pydata.org), which comes along where it
-has wheels, if the run is long enough to win back its start; `true` forces it, `false` forbids it. Numbers are the same, bit for
+`compiled: auto` (the default) puts the joints of a robot through [Numba](https://numba.pydata.org), which comes along
+where it has
+wheels, if the run is long enough to win back its start; `true` forces it, `false` forbids it. Numbers are the same, bit for
 bit, since both loops run the same source. A run that stays plain where compiling would have paid says so.
 
 - Your own actuator is compiled with the rest if Numba can (functions of floats, `math`, no tables or strings); where it

@@ -72,7 +72,8 @@ class BulletEngine:
             self.close()
             raise
         p, client, body = self._p, self._client, self._body
-        self.states = partial(p.getJointStates, body, self._indices, client)
+        self._look = partial(p.getJointStates, body, self._indices, client)
+        self._seen: Any = None
         self._apply = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
         self._simulate = partial(p.stepSimulation, client)
         self._start = (list(p.getBasePositionAndOrientation(body, client)), self._world.states())
@@ -137,6 +138,7 @@ class BulletEngine:
 
     def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Joints there, moving so; everything else as at the start."""
+        self._seen = None
         p, client, body = self._p, self._client, self._body
         base, objects = self._start
         p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
@@ -154,6 +156,11 @@ class BulletEngine:
             self._hold.accelerate()
 
     # -- stepping ---------------------------------------------------------------------------------------------------
+
+    def states(self) -> Any:
+        """Bullet's states of the joints, kept for the step that follows."""
+        self._seen = self._look()
+        return self._seen
 
     def read(self) -> tuple[list[float], list[float]]:
         """Positions and velocities of the joints."""
@@ -178,9 +185,10 @@ class BulletEngine:
         if self._hold is not None:
             forces = self._hold.forces(self, *self.read(), forces)
         if self._coriolis is not None:
-            forces = self._coriolis.corrected(self.states(), forces)
+            forces = self._coriolis.corrected(self._seen or self.states(), forces)
         self._apply(forces=forces)
         self._simulate()
+        self._seen = None
 
     def _first(self, forces: Sequence[float], fraction: float) -> None:
         """A step whose kick is only a part of one: everything that pushes acts with that part of its impulse."""
@@ -194,6 +202,7 @@ class BulletEngine:
         self._set_friction(fraction)
         self._apply(forces=forces)
         self._simulate()
+        self._seen = None
         p.setGravity(*self._scenario.gravity, physicsClientId=self._client)
         self._set_friction(1.0)
         if self._coriolis is not None:
@@ -235,6 +244,7 @@ class BulletEngine:
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
         saved, states = state
+        self._seen = None
         self._p.restoreState(saved.number, physicsClientId=self._client)
         for part, kept in zip((self._coriolis, self._hold), states, strict=True):
             if part is not None:
