@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import asrsim
 from asrsim.errors import ScenarioError
 from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
@@ -19,6 +20,7 @@ from asrsim.learning.perturb import Workers, perturbed
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning, turning
 from asrsim.learning.session import run_session
+from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
@@ -124,6 +126,33 @@ def test_a_session_writes_what_it_promises(tmp_path):
     data = json.loads((tmp_path / "ilc.json").read_text())
     assert data["outcome"] == "exhausted"
     assert [trial["iteration"] for trial in data["trials"]] == [0, 1, 2]
+
+
+def test_trials_share_one_preparation_and_give_the_bits_of_runs_of_their_own(monkeypatch):
+    from asrsim.simulation import prepare
+
+    made, real = [], prepare.describe
+    monkeypatch.setattr(prepare, "describe", lambda *arguments: made.append(1) or real(*arguments))
+    chosen = plant()
+    trials = [np.full_like(chosen.reference, level) for level in (0.0, 0.4, 0.2)]
+    outputs = [chosen.outputs(inputs) for inputs in trials]
+    assert len(made) == 1
+    for inputs, output in zip(trials, outputs, strict=True):
+        run = simulate(chosen.with_inputs(inputs))
+        assert np.array_equal(run.samples.values["link_position"], output)
+
+
+def test_a_run_whose_input_is_computed_follows_the_motion_and_its_log_repeats_it(tmp_path):
+    wanted = {"minimum_jerk": {"duration": 1.0, "to": 0.4}}
+    errors = []
+    for computed in (False, True):
+        joint = {"equilibrium_position": wanted, "stiffness_preset": 0.2, "inverse_dynamics": computed}
+        scenario = make_scenario(CUBE, duration=1.5, step=2e-3, references={"joint_1": joint}, desired={"joint_1": wanted})
+        result = asrsim.run(scenario, out=tmp_path / str(computed))
+        motion = scenario.desired["joint_1"].values(result.time)
+        errors.append(float(np.abs(result["joint_1"]["link_position"] - motion).max()))
+        assert repeat(result.log, out=tmp_path / f"again_{computed}").identical
+    assert errors[1] < 0.1 * errors[0]
 
 
 def test_a_heavier_link_hangs_lower_and_draws_zero_change_nothing():

@@ -41,7 +41,8 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     references = dict(scenario.references)
     for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    return replace(scenario, references=references, desired={**desired, **scenario.desired})
+    # What is planned stands now: whoever prepares this scenario again does not plan it again.
+    return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
 
 
 def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:

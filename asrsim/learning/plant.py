@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
+    from asrsim.signals.base import Signal
+    from asrsim.simulation.prepare import Prepared
     from asrsim.simulation.run import Run, Sink
 
 
@@ -56,17 +59,40 @@ class Plant:
             headings.append(f"{joint}.{MODES[drive.mode].references[1]} [{drive.actuator.reference_2_unit}]")
         return tuple(headings), np.column_stack([inputs, *self.presets.values()])
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the preparation, whose engine stays in its process."""
+        return {name: value for name, value in self.__dict__.items() if name != "prepared"}
+
     def unit(self, joint: str) -> str:
         """Of a joint's position."""
         return "m" if self.robot.joint(joint).kind == "prismatic" else "rad"
 
+    def _played(self, inputs: Array) -> dict[str, dict[str, Signal]]:
+        """First references that play `inputs` (n, joints), by joint."""
+        return {
+            joint: {MODES[drive.mode].references[0]: Sampled(times=self.time, samples=np.ascontiguousarray(column))}
+            for joint, drive, column in zip(self.joints, self.drives, inputs.T, strict=True)
+        }
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        """What all trials share: the robot under the desired motion, ready to run."""
+        from asrsim.simulation.prepare import prepare
+
+        return prepare(self._scenario(self.reference), self.robot)
+
     def with_inputs(self, inputs: Array, log_every: int = 1) -> Scenario:
-        """The scenario that plays `inputs` (n, joints)."""
+        """The scenario that plays `inputs` (n, joints), with the substeps of all trials."""
+        scenario = self._scenario(inputs, log_every)
+        if self.prepared.stepping.released:
+            return scenario
+        resolution = self.prepared.resolution
+        return replace(scenario, substeps=resolution.substeps, motor_substeps=resolution.motor_substeps)
+
+    def _scenario(self, inputs: Array, log_every: int = 1) -> Scenario:
         references = dict(self.scenario.references)
-        for column, (joint, drive) in enumerate(zip(self.joints, self.drives, strict=True)):
-            name = MODES[drive.mode].references[0]
-            signal = Sampled(times=self.time, samples=np.ascontiguousarray(inputs[:, column]))
-            references[joint] = {**self.scenario.references_of(joint), name: signal}
+        for joint, signals in self._played(inputs).items():
+            references[joint] = {**self.scenario.references_of(joint), **signals}
         trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
         # What the scenario claims is about its own references.
@@ -78,7 +104,10 @@ class Plant:
         """One run with these inputs; every sample kept."""
         from asrsim.simulation.run import simulate
 
-        return simulate(self.with_inputs(inputs), self.robot, sinks=sinks)
+        if self.scenario.initial_equilibrium:
+            # Where it starts depends on the first references.
+            return simulate(self.with_inputs(inputs), self.robot, sinks=sinks)
+        return simulate(self.prepared.with_references(self._played(inputs)), sinks=sinks)
 
     def outputs(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Array:
         """(n, joints) rad, link positions with these inputs; NaN after a divergence."""

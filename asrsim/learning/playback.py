@@ -45,6 +45,10 @@ def playback_data(
         if joint in plant.presets:
             own[names[1]] = {"playback": {"file": os.path.relpath(inputs, folder), "column": f"{joint}.{names[1]}"}}
     if desired is not None:
+        if not plant.prepared.stepping.released:
+            # Those of the trials: a replay repeats them bit for bit.
+            resolution = plant.prepared.resolution
+            data |= {"substeps": resolution.substeps, "motor_substeps": resolution.motor_substeps}
         data["expect"] = [
             {
                 "joint": joint,
