@@ -74,16 +74,15 @@ class Simulation:
 
     def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: int | None) -> None:
         prepared, scenario, engine = self.prepared, self.scenario, self._engine
-        stepping, substep = prepared.stepping, prepared.substep
-        engine.prepare(substep, staggered=stepping.staggered)
+        substep, staggered = prepared.substep, prepared.stepping.staggered
+        engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
         self.last = round(scenario.duration / scenario.step) * self.substeps
         """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
-        sensors = prepared.sensors
-        self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=stepping.staggered, sensors=sensors)
+        self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
         self._loop = self._make_loop(compiled, expected)
         self._chunk = max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
         self._block: Block | None = None
