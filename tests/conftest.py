@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,6 +97,17 @@ def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
         return Outcome(int(end.value.code or 0), captured.out, captured.err)
 
     return call
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """A test that asks for PyBullet where it has no wheels is skipped; :mod:`skips` allows that there only."""
+    try:
+        return (yield)
+    except ModuleNotFoundError as error:
+        if error.name != "pybullet" or sys.modules.get("pybullet", error) is None:
+            raise
+        pytest.skip("PyBullet is not installed here")
 
 
 @pytest.hookimpl(trylast=True)

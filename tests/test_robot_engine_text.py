@@ -315,7 +315,7 @@ def test_merging_a_chain_held_by_nothing_but_fixed_joints(read: Callable[[str], 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_pybullet_reads_the_text_exactly(seed: int, tmp_path: Path) -> None:
-    import pybullet as p
+    p = pytest.importorskip("pybullet")
 
     (tmp_path / "r.urdf").write_text(random_urdf(seed))
     robot = merge_fixed(load_robot(tmp_path / "r.urdf")).robot
@@ -348,7 +348,7 @@ def test_pybullet_reads_the_text_exactly(seed: int, tmp_path: Path) -> None:
 def test_limits_of_a_joint_reach_the_engine(
     kind: str, limit: str, expected: tuple | None, read: Callable[[str], Robot]
 ) -> None:
-    import pybullet as p
+    p = pytest.importorskip("pybullet")
 
     text = arm(limit=limit)
     place = text.index('name="k" type="revolute"')

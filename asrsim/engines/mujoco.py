@@ -49,10 +49,7 @@ class MujocoEngine:
         self._scenario = scenario
         merged = merge_fixed(robot)
         contacts = not scenario.world.empty
-        shaped = merged.robot
-        self.warnings: tuple[Problem, ...] = ()
-        if contacts:
-            shaped, self.warnings = usable_shapes(merged.robot, package_paths=scenario.package_paths)
+        shaped, self.warnings = usable_shapes(merged.robot, package_paths=scenario.package_paths)
         self._m = self.raw_model = build(mujoco, scenario, shaped)
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
