@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from asrsim.robot import Robot, load_robot
     from asrsim.runs.repeat import Repetition, repeat
     from asrsim.scenario import Scenario, load_scenario, make_scenario
+    from asrsim.simulation.simulation import Simulation
     from asrsim.summary import RunSummary
+    from asrsim.sweeps import sweep
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
@@ -32,7 +34,9 @@ _HOMES = {
     "asrsim.robot": ("Robot", "load_robot"),
     "asrsim.runs.repeat": ("Repetition", "repeat"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
+    "asrsim.simulation.simulation": ("Simulation",),
     "asrsim.summary": ("RunSummary",),
+    "asrsim.sweeps": ("sweep",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -48,6 +52,7 @@ __all__ = [
     "Robot",
     "RunSummary",
     "Scenario",
+    "Simulation",
     "SimulationError",
     "__version__",
     "load_robot",
@@ -58,6 +63,7 @@ __all__ = [
     "repeat",
     "run",
     "run_variants",
+    "sweep",
 ]
 
 

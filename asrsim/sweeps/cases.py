@@ -17,9 +17,9 @@ from asrsim.scenario import Scenario, apply_to_robot, checked_robot, load_scenar
 from asrsim.scenario.load import scenario_from_data
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.summary.claims import claim_titles
-from asrsim.sweep.keys import Plan, plan_keys
-from asrsim.sweep.laws import Values
-from asrsim.sweep.study import Study
+from asrsim.sweeps.keys import Plan, plan_keys
+from asrsim.sweeps.laws import Values
+from asrsim.sweeps.study import Study
 
 MEASURES = tuple(field.name for field in fields(JointSummary))
 LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")

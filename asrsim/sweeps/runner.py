@@ -21,7 +21,7 @@ from asrsim.simulation.run import Run, blame_laws, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import needs_of
-from asrsim.sweep.cases import LIMITS, MEASURES, TIP, Case, Payload
+from asrsim.sweeps.cases import LIMITS, MEASURES, TIP, Case, Payload
 
 BASES = 8
 """Prepared simulations that are kept: runs that differ in numbers only share one."""

@@ -15,8 +15,8 @@ from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
-from asrsim.sweep.laws import FORMS, Distribution, law_of
-from asrsim.sweep.study import DESIGNS, MOST_RUNS, Axis, Joint, Study
+from asrsim.sweeps.laws import FORMS, Distribution, law_of
+from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Joint, Study
 
 SAMPLES = 100
 """Draws where a study with distributions names no number."""
@@ -37,7 +37,7 @@ class AnyValue(Kind[Any]):
 
 
 class Law(Kind[Any]):
-    """What a key takes; see :mod:`asrsim.sweep.laws`."""
+    """What a key takes; see :mod:`asrsim.sweeps.laws`."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
         try:

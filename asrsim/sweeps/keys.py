@@ -85,12 +85,16 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         parts = split_path(text)
         if not (still and numeric[key] and len(parts) == 3):
             continue
-        if parts[0] == "parameters":
+        if parts[0] == "parameters" and _known_parameter(parts[2], robot):
             parameters[key] = tuple(_parameter_places(parts[1], parts[2], scenario, robot))
         elif parts[0] == "references":
             found = _reference_places(parts[1], parts[2], scenario, robot)
             if found is not None:
                 references[key] = tuple(found)
+        if not parameters.get(key, True) or not references.get(key, True):
+            problems.append(_moves_nothing(key, parts[1]))
+    if problems:
+        raise InputError(problems)
     return Plan(parameters, references, inertials, texts)
 
 
@@ -116,6 +120,18 @@ def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str
     names = (*(known.name for known in SCENARIO.keys), *joints, *links)
     message = f"there is no key, joint or link '{parts[0]}'"
     raise InputError(Problem(message=message, key=key, hint=did_you_mean(parts[0], names), code="unknown-key"))
+
+
+def _moves_nothing(key: str, joint: str) -> Problem:
+    message = "changes nothing: no joint has it, or each has an entry of its own, which wins over '*'"
+    if joint != "*":
+        message = "changes nothing: the joint has no such number in its mode"
+    return Problem(message=message, key=key, hint="Name the joint", code="sweep-nothing")
+
+
+def _known_parameter(key: str, robot: Robot) -> bool:
+    """Others are told by the scenario's own check, with the choices."""
+    return any(parameter_name(ACTUATORS.get(block.actuator), key) is not None for block in robot.actuators)
 
 
 def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> list[tuple[str, str]]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem
 from asrsim.samples import Array
-from asrsim.sweep.laws import Distribution, Values
+from asrsim.sweeps.laws import Distribution, Values
 
 DESIGNS = ("random", "lhs", "sobol", "saltelli")
 """How draws are placed. saltelli: rows from which Sobol indices follow, samples x (drawn axes + 2) of them."""
