@@ -101,7 +101,7 @@ class Cluster:
         waiting = deque(int(run) for run in runs)
         data = self._client.scatter(self._sent, broadcast=True, hash=True)
         seconds, chunks = 0.05, {}
-        done = self._distributed.as_completed(with_results=False)
+        done = self._distributed.as_completed(loop=self._client.loop)
         try:
             while True:
                 slots = AHEAD * max(1, sum(self._client.nthreads().values()))
