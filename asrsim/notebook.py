@@ -100,6 +100,7 @@ def as_xarray(result: Result) -> Any:
 
 
 def library(name: str) -> Any:
+    """A library that not everybody has. Raises InputError with how to get it."""
     from importlib import import_module
 
     try:

@@ -132,14 +132,19 @@ def test_unknown_keys_are_told_before_anything_runs(key, word):
 
 # -- rows ---------------------------------------------------------------------------------------------------------------
 
+ARM = {
+    "parameters.*.spring_a_1": "uniform(6, 10)",
+    "references.joint_1.stiffness_preset": "uniform(0.2, 0.6)",
+    "link_1.mass": "uniform(0.3, 0.5)",
+    "joint_2.damping": "uniform(0, 0.01)",
+    "joint_1.friction": "uniform(0, 0.1)",
+}
 ROBOTS = {
-    "step_2dof": (TWO_JOINTS, {"parameters.*.spring_a_1": "uniform(6, 10)", "link_1.mass": "uniform(0.3, 0.5)",
-                               "references.joint_1.stiffness_preset": "uniform(0.2, 0.6)", "joint_2.damping": "uniform(0, 0.01)",
-                               "joint_1.friction": "uniform(0, 0.1)"}),
-    "sea": (EXAMPLES / "step_1dof_sea.yaml", {"parameters.*.spring_stiffness": "uniform(20, 60)"}),
+    "step_2dof": (TWO_JOINTS, ARM),
+    "sea": (EXAMPLES / "step_1dof_sea.yaml", {"joint_1.spring_stiffness": "uniform(20, 60)"}),
     "awas": (EXAMPLES / "step_1dof_awas_ii.yaml", {"parameters.*.motor_1_inertia": "lognormal(0.001, 0.3)"}),
     "bavs": (EXAMPLES / "step_1dof_bavs.yaml", {"parameters.*.motor_1_damping": "uniform(0.01, 0.02)"}),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
@@ -176,7 +181,9 @@ def test_a_row_is_what_run_says(tmp_path):
 
 
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
-    study = study_of({"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"])
+    study = study_of(
+        {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"]
+    )
     one = asrsim.sweep(study, out=tmp_path / "one", workers=1).to_arrow().drop_columns("seconds")
     two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
     assert one.equals(two)

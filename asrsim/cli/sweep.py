@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 def sweep(
     study: Annotated[
-        Path, typer.Argument(help="Scenario, study (a file with `scenario:` and `over:`), or folder of a study.", show_default=False)
+        Path,
+        typer.Argument(help="Scenario, study (a file with `scenario:` and `over:`), or folder of a study.", show_default=False),
     ],
     over: Annotated[
         list[str] | None,
         typer.Option(
-            "--over", metavar="KEY=VALUES",
+            "--over",
+            metavar="KEY=VALUES",
             help="Vary a key: [A, B], LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, uniform(LOW, HIGH), normal(MEAN, DEVIATION), "
             "loguniform(LOW, HIGH), lognormal(MEDIAN, SIGMA). 'KEY & KEY' are tied. May be repeated.",
         ),
     ] = None,
-    variant: Annotated[
-        list[str] | None, typer.Option(help="This variant only; may be repeated.", show_default="all")
-    ] = None,
+    variant: Annotated[list[str] | None, typer.Option(help="This variant only; may be repeated.", show_default="all")] = None,
     overrides: Overrides = None,
     design: Annotated[str, typer.Option(help="How draws are placed: random, lhs, sobol, saltelli.")] = "random",
     samples: Annotated[int | None, typer.Option(min=1, help="Draws.", show_default="100")] = None,
@@ -43,9 +43,7 @@ def sweep(
     ] = None,
     rate: Annotated[float, typer.Option(min=1e-6, help="Hz, of kept signals.")] = 100.0,
     logs: Annotated[bool, typer.Option("--logs", help="Keep a log of every run, too.")] = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")
-    ] = None,
+    workers: Annotated[int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")] = None,
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, or a file for dask-jobqueue.", show_default="none")
     ] = None,

@@ -25,9 +25,7 @@ class SweepProgress(Bar):
             self._open(progress.total)
         from asrsim.sweeps.table import shares
 
-        self._bar.update(
-            self._task, completed=progress.done, rate=f"{progress.rate:.3g} runs/s", bad=shares(progress.statuses)
-        )
+        self._bar.update(self._task, completed=progress.done, rate=f"{progress.rate:.3g} runs/s", bad=shares(progress.statuses))
 
     def _open(self, total: int) -> None:
         from rich.console import Console

@@ -93,8 +93,8 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
     found = []
     for claim in claims:
         names = [claim.body] if claim.body is not None else []
-        for name in names + [joint.name for joint in _joints_of(claim, joints)]:
-            found.append(f"{name} {claim.quantity}: {claim.measure} {claim.comparison} {claim.value:g}")
+        names += [joint.name for joint in _joints_of(claim, joints)]
+        found += [f"{name} {claim.quantity}: {claim.measure} {claim.comparison} {claim.value:g}" for name in names]
     return found
 
 

@@ -87,7 +87,7 @@ def make_payload(study: Study) -> Payload:
 
     for plugin in study.plugins:
         load_plugin_file(plugin)
-    scenarios = [one for one in load_scenario(study.scenario or "", overrides=study.overrides)]
+    scenarios = load_scenario(study.scenario or "", overrides=study.overrides)
     known = tuple(one.variant for one in scenarios)
     unknown = [name for name in study.variants if name not in known]
     if unknown:

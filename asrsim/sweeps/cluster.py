@@ -39,7 +39,9 @@ class Cluster:
         except ImportError:
             raise SimulationError("--cluster needs Dask: pip install 'asrsim[cluster]'") from None
         if payload.study.logs:
-            raise SimulationError("logs of every run are not gathered from a cluster: leave --logs away, and repeat runs by --run")
+            raise SimulationError(
+                "logs of every run are not gathered from a cluster: leave --logs away, and repeat runs by --run"
+            )
         self._payload, self._target = payload, str(target)
         self._distributed = distributed
         self._sent = pickled(shipped(payload))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
@@ -51,20 +52,16 @@ class _Worker:
 
     def send(self, data: bytes) -> None:
         """A message; one that has died is noticed when its answer is awaited."""
-        try:
+        with suppress(OSError):
             self.into.send_bytes(data)
-        except OSError:
-            pass
 
     def end(self) -> None:
         """Kill it, if it lives, and release its pipes."""
         self.process.kill()
         self.process.wait()
         for pipe in (self.into, self.out):
-            try:
+            with suppress(OSError):
                 pipe.close()
-            except OSError:
-                pass
 
 
 class Workers:
@@ -186,5 +183,3 @@ def pickled(payload: Payload) -> bytes:
     except Exception as error:
         message = f"the study cannot be sent to other processes: {type(error).__name__}: {error}"
         raise SimulationError(message) from error
-
-

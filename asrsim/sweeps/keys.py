@@ -40,7 +40,9 @@ class Plan:
 
     def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """`--set` key -> value of those for which the scenario is read again."""
-        return {text: values[key] for key, text in self.texts.items() if key not in self.parameters and key not in self.references}
+        return {
+            text: values[key] for key, text in self.texts.items() if key not in self.parameters and key not in self.references
+        }
 
     def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """`--set` key -> value of all."""

@@ -1,4 +1,4 @@
-"""What a varied key takes: a list of values, or a distribution, which turns numbers of (0, 1) into its own (the inverse CDF)."""
+"""What a varied key takes: a list of values, or a distribution, which turns numbers of (0, 1) into its own (inverse CDF)."""
 
 from __future__ import annotations
 

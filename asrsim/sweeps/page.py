@@ -98,7 +98,11 @@ def _influences(study: Table, results: list[str]) -> str:
 
 
 def _lines(study: Table, axes: list[str]) -> str:
-    left = "" if len(study) <= LINES else f" {len(_picked(study, axes))} of {len(study)} runs are drawn: evenly picked, and the extremes."
+    left = (
+        ""
+        if len(study) <= LINES
+        else f" {len(_picked(study, axes))} of {len(study)} runs are drawn: evenly picked, and extremes."
+    )
     return (
         f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; click a line to "
         f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'

@@ -126,7 +126,9 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
     found = influences(table, result)[:10][::-1]
     middle = float(np.nanmean(table[result]))
     for place, one in enumerate(found):
-        axes.barh(place, one.low - middle, left=middle, height=0.6, color="C0", label="key in its lowest fifth" if not place else None)
+        axes.barh(
+            place, one.low - middle, left=middle, height=0.6, color="C0", label="key in its lowest fifth" if not place else None
+        )
         axes.barh(place, one.high - middle, left=middle, height=0.6, color="C1", label="in its highest" if not place else None)
     sobol = [f"{one.key}\nS = {one.first:.2f}, total {one.total:.2f}" for one in found]
     labels = [text if np.isfinite(one.total) else one.key for text, one in zip(sobol, found, strict=True)]

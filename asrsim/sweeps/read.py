@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -98,10 +99,8 @@ def read_study(path: Path) -> Study:
     root, _ = read_yaml(path, faults=faults)
     reading = Reading(base=path.parent)
     found: StudyFile | None = None
-    try:
+    with suppress(Rejected):
         found = STUDY.read(root, (), reading)
-    except Rejected:
-        pass
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
     try:
@@ -238,9 +237,7 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
     if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or np.linalg.eigvalsh(covariance)[0] < -1e-9 * scale:
         raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
     rows = tuple(tuple(map(float, row)) for row in covariance)
-    return Joint(
-        keys=keys, mean=tuple(map(float, mean)), covariance=rows, logarithmic=bool(data.get("logarithmic", False))
-    )
+    return Joint(keys=keys, mean=tuple(map(float, mean)), covariance=rows, logarithmic=bool(data.get("logarithmic", False)))
 
 
 def _split(text: str) -> tuple[str, str]:

@@ -242,5 +242,3 @@ def lost(payload: Payload, run: int, reason: str) -> Row:
     cells = {"run": run, "variant": variant, **_plain(values, payload)}
     cells |= {"status": "crashed", "reason": reason, "ok": False}
     return tuple(cells.get(name) for name in payload.names)
-
-

@@ -60,7 +60,7 @@ class Table:
     @property
     def kinds(self) -> dict[str, str]:
         """Column -> int, float, bool, text or floats."""
-        return {name: kind for name, kind in self.manifest["columns"]}
+        return dict(self.manifest["columns"])
 
     @property
     def keys(self) -> tuple[str, ...]:
