@@ -98,11 +98,8 @@ def _influences(study: Table, results: list[str]) -> str:
 
 
 def _lines(study: Table, axes: list[str]) -> str:
-    left = (
-        ""
-        if len(study) <= LINES
-        else f" {len(_picked(study, axes))} of {len(study)} runs are drawn: evenly picked, and extremes."
-    )
+    drawn = len(_picked(study, axes))
+    left = "" if drawn == len(study) else f" {drawn} of {len(study)} runs are drawn: evenly picked, and extremes."
     return (
         f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; click a line to "
         f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
