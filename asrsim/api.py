@@ -13,8 +13,10 @@ from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write_summary
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
-from asrsim.scenario import Scenario, load_scenario
+from asrsim.scenario import Scenario, load_scenario, only_variant
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.crosscheck import cross_check as run_cross_check
+from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
@@ -22,7 +24,6 @@ from asrsim.summary.claims import check_claims
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from asrsim.metrics import ExpectationResult
     from asrsim.robot.model import Robot
 
 
@@ -52,8 +53,7 @@ class JointSeries(Mapping[str, Array]):
         try:
             return self[quantity]
         except KeyError:
-            message = f"joint '{self.info.name}' has no quantity '{quantity}'"
-            raise AttributeError(message, name=quantity, obj=self) from None
+            raise AttributeError(f"no quantity '{quantity}'", name=quantity, obj=self) from None
 
     def __iter__(self) -> Iterator[str]:
         yield from self.info.quantities
@@ -171,6 +171,7 @@ def run(
     overwrite: bool = False,
     keep: bool = True,
     certify: bool = False,
+    cross_check: bool = False,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Result:
@@ -185,7 +186,9 @@ def run(
         out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
         overwrite: Replace the results of another run there.
         keep: Keep all samples in memory; without (and with `out`), they are read from the log when asked for.
-        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`.
+        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`. Where another engine
+            is installed, `cross_check` too.
+        cross_check: Run again in another engine; the differences are in `.summary.cross_check`.
         progress: Told the simulated time in s.
         stop: Asked about every 2000 substeps; True ends the run cleanly.
 
@@ -199,13 +202,11 @@ def run(
         OutputError: `out` cannot be written.
     """
     loaded = _load(scenario, variant, overrides, plugins, robot)
-    if len(loaded) != 1:
-        names = tuple(one.variant for one in loaded)
-        hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
-        message = "the scenario has several variants"
-        raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
     given = None if robot is None or isinstance(robot, str | Path) else robot
-    return _run_one(loaded[0], given, out, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop)
+    return _run_one(
+        only_variant(loaded), given, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
+        progress=progress, stop=stop,
+    )  # fmt: skip
 
 
 def run_variants(
@@ -221,10 +222,9 @@ def run_variants(
 
     out: a folder in which each variant gets its own.
     """
-    loaded = _load(scenario, None, overrides, plugins, None)
     return {
-        one.variant: _run_one(one, None, Path(out) / one.variant if out is not None else None, overwrite=overwrite, keep=keep)
-        for one in loaded
+        one.variant: _run_one(one, None, None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
+        for one in _load(scenario, None, overrides, plugins, None)
     }
 
 
@@ -232,36 +232,37 @@ def _load(
     scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
     robot: Robot | str | Path | None,
 ) -> tuple[Scenario, ...]:  # fmt: skip
-    if plugins:
-        from asrsim.actuators.user import load_plugin_file
+    from asrsim.actuators.user import load_plugin_file
 
-        for path in plugins:
-            load_plugin_file(path)
+    for path in plugins:
+        load_plugin_file(path)
     file = robot if isinstance(robot, str | Path) else None
-    if isinstance(scenario, Scenario):
-        if overrides or file is not None or variant not in (None, scenario.variant):
-            message = "a scenario that is made already takes no overrides, no variant and no robot file"
-            raise ScenarioError(Problem(message=message, hint="Give them where it is made", code="usage"))
-        loaded: tuple[Scenario, ...] = (scenario,)
-    else:
+    if not isinstance(scenario, Scenario):
         loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
+    elif overrides or file is not None or variant not in (None, scenario.variant):
+        message = "a scenario that is made already takes no overrides, no variant and no robot file"
+        raise ScenarioError(Problem(message=message, hint="Give them where it is made", code="usage"))
+    else:
+        loaded = (scenario,)
     return tuple(with_plugins(one, [Path(path) for path in plugins]) for one in loaded)
 
 
 def _run_one(
     scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
-    progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+    cross_check: bool = False, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
     if out is not None:
         with owned(Path(out)):
             executed: Executed = execute(
-                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, progress=progress, stop=stop
-            )
+                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
+                progress=progress, stop=stop,
+            )  # fmt: skip
             executed = write_summary(executed)
         if executed.error is not None:
             raise executed.error
         return Result(executed.run, executed.summary, executed.log)
-
+    if cross_check:
+        require_other_engine(scenario)
     collectors: list[Collector] = []
 
     def collect(info: RunInfo) -> Sequence[Sink]:
@@ -270,13 +271,16 @@ def _run_one(
         return collectors
 
     done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
-    claims: tuple[ExpectationResult, ...] = ()
-    if done.status == "complete":
-        claims = claim_results(scenario.expect, done.info.joints, collectors[0].read, file=scenario.path)
-    samples = len(done.samples.time) if done.samples is not None else 0
+    complete = done.status == "complete"
+    judged = scenario.expect if complete else ()
+    claims = claim_results(judged, done.info.joints, collectors[0].read, file=scenario.path)
+    samples = 0 if done.samples is None else len(done.samples.time)
     summary = make_summary(done, collectors[0], samples=samples, claims=claims)
-    if certify and done.status == "complete":
+    if certify and complete:
         from asrsim.simulation.certify import certify as certify_run
 
-        summary = replace(summary, certificate=certify_run(scenario, done, robot).as_dict())
+        certificate = certify_run(scenario, done, robot, stop=stop)
+        summary = summary if certificate is None else replace(summary, certificate=certificate.as_dict())
+    if done.samples is not None and complete and (cross_check or (certify and other_engine(scenario.engine))):
+        summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
     return Result(done, summary)

@@ -12,6 +12,7 @@ import os
 import sys
 import types
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,14 @@ def compile_function(
     *,
     names: Mapping[str, Any] | None = None,
     version: str = "",
+    inline: tuple[str, ...] = (),
 ) -> Callable[..., Any]:
     """`function` compiled for arguments of the types of `arguments` (examples, or types of Numba's); layouts are taken for
     granted afterwards.
 
     It must have no closure; what it calls may have, and is compiled with it. names: globals of the code that stand for others
-    (functions of the loop, symbols of a library); version: of what they are. Raises whatever Numba finds to say.
+    (functions of the loop, symbols of a library); version: of what they are; inline: modules whose functions become part of
+    their callers (with many arguments, calls cost more than what they do). Raises whatever Numba finds to say.
     """
     import numba
 
@@ -44,13 +47,13 @@ def compile_function(
     typed = numba.types.Type
     signature = tuple(value if isinstance(value, typed) else kinds.typeof(value) for value in arguments)
     given = dict(names or {})
-    ingredients = [numba.__version__, sys.version, version, str(signature), repr(_code(function, given, set()))]
+    ingredients = [repr(inline), numba.__version__, sys.version, version, str(signature), repr(_code(function, given, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
     try:
-        return _compiled(function, signature, given, digest, _kept(digest))
+        return _compiled(function, signature, given, digest, _kept(digest), inline)
     except Exception:
         # What is kept may be damaged, or the folder not be ours to write: do without.
-        return _compiled(function, signature, given, digest, None)
+        return _compiled(function, signature, given, digest, None, inline)
 
 
 def fixed_tuple(count: int, place: int) -> Any:
@@ -65,8 +68,46 @@ def fixed_tuple(count: int, place: int) -> Any:
     return as_tuple
 
 
+@cache
+def borrow() -> Any:
+    """What compiled code may call: arrays, in nested tuples, without their count of references.
+
+    Counting is most of what a short substep costs: each call counts every array of every tuple that it is given. The caller
+    holds the arrays meanwhile.
+    """
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = cgutils.get_null_value(array.meminfo.type)
+            array.parent = cgutils.get_null_value(array.parent.type)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            parts = [
+                uncounted(context, builder, part, v) for part, v in zip(kind, cgutils.unpack_tuple(builder, value), strict=True)
+            ]
+            return context.make_tuple(builder, kind, parts)
+        return value
+
+    def borrowed(typing: Any, values: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return uncounted(context, builder, signature.args[0], arguments[0])
+
+        return values(values), generate
+
+    return intrinsic(borrowed)
+
+
 def _compiled(
-    function: types.FunctionType, signature: Any, names: Mapping[str, Any], digest: str, kept: Path | None
+    function: types.FunctionType,
+    signature: Any,
+    names: Mapping[str, Any],
+    digest: str,
+    kept: Path | None,
+    inline: tuple[str, ...],
 ) -> Callable[..., Any]:
     import numba
 
@@ -76,7 +117,7 @@ def _compiled(
         if not first:
             first.append(copy)
             return copy
-        return numba.njit(copy)
+        return numba.njit(copy, forceinline=copy.__module__ in inline)
 
     copy = rebind(function, wrap=wrap, names=names, mark=f"_{digest}")
     if kept is not None:

@@ -18,8 +18,8 @@ MARKS = {
     "picture": rb"Software\0asrsim|/Creator \(asrsim\)|<dc:title>asrsim</dc:title>|\x21\xfe\x06asrsim|\xa9cmt.{8,24}asrsim",
     "metrics": rb"\Asource,joint,quantity,measure,value,unit\r?\n",
     "bench": rb"\Atime,[^\n]+\.position,[^\n]+\.elastic_torque_1,[^\n]+\.stiffness,",
-    "learned input": rb"\A# asrsim ilc: ",
-    "learned scenario": rb"\A# Plays what `asrsim ilc` learned",
+    "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
+    "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
     "schema": rb'"title": "asrsim scenario"',
 }

@@ -14,13 +14,16 @@ class Registry(Generic[T]):
     """A table of named variants; unknown names are errors that list the known ones.
 
     Installed packages add entries under the entry point group given; they are loaded at the first look-up that
-    misses, so that start-up does not pay for them. One that cannot be loaded, or is no class derived from `base`, is an
-    error only for those who ask for it.
+    misses, so that start-up does not pay for them. One that cannot be loaded, is no class derived from `base`, or no
+    object of the kind `instance`, is an error only for those who ask for it.
     """
 
-    def __init__(self, noun: str, entry_point_group: str | None = None, *, base: type | None = None) -> None:
+    def __init__(
+        self, noun: str, entry_point_group: str | None = None, *, base: type | None = None, instance: type | None = None
+    ) -> None:
         self.noun = noun
         self.base = base
+        self.instance = instance
         self._broken: dict[str, str] = {}
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
@@ -82,5 +85,8 @@ class Registry(Generic[T]):
                 continue
             if self.base is not None and not (isinstance(entry, type) and issubclass(entry, self.base)):
                 self._broken[point.name] = f"{point.value} is no class derived from {self.base.__name__}"
+                continue
+            if self.instance is not None and not isinstance(entry, self.instance):
+                self._broken[point.name] = f"{point.value} is no {self.instance.__module__}.{self.instance.__name__}"
                 continue
             self._entries[point.name] = entry

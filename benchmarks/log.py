@@ -11,12 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from loops import loop_seconds
+from worker import whole
 from worlds import chain, scenario
 
 from asrsim.log import LogWriter, read_log
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import JointInfo, RunInfo, Samples
+from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
 
 STATES = (
@@ -92,16 +93,16 @@ def example(count: int = 20_000, joints: int = 5, quantities: tuple[str, ...] = 
 
 def log_ratios(repeats: int, folder: Path) -> tuple[list[float], list[float]]:
     """Writing the complete log of 5 joints over simulating them in plain Python; reading it in bulk over `iter_messages`."""
-    robot = chain(folder, 5)
-    run = scenario(robot, duration=20.0, compiled=False)
-    done = simulate(run, robot)
+    path = scenario(chain(folder, 5), duration=20.0, compiled=False)
+    (run,) = load_scenario(path)
+    done = simulate(run)
     assert done.samples is not None
     steps = len(done.samples.time) - 1
-    path = folder / "run.mcap"
+    log = folder / "run.mcap"
     written, read = [], []
     for index in range(repeats + 1):
-        write = log_write_seconds(done.samples, done.info, path) / (steps * loop_seconds(run, robot))
-        ratio = bulk_read_seconds(path) / official_read_seconds(path)
+        write = log_write_seconds(done.samples, done.info, log) / (steps * whole({"scenario": path}))
+        ratio = bulk_read_seconds(log) / official_read_seconds(log)
         if index:
             written.append(write)
             read.append(ratio)

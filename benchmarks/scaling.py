@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import statistics
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from loops import bare_seconds, loop_seconds
-from worlds import BareWorld, chain, scenario
+from worker import bare, whole
+from worlds import chain, scenario
 
+from asrsim.engines import default_engine
 from asrsim.simulation.prepare import prepare
 
 JOINTS = (1, 2, 5, 14, 40)
@@ -30,34 +32,28 @@ def over_joints(folder: Path, repeats: int = 3) -> dict[int, Point]:
     """One substep, 1 .. 40 joints with qbMoves."""
     points = {}
     for joints in JOINTS:
-        robot = chain(folder, joints)
-        world = BareWorld(robot)
-        duration = 20.0 if joints < 14 else 6.0
         # Motors that carry two links cannot carry forty.
-        runs = [scenario(robot, duration=duration, compiled=compiled, gravity=False) for compiled in (False, True)]
-        rounds = [(bare_seconds(world), *(loop_seconds(run, robot) for run in runs)) for _ in range(repeats)]
-        world.engine.close()
-        bare, plain, fast = map(statistics.median, zip(*rounds, strict=True))
-        points[joints] = Point(bare=bare, plain=plain, fast=fast)
+        points[joints] = _point(chain(folder, joints), repeats, 10.0 if joints < 14 else 3.0, "", gravity=False)
     return points
 
 
 def over_stiffness(folder: Path, repeats: int = 3) -> dict[float, Point]:
     """Two joints with SEAs of every stiffness, substeps chosen by asrsim."""
+    from asrsim.scenario import load_scenario
+
     robot = chain(folder, 2, actuator="sea")
-    world = BareWorld(robot)
     points = {}
     for stiffness in STIFFNESSES:
-        runs = [
-            scenario(
-                robot, duration=6.0, compiled=compiled, substeps=None, motor_substeps=None, stiffness=stiffness,
-            )
-            for compiled in (False, True)
-        ]  # fmt: skip
-        prepared = prepare(runs[0], robot)
-        prepared.engine.close()
-        rounds = [(bare_seconds(world), *(loop_seconds(run, robot) for run in runs)) for _ in range(repeats)]
-        bare, plain, fast = map(statistics.median, zip(*rounds, strict=True))
-        points[stiffness] = Point(bare=bare, plain=plain, fast=fast, substeps=prepared.resolution.substeps)
-    world.engine.close()
+        extra = f"parameters: {{'*': {{spring_stiffness: {stiffness}}}}}\n"
+        (loaded,) = load_scenario(scenario(robot, duration=6.0, substeps=None, preset=None, extra=extra))
+        substeps = prepare(loaded).resolution.substeps
+        points[stiffness] = replace(_point(robot, repeats, 6.0, extra, substeps=None, preset=None), substeps=substeps)
     return points
+
+
+def _point(robot: Path, repeats: int, duration: float, extra: str, **options: Any) -> Point:
+    plain, fast = (scenario(robot, duration=duration, compiled=c, extra=extra, **options) for c in (False, True))
+    request = {"scenario": plain, "engine": default_engine()}
+    rounds = [(bare(request), whole({"scenario": plain}), whole({"scenario": fast})) for _ in range(repeats)]
+    medians = [statistics.median(values) for values in zip(*rounds, strict=True)]
+    return Point(bare=medians[0], plain=medians[1], fast=medians[2])

@@ -42,6 +42,7 @@ def parts() -> dict[str, str]:
         "packages": packages(),
         "actuators": actuators(),
         "steppings": steppings(),
+        "engines": engines(),
         "truth": truth(),
         "speed": speed(),
     }
@@ -86,6 +87,15 @@ def actuators() -> str:
         ("actuator", "`filename` in the URDF", "law"),
         [(one.title, f"`lib{one.name}_plugin.so`", f"`{one.law}`") for one in known],
     )
+
+
+def engines() -> str:
+    """Every engine and what must be installed for it."""
+    from asrsim.engines import ENGINES
+
+    known = [(name, ENGINES.get(name)) for name in ENGINES]
+    rows = [(f"`{name}`", f"`{one.module}`" if one.module else "nothing", one.doc) for name, one in known]
+    return markdown_table(("engine", "needs the module", "what"), rows)
 
 
 def steppings() -> str:

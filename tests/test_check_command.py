@@ -145,3 +145,16 @@ def test_alterego_fits_a_screen_because_alike_blocks_share_a_table(runner: CliRu
     assert result.exit_code == 0
     assert result.stdout.count("spring_a_1 ") == 3
     assert "26 times: collision mesh" in result.stdout
+
+
+@pytest.mark.parametrize("name", ["scenario.json", "scenario.JSON", "scenario", "scenario.txt"])
+def test_a_scenario_is_known_by_its_text_where_its_name_says_nothing(tiny, asrsim_command, name: str) -> None:
+    keys = {"robot": "pendulum.urdf", "duration": 1.0, "references": {"elbow": {"equilibrium_position": 0.2}}}
+    (tiny.folder / name).write_text(json.dumps(keys))
+    assert asrsim_command("check", name).code == 0
+    (tiny.folder / name).write_text(json.dumps({**keys, "duration": -1}))
+    outcome = asrsim_command("check", name)
+    assert outcome.code == 1
+    assert "duration" in outcome.out + outcome.err
+    robot = tiny.robot.rename(tiny.folder / f"robot_of_{Path(name).stem}")
+    assert "elbow" in asrsim_command("check", robot.name).out

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim import compiling
 from asrsim.actuators import MODES
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import SimulationError

@@ -23,6 +23,7 @@ references: {{joint_1: {{stiffness_preset: 0.2}}}}
 ilc:
   trajectory: {{joint_1: {{minimum_jerk: {{duration: 0.8, to: 0.3}}}}}}
   tolerance: 0.05
+  law: paper
   gain: 0.8
   transfer: {{draws: 24, spread: {{mass: 0.3, parameters: {{spring_k_1: 0.3}}}}}}
 """
@@ -52,7 +53,7 @@ def test_a_fresh_run_of_the_same_scenario_says_what_it_replaces(asrsim_command, 
     assert (tmp_path / "here" / "transfer.png").is_file()
     again = asrsim_command("ilc", lift, "--out", "here", "--no-plot")
     assert again.code == 0
-    assert "replaced 7 files of an earlier learning run of this scenario" in again.out
+    assert "replaced 8 files of an earlier learning run of this scenario" in again.out
     # Nothing of the earlier run stands beside the new one.
     assert not (tmp_path / "here" / "transfer.png").exists()
     assert not (tmp_path / "here" / "ilc.png").exists()

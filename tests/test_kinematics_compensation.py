@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from asrsim.actuators import AwasII, Bavs, QbMove, Sea
@@ -85,3 +86,46 @@ def test_a_motor_too_weak_for_the_pretension_is_named():
     with pytest.raises(LoadError, match=r"motor 1 would have to hold 7\.351 N m") as error:
         equilibrium_for_load(drive, 0.0, 0.0, 0.6)
     assert error.value.largest == 6.0
+
+
+def random_drive(generator):
+    """An actuator with random springs behind motors that droop."""
+    scales = generator.uniform(0.5, 1.5, 4)
+    actuator, spring, preset = [
+        (Sea, (generator.uniform(2.0, 200.0), generator.uniform(0.1, 0.8)), 0.0),
+        (QbMove, (*(scales * (6.257, 0.01038, 3.9, 0.08918)).tolist(), generator.uniform(0.2, 0.8)), 0.2),
+        (Bavs, (1.21e-6, 2.38e-6, 1.6e5, generator.uniform(6.0, 11.0), generator.uniform(0.15, 0.4)), 0.1),
+        (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), generator.uniform(0.003, 0.02)),
+    ][generator.integers(4)]
+    count = actuator.motors
+    return JointDrive(
+        joint="j", actuator=actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count,
+        integral=(0.0,) * count, max_torque=(1e6,) * count,
+    ), preset  # fmt: skip
+
+
+def test_springs_at_their_deflection_limit_still_have_statics():
+    """All loads from none to the most that the springs hold, and the ends themselves, with the motors' droop."""
+    generator = np.random.default_rng(11)
+    for _ in range(60):
+        drive, preset = random_drive(generator)
+        law = drive.actuator.elastic_torques
+        for side in (-1.0, 1.0):
+            far = drive.actuator.motor_references(side * 5.0, preset)
+            most = sum(law(0.0, far[0], preset if drive.actuator.adjuster else far[1], drive.spring))
+            for share in (0.0, generator.uniform(0.0, 1.0), 0.9, 0.999999, 1.0):
+                equilibrium = equilibrium_for_load(drive, 0.0, share * most, preset, droop=True)
+                motors = resting_motors(drive, 0.0, equilibrium, preset)
+                assert sum(law(0.0, *motors, drive.spring)) == pytest.approx(share * most, rel=1e-9, abs=1e-9)
+
+
+def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
+    generator = np.random.default_rng(5)
+    for _ in range(300):
+        drive, preset = random_drive(generator)
+        position, equilibrium = generator.uniform(-3.0, 3.0, 2)
+        motors = resting_motors(drive, position, equilibrium, preset)
+        torques = drive.actuator.elastic_torques(position, *motors, drive.spring)
+        references = drive.actuator.motor_references(equilibrium, preset)
+        for motor in range(drive.actuator.motors):
+            assert motors[motor] == pytest.approx(references[motor] - torques[motor] / drive.proportional[motor], abs=1e-9)

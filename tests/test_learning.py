@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -211,6 +212,7 @@ def test_the_learned_input_plays_back_with_the_same_bits(tmp_path):
 
 def test_settings_come_from_the_scenario_s_block():
     block = {
+        "law": "paper",
         "gain": 0.4,
         "joint_gains": {"two": "model"},
         "gain_decay": None,
@@ -225,3 +227,35 @@ def test_settings_come_from_the_scenario_s_block():
     )
     with pytest.raises(ScenarioError, match="does not learn"):
         parse_settings({"joint_gains": {"three": 1.0}}, ("one", "two"))
+
+
+def test_a_creeping_error_is_no_reason_to_stop():
+    """One percent a trial, as friction makes it: learning goes on; ten percent in all, and it stops."""
+
+    def creeping(factor):
+        outputs = [reference() * (1.0 - 0.1 * factor**index) for index in range(40)]
+        return lambda inputs: outputs.pop(0)
+
+    assert learn(problem(), creeping(1.01), settings(max_iterations=8)).outcome == "exhausted"
+    assert learn(problem(), creeping(1.05), settings(max_iterations=8)).outcome == "growing"
+
+
+def test_every_flipped_bit_of_a_state_is_named_or_harmless(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    whole = state.read_bytes()
+    generator = np.random.default_rng(3)
+    # The headers, where a flip changes what the numbers mean, and places anywhere.
+    places = [*generator.integers(0, 2000, 60), *generator.integers(len(whole) - 800, len(whole), 60)]
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << int(generator.integers(8))
+        state.write_bytes(damaged)
+        said = "state.npz"
+        with suppress(InputError):
+            try:
+                learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+            except InputError as error:
+                said = str(error)
+                raise
+        assert "state.npz" in said

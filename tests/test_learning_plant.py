@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,13 +11,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import asrsim
 from asrsim.errors import ScenarioError
 from asrsim.learning import learn
+from asrsim.learning.arm import learning_model
+from asrsim.learning.identity import identity_of
 from asrsim.learning.perturb import Workers, perturbed
-from asrsim.learning.plant import learning_model, make_plant, prepare_learning
+from asrsim.learning.plant import make_plant
+from asrsim.learning.prepared import prepare_learning, turning
 from asrsim.learning.session import run_session
+from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
+from asrsim.summary import claim_results
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
@@ -26,6 +33,7 @@ def plant(robot=CUBE, **changes):
     """One joint that lifts its cube in 1 s, at a coarse step: a trial takes some milliseconds."""
     block = {
         "trajectory": {"joint_1": {"minimum_jerk": {"duration": 1.0, "to": 0.4}}},
+        "law": "paper",
         "gain": 0.8,
         "tolerance": 0.03,
         "max_iterations": 25,
@@ -42,10 +50,17 @@ def plant(robot=CUBE, **changes):
     return make_plant(scenario)
 
 
+def holds(scenario, robot=None):
+    """Whether every claim holds in a run."""
+    run = simulate(scenario, robot)
+    results = claim_results(scenario.expect, run.info.joints, lambda quantities, joints: run.samples)
+    return all(result.holds for result in results)
+
+
 def solve(chosen):
     with learning_model(chosen) as model:
         prepared = prepare_learning(chosen, model)
-        return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, predict=prepared.predict)
+        return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
 
 
 def test_the_joint_learns_to_lift_its_load():
@@ -81,17 +96,63 @@ def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
     assert samples is not None
     assert np.array_equal(samples.values["link_position"], session.result.trials[session.result.best].outputs)
     assert {claim.joint for claim in scenario.expect} == {"joint_1"}
+    assert holds(scenario)
+
+
+def test_the_playback_s_claim_is_the_error_over_the_whole_time_and_fails_on_another_robot(tmp_path):
+    """The learned error, not the tolerance: a little more mass, a shifted input, and the claim no longer holds."""
+    chosen = plant()
+    session = run_session(chosen, tmp_path, picture=False)
+    (error,) = session.result.best_trial.largest
+    scenario = load_scenario(tmp_path / "learned.yaml")[0]
+    (claim,) = scenario.expect
+    assert error <= claim.value <= 1.01 * error
+    heavier = perturbed(chosen, {"mass.joint_1": 0.03}).robot
+    assert not holds(scenario, heavier)
+    path = tmp_path / "learned.csv"
+    lines = path.read_text().splitlines()
+    early = [line.split(",")[0] + "," + later.split(",")[1] for line, later in zip(lines[2:-25], lines[27:], strict=True)]
+    path.write_text("\n".join([*lines[:2], *early]) + "\n")
+    shifted = load_scenario(tmp_path / "learned.yaml")[0]
+    assert not holds(shifted)
 
 
 def test_a_session_writes_what_it_promises(tmp_path):
     run_session(plant(ilc={"max_iterations": 2, "tolerance": 1e-6}), tmp_path, keep_logs="all")
     assert {path.name for path in tmp_path.iterdir()} == {
-        "state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png",
+        "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
         "trial_000.mcap", "trial_001.mcap", "trial_002.mcap",
     }  # fmt: skip
     data = json.loads((tmp_path / "ilc.json").read_text())
     assert data["outcome"] == "exhausted"
     assert [trial["iteration"] for trial in data["trials"]] == [0, 1, 2]
+
+
+def test_trials_share_one_preparation_and_give_the_bits_of_runs_of_their_own(monkeypatch):
+    from asrsim.simulation import prepare
+
+    made, real = [], prepare.describe
+    monkeypatch.setattr(prepare, "describe", lambda *arguments: made.append(1) or real(*arguments))
+    chosen = plant()
+    trials = [np.full_like(chosen.reference, level) for level in (0.0, 0.4, 0.2)]
+    outputs = [chosen.outputs(inputs) for inputs in trials]
+    assert len(made) == 1
+    for inputs, output in zip(trials, outputs, strict=True):
+        run = simulate(chosen.with_inputs(inputs))
+        assert np.array_equal(run.samples.values["link_position"], output)
+
+
+def test_a_run_whose_input_is_computed_follows_the_motion_and_its_log_repeats_it(tmp_path):
+    wanted = {"minimum_jerk": {"duration": 1.0, "to": 0.4}}
+    errors = []
+    for computed in (False, True):
+        joint = {"equilibrium_position": wanted, "stiffness_preset": 0.2, "inverse_dynamics": computed}
+        scenario = make_scenario(CUBE, duration=1.5, step=2e-3, references={"joint_1": joint}, desired={"joint_1": wanted})
+        result = asrsim.run(scenario, out=tmp_path / str(computed))
+        motion = scenario.desired["joint_1"].values(result.time)
+        errors.append(float(np.abs(result["joint_1"]["link_position"] - motion).max()))
+        assert repeat(result.log, out=tmp_path / f"again_{computed}").identical
+    assert errors[1] < 0.1 * errors[0]
 
 
 def test_a_heavier_link_hangs_lower_and_draws_zero_change_nothing():
@@ -122,6 +183,68 @@ def test_an_unknown_parameter_of_a_spread_is_named():
         perturbed(plant(), {"parameters.joint_1.spring_z": 0.1})
 
 
+def test_a_link_that_is_fixed_to_a_varied_one_varies_with_it(tmp_path):
+    path = tmp_path / "tool.urdf"
+    tool = (
+        '<link name="tool"><inertial><mass value="0.3"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/>'
+        '</inertial></link><joint name="flange" type="fixed"><parent link="LINK"/><child link="tool"/>'
+        '<origin xyz="0 0 -0.1"/></joint>'
+    )
+    child = plant().robot.joint("joint_1").child
+    path.write_text(CUBE.read_text().replace("</robot>", tool.replace("LINK", child) + "</robot>"))
+    chosen = plant(path)
+    with learning_model(chosen) as model, learning_model(perturbed(chosen, {"mass.joint_1": 0.2})) as heavier:
+        postures = [np.array([[0.4]]), np.zeros((1, 1)), np.zeros((1, 1))]
+        loads = [item.arm.model.inverse_dynamics(*postures)[0, 0] for item in (model, heavier)]
+    assert loads[1] == pytest.approx(1.2 * loads[0], rel=1e-9)
+
+
+def test_friction_can_be_added_where_there_is_none(tmp_path):
+    path = tmp_path / "smooth.urdf"
+    path.write_text(re.sub(r'friction="[^"]*"', 'friction="0"', CUBE.read_text()))
+    chosen = plant(path)
+    inputs = chosen.reference
+    changed = perturbed(chosen, {"added_friction.joint_1": 0.05})
+    assert changed.robot.joint("joint_1").friction == pytest.approx(0.05)
+    assert np.abs(changed.outputs(inputs) - chosen.outputs(inputs)).max() > 1e-3
+    assert np.array_equal(perturbed(chosen, {"friction.joint_1": 0.5}).robot.joint("joint_1").friction, 0.0)
+
+
+def test_the_run_foretells_where_equation_13_turns():
+    """Lightly damped and fast: the model says after trial 0 in which trial the error turns, and it does, within 2."""
+    chosen = plant(ilc={"tolerance": 1e-4, "max_iterations": 15, "patience": 15})
+    with learning_model(chosen) as model:
+        prepared = prepare_learning(chosen, model)
+        result = learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
+        turn = turning(prepared.foresee(result.trials[0]), 1e-4)
+    assert turn is not None
+    assert abs(turn - int(np.argmin([trial.norm for trial in result.trials]))) <= 2
+    # Before that the ratios are those foretold, one trial ahead.
+    close = [abs(trial.predicted / trial.ratio - 1.0) for trial in result.trials[1:] if trial.norm > 0.05]
+    assert close
+    assert max(close) < 0.1
+
+
+def test_the_default_gain_and_the_model_s_are_safe_by_themselves():
+    for gain in (0.5, "model"):
+        prepared, result = solve(
+            plant(ilc={"law": "filtered", "gain": gain, "tolerance": 1e-5, "max_iterations": 20, "patience": 30})
+        )
+        assert prepared.settings.filter_cutoff is not None
+        assert result.trials[-1].worst < 1.3 * result.best_trial.worst
+
+
+def test_every_file_that_the_plant_depends_on_counts(tmp_path):
+    """A resumed run is refused when a playback that another reference plays has changed."""
+    recording = tmp_path / "torque.csv"
+    recording.write_text("time [s],torque [N m]\n0,0\n1.5,0\n")
+    torque = {"joint_1": {"playback": {"file": str(recording), "column": "torque"}}}
+    before = identity_of(plant(external_torques=torque))
+    assert identity_of(plant(external_torques=torque)) == before
+    recording.write_text("time [s],torque [N m]\n0,0\n1.5,0.01\n")
+    assert identity_of(plant(external_torques=torque)) != before
+
+
 @pytest.mark.slow
 def test_processes_change_nothing_in_the_numbers():
     chosen = plant()
@@ -144,8 +267,8 @@ def scenario_file(tmp_path):
     path = tmp_path / "lift.yaml"
     path.write_text(
         f"robot: {CUBE}\nduration: 1.0\nstep: 0.002\nreferences: {{joint_1: {{stiffness_preset: 0.2}}}}\n"
-        "ilc:\n  trajectory: {joint_1: {minimum_jerk: {duration: 0.8, to: 0.3}}}\n  tolerance: 0.05\n  gain: 0.8\n"
-        "  keep_logs: none\n  transfer: {draws: 6, spread: {mass: 0.2}}\n"
+        "ilc:\n  trajectory: {joint_1: {minimum_jerk: {duration: 0.8, to: 0.3}}}\n  tolerance: 0.05\n  law: paper\n"
+        "  gain: 0.8\n  keep_logs: none\n  transfer: {draws: 6, spread: {mass: 0.2}}\n"
     )
     return path
 
@@ -191,6 +314,6 @@ def test_the_paper_s_learning_converges_in_eleven_iterations():
     assert (trials[0].norm, trials[-1].norm) == (pytest.approx(1.160, abs=6e-3), pytest.approx(0.082, abs=1e-3))
     assert result.inputs[-1] == pytest.approx([1.391, 1.145], abs=1e-3)
     assert all(later.norm < earlier.norm for earlier, later in pairwise(trials))
-    assert all(trial.predicted == pytest.approx(trial.ratio, abs=0.04) for trial in trials[1:])
+    assert all(trial.predicted == pytest.approx(trial.ratio, abs=0.01) for trial in trials[1:])
     assert sum(trial.seconds for trial in trials) < 60.0
     assert prepared.problem.joints == ("joint_1", "joint_2")

@@ -260,7 +260,7 @@ def test_a_compact_log_holds_the_same_numbers_for_every_reader(log_path: Path, c
     for name in whole.values:
         assert np.array_equal(whole.values[name].view(np.uint64), small.values[name].view(np.uint64)), name
     joint = INFO.joints[0]
-    topic = next(name for name in topics_of(compact) if name.endswith("/state"))
+    topic = next(name for name in topics_of(compact) if name.endswith(f"/{joint.name}/state"))
     with compact.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         official = [value for _, _, _, value in reader.iter_decoded_messages([topic])]

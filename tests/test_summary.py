@@ -128,3 +128,41 @@ def _joint(name: str, parent: str, effort: float) -> str:
 
 
 TWO_JOINTS = f"<robot name='two'><link name='world'/>{_joint('first', 'world', 100)}{_joint('second', 'first_link', 1)}</robot>"
+
+
+def test_claims_and_summary_see_every_step_whatever_is_logged(tiny, tmp_path: Path) -> None:
+    """A blow of 10 ms between two samples of a log of 10 Hz: its peak is claimed, seen and summarised, and not logged."""
+    blow = "external_torques={elbow: {pulse_train: {high: 30, period: 10, width: 0.01, start: 0.42}}}"
+    claims = [
+        "{joint: elbow, quantity: link_velocity, measure: maximum, comparison: '>', value: 1.0}",
+        "{joint: elbow, quantity: external_torque, measure: maximum, value: 30}",
+    ]
+    changes = ["duration=1", blow, f"expect=[{', '.join(claims)}]"]
+    whole = asrsim.run(tiny.scenario, overrides=changes)
+    thin = asrsim.run(tiny.scenario, overrides=[*changes, "log_rate=10"], out=tmp_path / "thin")
+    kept = asrsim.run(tiny.scenario, overrides=[*changes, "log_rate=10"])
+    assert whole.summary.samples == 1001
+    assert thin.summary.samples == kept.summary.samples == len(kept.time) == len(thin.time) == 11
+    assert kept["elbow"].external_torque.max() == 0.0
+    for result in (thin, kept):
+        assert [claim.measured for claim in result.summary.claims] == [claim.measured for claim in whole.summary.claims]
+        assert result.ok
+        assert result.summary.joint("elbow").measures == whole.summary.joint("elbow").measures
+    assert json.loads((tmp_path / "thin/summary.json").read_text())["samples"] == 11
+
+
+def test_claims_about_objects_and_tips_see_every_step(tmp_path: Path) -> None:
+    scenario = Path(__file__).parents[1] / "examples/scenarios/box_push_5dof.yaml"
+    path = "task.poses=[{time: 0.3, position: [0.30, -0.05, 0.1565]}]"
+    drop = "world.objects.box.position=[0.30, 0.1625, 0.14]"
+    claims = "expect=[{body: box, quantity: contact_force/ground, measure: maximum, comparison: '>', value: 0}, "
+    claims += "{body: tip, quantity: error, measure: maximum, comparison: '>', value: 0}]"
+    changes = ["duration=0.4", path, drop, claims]
+    whole = asrsim.run(scenario, variant="soft", overrides=changes)
+    thin = asrsim.run(scenario, variant="soft", overrides=[*changes, "log_rate=20"], out=tmp_path / "thin")
+    assert [claim.measured for claim in thin.summary.claims] == [claim.measured for claim in whole.summary.claims]
+    assert thin.summary.tip == whole.summary.tip
+    for name, poses in whole.bodies.items():
+        assert np.array_equal(thin.bodies[name], poses[::50]), name
+    for name, forces in whole.contacts.items():
+        assert np.array_equal(thin.contacts[name], forces[::50]), name

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from validation.check import Check, Section, available
+from validation.check import Check, Section, available, installed_engines, on
 from validation.document import document, number
 from validation.sections import SECTIONS
 
@@ -15,15 +15,17 @@ from validation.sections import SECTIONS
 def _measures() -> Iterator[Any]:
     for section in SECTIONS:
         for measure in section.measures:
-            marks = [pytest.mark.slow] if measure.__name__ in section.slow else []
-            yield pytest.param(section, measure, id=measure.__name__, marks=marks)
+            for engine in installed_engines() if section.engines else installed_engines()[:1]:
+                marks = [pytest.mark.slow] if measure.__name__ in section.slow else []
+                yield pytest.param(section, measure, engine, id=f"{measure.__name__}-{engine}", marks=marks)
 
 
-@pytest.mark.parametrize(("section", "measure"), list(_measures()))
-def test_every_figure_keeps_its_bound(section: Section, measure: Callable[[], Iterator[Check]]) -> None:
+@pytest.mark.parametrize(("section", "measure", "engine"), list(_measures()))
+def test_every_figure_keeps_its_bound(section: Section, measure: Callable[[], Iterator[Check]], engine: str) -> None:
     if not available(section):
         pytest.skip(f"needs {section.needs}")
-    checks = list(measure())
+    with on(engine):
+        checks = list(measure())
     assert checks
     assert not [str(check) for check in checks if not check.passed]
 
@@ -41,8 +43,12 @@ def test_the_document_is_made_of_the_checks_own_numbers() -> None:
     section = Section(title="Title", text="Text.", measures=())
     good = Check(name="good", figure=1.234e-7, bound=1e-6, unit="rad", source="theory")
     bad = Check(name="bad", figure=1.5, bound=1.8, at_least=True, source="2")
-    page = document([(section, [good, bad])])
+    page = document([(section, {"": [good, bad]})])
     assert "## Title\n\nText.\n" in page
     assert "| good | 1.2e-07 rad | ≤ 1.0e-06 | theory |" in page
     assert "| bad | 1.5 **missed** | ≥ 1.8 | 2 |" in page
     assert number(0.0) == "0"
+    both = document([(section, {"bullet": [good], "mujoco": [good, bad]})])
+    assert "| check | bullet, bound | mujoco, bound | source |\n|---|---|---|---|\n" in both
+    assert "| good | 1.2e-07 rad (≤ 1.0e-06) | 1.2e-07 rad (≤ 1.0e-06) | theory |" in both
+    assert "| bad | - | 1.5 **missed** (≥ 1.8) | 2 |" in both

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from asrsim.cli.findings import FileReport
 
 DEFAULT_STEP = 1e-3
-SCENARIO_SUFFIXES = (".yaml", ".yml")
+SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
+"""Of files that are scenarios, or robots; of others their first sign tells."""
 
 
 def check(
@@ -25,6 +26,9 @@ def check(
     plugin: Plugins = None,
     argument: Arguments = None,
     package: Packages = None,
+    second_reader: Annotated[
+        bool, typer.Option("--second-reader", help="Read robots with yourdfpy too, and compare: links, masses, poses.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print problems only, no tables.")] = False,
 ) -> None:
@@ -51,15 +55,25 @@ def check(
     arguments, packages = pairs(argument, "--arg"), folders(package, "--package")
     reports = []
     for path in files:
-        if path.suffix.lower() in SCENARIO_SUFFIXES:
+        if _is_scenario(path):
             reports.append(findings.scenario_report(path, step=step))
         else:
             reports.append(
                 findings.robot_report(path, step=step or DEFAULT_STEP, xacro_arguments=arguments, package_paths=packages)
             )
+    if second_reader:
+        reports = [findings.read_again(report) for report in reports]
     _print(reports, json=json, quiet=quiet)
     if any(report.errors for report in reports):
         raise typer.Exit(1)
+
+
+def _is_scenario(path: Path) -> bool:
+    known = SUFFIXES.get(path.suffix.lower())
+    if known is None and path.is_file():
+        with path.open("rb") as stream:
+            return not stream.read(4096).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    return bool(known)
 
 
 def _check_actuator(name: str, as_json: bool) -> None:

@@ -1,4 +1,4 @@
-"""What the shell completes: variants and joints of the file that the line names already, actuators."""
+"""What the shell completes: variants and joints of the file that the line names already, actuators, engines."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ def actuators(incomplete: str) -> list[str]:
     from asrsim.actuators import ACTUATORS
 
     return [name for name in ACTUATORS if name.startswith(incomplete)]
+
+
+def engines(incomplete: str) -> list[str]:
+    """Names of engines."""
+    from asrsim.engines import ENGINES
+
+    return [name for name in ENGINES if name.startswith(incomplete)]
 
 
 def variants(ctx: typer.Context, incomplete: str) -> list[str]:

@@ -56,6 +56,13 @@ class FileReport:
         return data
 
 
+def read_again(report: FileReport) -> FileReport:
+    """With what another reader makes of the robot otherwise, as errors."""
+    from asrsim.robot.second_reader import second_reading
+
+    return report if report.robot is None else replace(report, errors=(*report.errors, *second_reading(report.robot)))
+
+
 def robot_report(
     path: Path,
     *,

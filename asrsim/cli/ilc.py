@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.ilc_table import TrialTable, reach_of, report
+from asrsim.cli.options import Overrides, Plugins, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
-    from asrsim.learning.iterate import Trial
-    from asrsim.learning.plant import Prepared
     from asrsim.learning.session import Session
-    from asrsim.learning.transfer import TransferReport
+    from asrsim.recordings.align import LagChoice
     from asrsim.scenario.data import Scenario
 
 
@@ -33,6 +32,25 @@ def ilc(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")
     ] = None,
+    trajectory: Annotated[
+        str | None, typer.Option(help="Learn this one of `ilc.trajectories`.", show_default="all, one after the other")
+    ] = None,
+    guess_only: Annotated[
+        bool, typer.Option("--guess-only", help="Write the input of inverse dynamics (guess.csv, guess.yaml); learn nothing.")
+    ] = False,
+    recording: Annotated[
+        Path | None,
+        typer.Option(
+            "--next", metavar="RECORDING", help="Learn on the robot: from this trial on it to its next input (next.csv)."
+        ),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
+    ] = None,
+    align: Annotated[
+        str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
+    ] = "off",
     resume: Annotated[bool, typer.Option("--resume", help="Go on after an interruption, exactly where it was.")] = False,
     transfer: Annotated[
         bool, typer.Option("--transfer", help="Play what was learned to plants that differ, as `ilc.transfer` says.")
@@ -57,27 +75,107 @@ def ilc(
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
-    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.gain=model --transfer
+    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.law=auto --transfer
+
+    Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --next trial_7.mcap
     """
-    from asrsim.cli.console import complain, json_errors
+    from asrsim.cli.console import complain, json_errors, say, say_json
     from asrsim.cli.interrupt import INTERRUPTED
 
     folder: Path | None = None
+    converged = True
     try:
         with json_errors(json):
             chosen = _choose(scenario, variant, overrides or [], plugin or [])
-            folder = out or Path("out") / chosen.name / "ilc"
-            session = _learn(
-                chosen, folder, resume=resume, with_transfer=transfer, draws=draws, keep_logs=keep_logs,
-                processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
-            )  # fmt: skip
+            found = []
+            for name, one in _trajectories(chosen, trajectory).items():
+                folder = (out or Path("out") / chosen.name / "ilc") / name
+                if name and not json:
+                    say(f"trajectory {name}", "bold")
+                if guess_only:
+                    found.append(_guess(one, folder, overwrite=overwrite, silent=json))
+                    continue
+                if recording is not None:
+                    step = _next(one, folder, recording, mapping_of(mapping), lag_of(align), silent=json)
+                    found.append(step)
+                    converged = converged and bool(step["converged"] or not step["outcome"])
+                    continue
+                session = _learn(
+                    one, folder, resume=resume, with_transfer=transfer, draws=draws, keep_logs=keep_logs,
+                    processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
+                )  # fmt: skip
+                converged = converged and session.result.converged
+                found.append(report(session, folder, silent=json))
     except KeyboardInterrupt:
         where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
         complain(f"\nasrsim: interrupted{where}")
         raise typer.Exit(INTERRUPTED) from None
-    _report(session, folder, json=json)
-    if not session.result.converged:
+    if json:
+        say_json(found[0] if len(found) == 1 else {"ok": converged, "trajectories": found})
+    if not converged:
         raise typer.Exit(1)
+
+
+def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
+    """Those to be learned, by name."""
+    from asrsim.errors import Problem, ScenarioError, did_you_mean
+    from asrsim.learning.plant import trajectories
+
+    known = trajectories(scenario)
+    if name is None:
+        return known
+    if name not in known:
+        names = tuple(filter(None, known))
+        hint = did_you_mean(name, names)
+        raise ScenarioError(
+            Problem(message=f"has no trajectory '{name}'", file=scenario.path, key="ilc.trajectories", choices=names, hint=hint)
+        )
+    return {name: known[name]}
+
+
+def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -> dict[str, Any]:
+    from asrsim.cli.console import say
+    from asrsim.learning.folder import GUESS, GUESS_PLAYBACK
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.report import demand_data
+    from asrsim.learning.session import write_guess
+
+    prepared = write_guess(make_plant(scenario), folder, overwrite=overwrite)
+    if not silent:
+        for line in (*prepared.notes, *reach_of(prepared)):
+            say(line, "yellow" if line.startswith("out of reach") else "")
+        say(f"inverse dynamics in {folder / GUESS}; play it with: asrsim run {folder / GUESS_PLAYBACK}")
+    demands = [demand_data(demand) for demand in prepared.demands]
+    return {"ok": True, "folder": str(folder), "demands": demands}
+
+
+def _next(
+    scenario: Scenario, folder: Path, recording: Path, mapping: tuple[str, ...] | Path | None, lag: LagChoice, *, silent: bool
+) -> dict[str, Any]:
+    from asrsim.cli.console import say
+    from asrsim.learning.hardware import NEXT, next_input
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.report import trial_data
+
+    step = next_input(make_plant(scenario), folder, recording, mapping=mapping, lag=lag)
+    last = step.trials[-1]
+    if not silent:
+        table = TrialTable()
+        table.headings(step.prepared)
+        for trial in step.trials:
+            table.row(trial)
+        if step.identified is not None:
+            left = f"{step.identified.residual:.2g} rad, {step.identified.before:.2g} before"
+            say(f"stalled: masses, stiffnesses and a delay were identified from the best trial, which they explain to {left}")
+        if step.outcome:
+            say(step.outcome, "green" if step.converged else "red")
+            say(f"the best input is in {folder / NEXT}")
+        else:
+            say(f"play {folder / NEXT} on the robot, record it, and give the recording to --next again")
+    return {
+        "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.lag,
+        "trial": trial_data(last, step.prepared.plant.joints),
+    }  # fmt: skip
 
 
 def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list[Path]) -> Scenario:
@@ -105,12 +203,13 @@ def _learn(
     if with_transfer and not scenario.learning.get("transfer"):
         message = "--transfer needs the block `ilc.transfer`: what differs, and by how much"
         raise ScenarioError(Problem(message=message, file=scenario.path, key="ilc.transfer", code="no-transfer"))
-    table = _Table()
+    table = TrialTable()
     return run_session(
         make_plant(scenario),
         folder,
         on_start=None if silent else table.start,
         on_trial=None if silent else table.row,
+        on_foresight=None if silent else table.foresight,
         resume=resume,
         overwrite=overwrite,
         keep_logs=keep_logs.value if keep_logs else None,
@@ -120,67 +219,3 @@ def _learn(
         plugins=plugins,
         picture=plot,
     )
-
-
-class _Table:
-    """The live table: a line a trial, as it ends."""
-
-    def __init__(self) -> None:
-        self._widths: list[int] = []
-
-    def start(self, prepared: Prepared) -> None:
-        """What the model says beforehand, and the headings."""
-        from asrsim.cli.console import say
-
-        gains = ", ".join(f"{gain:.3g}" for gain in prepared.settings.gains)
-        advice = ", ".join(f"{gain:.3g}" for gain in prepared.gain_advice())
-        say(f"gains {gains}; from the model {advice}; errors shrink below {prepared.learnable():.2g} Hz")
-        say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
-        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
-        self._widths = [max(len(heading), 7) for heading in headings]
-        self._say(headings, "bold")
-
-    def row(self, trial: Trial) -> None:
-        """A trial."""
-        ratio, predicted = ("" if value is None else f"{value:.3f}" for value in (trial.ratio, trial.predicted))
-        largest = [f"{value:.4f}" for value in trial.largest]
-        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, predicted, f"{trial.seconds:.2f}"))
-
-    def _say(self, cells: tuple[str, ...], style: str = "") -> None:
-        import sys
-
-        from asrsim.cli.console import say
-
-        say("  ".join(cell.rjust(width) for cell, width in zip(cells, self._widths, strict=True)), style)
-        sys.stdout.flush()
-
-
-def _report(session: Session, folder: Path, *, json: bool) -> None:
-    from asrsim.cli.console import say, say_json
-    from asrsim.learning.session import session_data
-
-    if json:
-        say_json({"ok": session.result.converged, "folder": str(folder), **session_data(session)})
-        return
-    say(session.result.reason, "green" if session.result.converged else "red")
-    if session.transfer is not None:
-        _say_transfer(session.transfer, "transfer")
-    if session.nominal_transfer is not None:
-        _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
-    if session.replaced is not None:
-        say(str(session.replaced))
-    say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
-
-
-def _say_transfer(report: TransferReport, title: str) -> None:
-    from asrsim.cli.console import say
-
-    low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
-    say(
-        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad; "
-        f"largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
-    )
-    if report.influences:
-        ranked = sorted(report.influences[:3], key=lambda item: -abs(item.rank_correlation))
-        strongest = ", ".join(f"{item.factor} ({item.rank_correlation:+.2f})" for item in ranked)
-        say(f"  what matters most (rank correlation with the error): {strongest}")

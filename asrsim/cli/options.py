@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from asrsim.recordings.align import LagChoice
 
 Plugins = Annotated[
     list[Path] | None,
@@ -57,3 +60,22 @@ def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
 def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
     """NAME=FOLDER texts of `option`, likewise."""
     return {name: Path(folder) for name, folder in pairs(texts, option).items()}
+
+
+def mapping_of(texts: Sequence[str] | None) -> tuple[str, ...] | Path | None:
+    """What `--map` says: columns, or one YAML file of them."""
+    if texts and len(texts) == 1 and Path(texts[0]).suffix.lower() in (".yaml", ".yml") and Path(texts[0]).is_file():
+        return Path(texts[0])
+    return tuple(texts) if texts else None
+
+
+def lag_of(text: str) -> LagChoice:
+    """What `--align` says. Raises typer's BadParameter."""
+    if text in ("auto", "off", "start"):
+        return text  # type: ignore[return-value]
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(
+            f"'{text}' is none of auto, off, start and no number of seconds", param_hint="--align"
+        ) from None

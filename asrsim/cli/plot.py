@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import End, Plugins, Start, check_window, load_plugins
+from asrsim.cli.options import End, Plugins, Start, check_window, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
     from asrsim.recordings import Recording
-    from asrsim.recordings.align import LagChoice
 
 
 def plot(
@@ -95,11 +94,11 @@ def plot(
             logs=tuple(logs),
             folder=out or _folder(logs, alone=not experiment and not bode),
             experiments=tuple(experiment or ()),
-            mapping=_mapping(mapping),
+            mapping=mapping_of(mapping),
             rate=rate,
             joints=tuple(joint) if joint else None,
             quantities=tuple(quantity) if quantity else None,
-            lag=_lag(align),
+            lag=lag_of(align),
             lag_limit=max_lag,
             layout=layout,
             formats=tuple(formats or ("png",)),
@@ -128,23 +127,6 @@ def _folder(logs: list[Path], *, alone: bool) -> Path:
     if beside.is_relative_to(Path.cwd()) and not any(path.is_absolute() for path in logs):
         beside = beside.relative_to(Path.cwd())
     return beside / ("variants" if alone else "compared")
-
-
-def _mapping(texts: list[str] | None) -> tuple[str, ...] | Path | None:
-    if texts and len(texts) == 1 and Path(texts[0]).suffix.lower() in (".yaml", ".yml") and Path(texts[0]).is_file():
-        return Path(texts[0])
-    return tuple(texts) if texts else None
-
-
-def _lag(text: str) -> LagChoice:
-    if text in ("auto", "off", "start"):
-        return text  # type: ignore[return-value]
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(
-            f"'{text}' is none of auto, off, start and no number of seconds", param_hint="--align"
-        ) from None
 
 
 def _print(result: PlotResult, *, quiet: bool) -> None:

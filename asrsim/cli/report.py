@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from asrsim.cli.console import complain, say, say_problems, say_table, styled
 from asrsim.summary.data import RunSummary
 from asrsim.summary.table import headline, joint_columns, limit_note
+
+DIFFERENCES = (
+    ("position\nmax", "position_max"),
+    ("position\nRMS", "position_rms"),
+    ("torque\nmax", "torque_max"),
+    ("torque\nRMS", "torque_rms"),
+)
+"""Columns of tables of errors and differences, and their keys."""
 
 
 def print_run(
@@ -37,6 +47,7 @@ def print_run(
         elif not quiet:
             say(f"{styled('pass', 'green')} {claim.text}")
     _print_certificate(summary, quiet=quiet)
+    _print_cross_check(summary, quiet=quiet)
     if quiet:
         return
     _print_warnings(summary, verbose=verbose, told=set() if told is None else told)
@@ -46,24 +57,42 @@ def print_run(
     say()
 
 
+def _differences_table(joints: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> None:
+    rows = [("joint", list(joints), False)]
+    for heading, key in columns:
+        cells = [entry[key] for entry in joints.values()]
+        rows.append((heading, ["-" if cell is None else f"{cell:.2g}" for cell in cells], True))
+    say_table(rows)
+
+
+def _units(summary: RunSummary) -> str:
+    return " or ".join(dict.fromkeys("m, N" if joint.prismatic else "rad, N m" for joint in summary.joints))
+
+
+def _print_cross_check(summary: RunSummary, *, quiet: bool) -> None:
+    check = summary.cross_check
+    if not check:
+        return
+    if not quiet:
+        say(f"  cross-check: {check['engine']} against {check['other']}, differences (maximum, RMS; {_units(summary)})", "dim")
+        _differences_table(check["joints"], DIFFERENCES)
+        if check["note"]:
+            say(f"  {check['note']}", "dim")
+    if check["finding"]:
+        complain(f"FAIL {summary.scenario} / {summary.variant}: {check['finding']}", "red")
+    elif not quiet and not check["note"]:
+        say(f"{styled('pass', 'green')} the engines agree: nothing differs by more than rounding")
+
+
 def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
     if not summary.certificate:
         return
     joints = summary.certificate["joints"]
     if not quiet:
-        kinds = dict.fromkeys("m, N" if joint.prismatic else "rad, N m" for joint in summary.joints)
-        say(f"  numerical error, estimated from runs at finer steps (maximum, RMS; {' or '.join(kinds)})", "dim")
-        columns = [("joint", list(joints), False)]
-        for heading, key in (
-            ("position\nmax", "position_max"),
-            ("position\nRMS", "position_rms"),
-            ("torque\nmax", "torque_max"),
-            ("torque\nRMS", "torque_rms"),
-            ("order", "order"),
-        ):
-            cells = [entry[key] for entry in joints.values()]
-            columns.append((heading, ["-" if cell is None else f"{cell:.2g}" for cell in cells], True))
-        say_table(columns)
+        say(f"  numerical error, estimated from runs at finer steps (maximum, RMS; {_units(summary)})", "dim")
+        _differences_table(joints, [*DIFFERENCES, ("order", "order")])
+        trust = "the estimate is of the step's error alone: it trusts the model"
+        say(f"  {trust}{', which the cross-check holds against another engine' if summary.cross_check else ''}", "dim")
     for warning in summary.certificate["warnings"]:
         complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
 

@@ -15,7 +15,7 @@ SHOWN = 10
 
 
 def rerun(
-    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP).", show_default=False)],
+    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the repeated run's log.", show_default="not written")
     ] = None,
@@ -43,21 +43,30 @@ def rerun(
     with json_errors(json):
         from asrsim.cli.progress import RunProgress
         from asrsim.log import open_log
+        from asrsim.runs.folder import find_logs
         from asrsim.runs.repeat import repeat
 
-        duration = open_log(log).duration
-        with Interruption() as interruption, RunProgress(log.name, duration, show=not quiet and not json) as progress:
-            repetition = repeat(
-                log, out=out, plugins=plugin or [], trust_plugins=trust_plugins, overwrite=overwrite,
-                progress=progress.update, stop=interruption.stop,
-            )  # fmt: skip
+        logs, repetitions = find_logs(log), []
+        with Interruption() as interruption:
+            for one in logs:
+                place = out if out is None or len(logs) == 1 else out / one.parent.name
+                with RunProgress(one.name, open_log(one).duration, show=not quiet and not json) as progress:
+                    repetitions.append(
+                        repeat(
+                            one, out=place, plugins=plugin or [], trust_plugins=trust_plugins, overwrite=overwrite,
+                            progress=progress.update, stop=interruption.stop,
+                        )
+                    )  # fmt: skip
+                if not json:
+                    _print(repetitions[-1], quiet=quiet)
+                if interruption.requested:
+                    break
     if json:
-        say_json(repetition.as_dict())
-    else:
-        _print(repetition, quiet=quiet)
+        documents = [repetition.as_dict() for repetition in repetitions]
+        say_json(documents[0] if len(logs) == 1 else {"runs": documents})
     if interruption.requested:
         raise typer.Exit(INTERRUPTED)
-    if not repetition.identical:
+    if not all(repetition.identical for repetition in repetitions):
         raise typer.Exit(1)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.completion import variants
+from asrsim.cli.completion import engines, variants
 from asrsim.cli.options import Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
@@ -36,6 +36,13 @@ def run(
     certify: Annotated[
         bool, typer.Option("--certify", help="Run again with half and a quarter of the step and report the numerical error.")
     ] = False,
+    cross_check: Annotated[
+        bool, typer.Option("--cross-check", help="Run again in another engine and report what differs, joint by joint.")
+    ] = False,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="Physics engine: as --set engine=NAME.", show_default="the scenario's", autocompletion=engines),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every warning on its own line.")] = False,
@@ -44,8 +51,8 @@ def run(
     """Simulate a scenario: a log, a summary and plots of every variant; checks what the scenario expects.
 
     Results of an earlier run of the same scenario are replaced, and the command says so; those of another one are kept
-    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, or did
-    not meet what the scenario expects, 130 after Ctrl-C.
+    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, did not
+    meet what the scenario expects, or is contradicted by a cross-check, 130 after Ctrl-C.
 
     Example: asrsim run examples/scenarios/step_2dof.yaml
 
@@ -55,8 +62,9 @@ def run(
 
     with json_errors(json):
         code = _run(
-            scenario, variant, overrides or [], out, plugin or [], plot=plot, report=report, certify=certify,
-            overwrite=overwrite, quiet=quiet or json, verbose=verbose, json=json,
+            scenario, variant, [*(overrides or []), *([f"engine={engine}"] if engine else [])], out, plugin or [],
+            plot=plot, report=report, certify=certify, cross_check=cross_check, overwrite=overwrite, quiet=quiet or json,
+            verbose=verbose, json=json,
         )  # fmt: skip
     if code:
         raise typer.Exit(code)
@@ -64,7 +72,7 @@ def run(
 
 def _run(
     path: Path, variant: str | None, overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
-    report: bool, certify: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
+    report: bool, certify: bool, cross_check: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
 ) -> int:  # fmt: skip
     import sys
 
@@ -93,8 +101,9 @@ def _run(
                 with owned(folder):
                     with RunProgress(title, one.duration, show=not quiet) as progress:
                         executed = execute(
-                            one, folder, overwrite=overwrite, certify=certify, started=progress.start,
-                            progress=progress.update, stop=interruption.stop, certifying=progress.update_part,
+                            one, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
+                            started=progress.start, progress=progress.update, stop=interruption.stop,
+                            certifying=progress.update_part,
                         )  # fmt: skip
                     # Told and written at once, so that nothing is lost if drawing fails.
                     done.append(executed)

@@ -58,6 +58,8 @@ class EngineKernel:
     """Makes the symbols that compiled code calls known to the process."""
     version: str
     """Of what is called: part of a kept kernel's name."""
+    inline: tuple[str, ...] = ()
+    """Modules whose functions become part of their callers."""
 
 
 class Engine(Protocol):
@@ -145,4 +147,4 @@ class EngineEntry:
         return not self.module or find_spec(self.module) is not None
 
 
-ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines")
+ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)

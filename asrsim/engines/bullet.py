@@ -72,7 +72,8 @@ class BulletEngine:
             self.close()
             raise
         p, client, body = self._p, self._client, self._body
-        self.states = partial(p.getJointStates, body, self._indices, client)
+        self._look = partial(p.getJointStates, body, self._indices, client)
+        self._seen: Any = None
         self._apply = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
         self._simulate = partial(p.stepSimulation, client)
         self._start = (list(p.getBasePositionAndOrientation(body, client)), self._world.states())
@@ -86,7 +87,6 @@ class BulletEngine:
         p, client, body = self._p, self._client, self._body
         p.setGravity(*self._scenario.gravity, physicsClientId=client)
         self.base = p.getBodyInfo(body, client)[0].decode()
-        """Name of the root link."""
         self._link_index = {self.base: -1}
         index_of = {}
         for index in range(p.getNumJoints(body, client)):
@@ -138,6 +138,7 @@ class BulletEngine:
 
     def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Joints there, moving so; everything else as at the start."""
+        self._seen = None
         p, client, body = self._p, self._client, self._body
         base, objects = self._start
         p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
@@ -155,6 +156,11 @@ class BulletEngine:
             self._hold.accelerate()
 
     # -- stepping ---------------------------------------------------------------------------------------------------
+
+    def states(self) -> Any:
+        """Bullet's states of the joints, kept for the step that follows."""
+        self._seen = self._look()
+        return self._seen
 
     def read(self) -> tuple[list[float], list[float]]:
         """Positions and velocities of the joints."""
@@ -179,9 +185,10 @@ class BulletEngine:
         if self._hold is not None:
             forces = self._hold.forces(self, *self.read(), forces)
         if self._coriolis is not None:
-            forces = self._coriolis.corrected(self.states(), forces)
+            forces = self._coriolis.corrected(self._seen or self.states(), forces)
         self._apply(forces=forces)
         self._simulate()
+        self._seen = None
 
     def _first(self, forces: Sequence[float], fraction: float) -> None:
         """A step whose kick is only a part of one: everything that pushes acts with that part of its impulse."""
@@ -195,6 +202,7 @@ class BulletEngine:
         self._set_friction(fraction)
         self._apply(forces=forces)
         self._simulate()
+        self._seen = None
         p.setGravity(*self._scenario.gravity, physicsClientId=self._client)
         self._set_friction(1.0)
         if self._coriolis is not None:
@@ -230,11 +238,13 @@ class BulletEngine:
     def snapshot(self) -> Any:
         """The engine's whole state."""
         state = self._p.saveState(physicsClientId=self._client)
-        return _Saved(self._p, self._client, state, self._alive), [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        parts = [part and part.snapshot() for part in (self._coriolis, self._hold)]
+        return _Saved(self._p, self._client, state, self._alive), parts
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
         saved, states = state
+        self._seen = None
         self._p.restoreState(saved.number, physicsClientId=self._client)
         for part, kept in zip((self._coriolis, self._hold), states, strict=True):
             if part is not None:
@@ -243,13 +253,12 @@ class BulletEngine:
     # -- what is around ---------------------------------------------------------------------------------------------
 
     def base_state(self) -> tuple[Array, Array, Array]:
-        """Of a floating base: origin (3,) m and rotation (3, 3) of its frame; linear velocity of the origin, angular velocity,
-        (6,)."""
-        place, rotation = self.model.frame_now(self.base)
+        """Of a floating base: centre of mass (3,) m, rotation (3, 3) of its frame; velocity of the centre and angular velocity
+        in the base's axes, (6,)."""
+        _, rotation = self.model.frame_now(self.base)
         linear, angular = self._p.getBaseVelocity(self._body, self._client)
         centre = self._p.getBasePositionAndOrientation(self._body, self._client)[0]
-        velocity = np.concatenate([np.array(linear) + np.cross(angular, place - np.array(centre)), angular])
-        return place, rotation, velocity
+        return np.array(centre), rotation, np.concatenate([linear, rotation.T @ np.array(angular)])
 
     def mechanical_energy(self) -> float | None:
         """Kinetic and gravitational energy of the robot's links in J; None with contacts or a free base."""

@@ -80,7 +80,8 @@ class FixedBase:
 class FloatingBase:
     """With a base that is free: differences of MuJoCo's bias, since Bullet's inverse dynamics does without such a base.
 
-    Bullet keeps the velocity of the base's centre of mass, MuJoCo that of its frame; M d(J)/dt v is the difference.
+    Both engines keep the velocity of the base's centre of mass. Its angular velocity is taken in the base's axes, as MuJoCo has
+    it: extrapolated so, both engines take the same steps.
     """
 
     def __init__(self, p: Any, client: int, body: int, scenario: Scenario, robot: Robot, step: float) -> None:
@@ -96,7 +97,6 @@ class FloatingBase:
         engine = MujocoEngine(replace(scenario, world=World(), wrenches=()), robot)
         self._m, self._model = engine.raw_model, engine.model
         self._d = mujoco.MjData(self._m)
-        self._centre = np.array(self._m.body_ipos[1])
         self.reset()
 
     def reset(self) -> None:
@@ -104,37 +104,31 @@ class FloatingBase:
         self._previous: Array | None = None
 
     def _state(self, positions: list[float], joint_velocities: list[float]) -> Array:
-        """Velocities (v,) of base (centre of mass and angular, world frame) and joints; the data is put into the pose."""
+        """Velocities (v,) of base (centre of mass; angular, in its axes) and joints; the data is put into the pose."""
         p, d = self._p, self._d
         centre, turn = p.getBasePositionAndOrientation(self._body, self._client)
         inertial = p.getDynamicsInfo(self._body, -1, self._client)[4]
-        rotation = _matrix(p, turn) @ _matrix(p, inertial).T
+        self._rotation = _matrix(p, turn) @ _matrix(p, inertial).T
         d.qpos[self._model.at_q] = positions
-        d.qpos[:3] = np.array(centre) - rotation @ self._centre
-        self._mujoco.mju_mat2Quat(d.qpos[3:7], rotation.ravel())
-        self._rotation, self._arm = rotation, -rotation @ self._centre
-        for routine in (self._mujoco.mj_kinematics, self._mujoco.mj_comPos, self._mujoco.mj_makeM):
+        d.qpos[:3] = centre
+        self._mujoco.mju_mat2Quat(d.qpos[3:7], self._rotation.ravel())
+        for routine in (self._mujoco.mj_kinematics, self._mujoco.mj_comPos):
             routine(self._m, d)
-        linear, angular = p.getBaseVelocity(self._body, self._client)
+        return self._velocity(joint_velocities)
+
+    def _velocity(self, joint_velocities: list[float]) -> Array:
+        linear, angular = self._p.getBaseVelocity(self._body, self._client)
         velocity = np.zeros(self._m.nv)
-        velocity[:3], velocity[3:6] = linear, angular
+        velocity[:3], velocity[3:6] = linear, self._rotation.T @ np.array(angular)
         velocity[self._model.at_v] = joint_velocities
         return velocity
 
     def _bias(self, velocity: Array) -> Array:
-        """(v,) generalised forces, of the base at its frame in world axes, that velocities ask for."""
-        d, m = self._d, self._m
-        omega = velocity[3:6]
-        d.qvel[:] = velocity
-        d.qvel[:3] += np.cross(omega, self._arm)
-        d.qvel[3:6] = self._rotation.T @ omega
-        self._mujoco.mj_comVel(m, d)
-        bias, turned = np.zeros(m.nv), np.zeros(m.nv)
-        self._mujoco.mj_rne(m, d, 0, bias)
-        swing = np.zeros(m.nv)
-        swing[:3] = np.cross(omega, np.cross(omega, self._arm))
-        self._mujoco.mj_mulM(m, d, turned, swing)
-        bias += turned
+        """(v,) generalised forces, of the base in world axes, that velocities ask for."""
+        self._d.qvel[:] = velocity
+        self._mujoco.mj_comVel(self._m, self._d)
+        bias = np.zeros(self._m.nv)
+        self._mujoco.mj_rne(self._m, self._d, 0, bias)
         bias[3:6] = self._rotation @ bias[3:6]
         return bias
 
@@ -161,11 +155,7 @@ class FloatingBase:
 
     def after_first(self, velocities: list[float]) -> None:
         """The velocity half a step before the start is as if the first kick had been a whole one."""
-        linear, angular = self._p.getBaseVelocity(self._body, self._client)
-        now = self._start.copy()
-        now[:3], now[3:6] = linear, angular
-        now[self._model.at_v] = velocities
-        self._previous = 2.0 * self._start - now
+        self._previous = 2.0 * self._start - self._velocity(velocities)
 
     def snapshot(self) -> Any:
         """State."""

@@ -59,7 +59,7 @@ class ExactFriction:
             place, rotation, velocity = engine.base_state()
             world.qpos[:3] = place
             self._engine.set_orientation(rotation)
-            world.qvel[:3], world.qvel[3:6] = velocity[:3], rotation.T @ velocity[3:]
+            world.qvel[:6] = velocity
         if self._fresh:
             world.previous[:] = world.qvel
             self._fresh = False
@@ -79,8 +79,7 @@ class ExactFriction:
         now = world.qvel.copy()
         now[world.joint_v] = velocities
         if world.free:
-            _, rotation, velocity = engine.base_state()
-            now[:3], now[3:6] = velocity[:3], rotation.T @ velocity[3:]
+            now[:6] = engine.base_state()[2]
         world.previous[:] = 2.0 * self._start - now
 
     def wrench(self, index: int, values: Sequence[float]) -> None:

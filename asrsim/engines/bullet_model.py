@@ -57,7 +57,8 @@ class BulletModel:
     def inertial_frame(self, index: int) -> tuple[Any, Array, Any]:
         """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
 
-        With matrices: Bullet's own transforms of vectors and quaternions work in single precision.
+        With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of
+        frames that it tells beside those of the inertias.
         """
         p, client, body = self._p, self._client, self._body
         dynamics = p.getDynamicsInfo(body, index, client)
@@ -65,7 +66,7 @@ class BulletModel:
             position, inertial = p.getBasePositionAndOrientation(body, client)
             return position, self._matrix(inertial) @ self._matrix(dynamics[4]).T, dynamics[3]
         state = p.getLinkState(body, index, 0, 1, client)
-        return state[0], self._matrix(state[5]), state[2]
+        return state[0], self._matrix(state[1]) @ self._matrix(dynamics[4]).T, dynamics[3]
 
     def base_pose(self) -> tuple[float, ...]:
         """World pose of the root link's URDF frame: x y z in m, quaternion x y z w."""
@@ -153,8 +154,7 @@ class BulletModel:
             centre, rotation, local = self.inertial_frame(index)
             place = np.asarray(centre) + rotation @ (at - np.asarray(local))
             return place, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
-        state = p.getLinkState(body, index, 0, 1, client)
-        rotation = self._matrix(state[5])
+        centre, rotation, local = self.inertial_frame(index)
         # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
         turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
@@ -164,7 +164,7 @@ class BulletModel:
         base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
         jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
         jacobian = jacobian[:, -len(self._indices) :][:, self._from_bullet]
-        return np.array(state[4]) + rotation @ at, rotation @ pose.rotation, jacobian
+        return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation @ pose.rotation, jacobian
 
     def _matrix(self, quaternion: Sequence[float]) -> Array:
         return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

@@ -86,25 +86,18 @@ class BulletWorld:
 
     def contacts(self) -> dict[str, tuple[float, float, float]]:
         """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot."""
-        p, client = self._p, self._client
-        names = {body: name for name, body in self.objects.items()}
+        names = {body: name for name, body in self.objects.items()} | {self._body: "robot"}
         if self._ground is not None:
             names[self._ground] = "ground"
-        forces: dict[str, tuple[float, float, float]] = {}
-        for body, name in names.items():
-            if name != "ground":
-                for other, other_name in [*names.items(), (self._body, "robot")]:
-                    if other != body:
-                        forces[f"{name}/{other_name}"] = self._force(p.getContactPoints(body, other, physicsClientId=client))
+        others = [*self.objects, *(["ground"] if self._ground is not None else []), "robot"]
+        total = {f"{name}/{other}": np.zeros(3) for name in self.objects for other in others if other != name}
         if self._ground is not None:
-            forces["robot/ground"] = self._force(p.getContactPoints(self._body, self._ground, physicsClientId=client))
-        return forces
-
-    @staticmethod
-    def _force(points: Any) -> tuple[float, float, float]:
-        total = np.zeros(3)
-        for point in points or ():
-            total += point[9] * np.array(point[7])
-            total += point[10] * np.array(point[11])
-            total += point[12] * np.array(point[13])
-        return float(total[0]), float(total[1]), float(total[2])
+            total["robot/ground"] = np.zeros(3)
+        # All points at once: asked for by pairs, Bullet turns normals to the order asked for, but not friction.
+        for point in self._p.getContactPoints(physicsClientId=self._client) or ():
+            first, second = names[point[1]], names[point[2]]
+            force = sum((point[i] * np.array(point[at]) for i, at in ((9, 7), (10, 11), (12, 13))), np.zeros(3))
+            for key, sign in ((f"{first}/{second}", 1.0), (f"{second}/{first}", -1.0)):
+                if key in total:
+                    total[key] += sign * force
+        return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}

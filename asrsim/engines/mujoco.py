@@ -13,9 +13,9 @@ import numpy as np
 
 from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
-from asrsim.engines.mujoco_build import build, link_body
+from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
-from asrsim.engines.mujoco_library import compile_stage, load, plain_stage, say_nothing, symbols
+from asrsim.engines.mujoco_library import INLINE, compile_stage, load, plain_stage, say_nothing, symbols
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.errors import Problem
 from asrsim.robot.engine_text import usable_shapes
@@ -53,6 +53,7 @@ class MujocoEngine:
         self._d = mujoco.MjData(self._m)
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self.base = "" if scenario.fixed_base else merged.robot.root.name
+        self._centre = base_centre(scenario, merged.robot)
         self._set_inertials(merged.robot.links)
         places = self._places(merged)
         self._home = self._m.qpos0.copy()
@@ -78,13 +79,21 @@ class MujocoEngine:
             self._mujoco.mju_mat2Quat(turn, rotation_matrix(rpy).ravel())
             m.body_mass[body] = link.mass or 0.0
             m.body_inertia[body] = moments
-            m.body_ipos[body] = link.centre_of_mass
+            m.body_ipos[body] = link.centre_of_mass - self._shift(link.name)
             m.body_iquat[body] = turn
         self._mujoco.mj_setConst(m, self._d)
 
+    def _shift(self, link: str) -> Array:
+        """(3,) m: origin of a link's body in the link's frame."""
+        return self._centre if link == self.base else np.zeros(3)
+
     def _places(self, merged: MergedRobot) -> dict[str, tuple[int, Array, Array]]:
         return {
-            name: (int(self._m.body(link_body(place.body)).id), place.pose.position, place.pose.rotation)
+            name: (
+                int(self._m.body(link_body(place.body)).id),
+                place.pose.position - self._shift(place.body),
+                place.pose.rotation,
+            )
             for name, place in merged.places.items()
         }
 
@@ -114,6 +123,7 @@ class MujocoEngine:
             xpos=d.xpos, xmat=d.xmat, wrench=np.zeros((len(wrenches), 6)),
             wrench_body=np.array([place[0] for place in self._wrenches], dtype=np.int64),
             wrench_point=np.array(points).reshape(len(wrenches), 3),
+            wrench_turn=np.array([turn for _, _, turn in self._wrenches]).reshape(len(wrenches), 3, 3),
             wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
             at_qpos=d.qpos.ctypes.data, at_qvel=d.qvel.ctypes.data, **arrays, **addresses,
         )  # fmt: skip
@@ -193,7 +203,13 @@ class MujocoEngine:
         if self._contacts is not None:
             return None
         return EngineKernel(
-            look=stages.look, move=stages.move, world=self._world, compiled=symbols(), load=load, version=self.version
+            look=stages.look,
+            move=stages.move,
+            world=self._world,
+            compiled=symbols(),
+            load=load,
+            version=self.version,
+            inline=INLINE,
         )
 
     def vary(self, robot: Robot) -> bool:
@@ -201,7 +217,10 @@ class MujocoEngine:
         if self._contacts is not None:
             return False
         if robot.links != self.robot.links:
-            self._set_inertials(merge_fixed(robot).robot.links)
+            merged = merge_fixed(robot).robot
+            if not np.array_equal(self._centre, base_centre(self._scenario, merged)):
+                return False
+            self._set_inertials(merged.links)
             self.model.forget()
         self._world.friction[:] = [joint.friction for joint in robot.moving_joints]
         self.robot = robot
@@ -233,7 +252,12 @@ class MujocoEngine:
     def bodies(self) -> Mapping[str, tuple[float, ...]]:
         """Poses of the world's objects, and of the base link if it floats."""
         qpos = self._world.qpos
-        poses = {self.base: (*qpos[:3].tolist(), *qpos[4:7].tolist(), float(qpos[3]))} if self.base else {}
+        poses: dict[str, tuple[float, ...]] = {}
+        if self.base:
+            turn = np.zeros(9)
+            self._mujoco.mju_quat2Mat(turn, qpos[3:7])
+            origin = qpos[:3] - turn.reshape(3, 3) @ self._centre
+            poses[self.base] = (*origin.tolist(), *qpos[4:7].tolist(), float(qpos[3]))
         return poses | (self._contacts.poses() if self._contacts is not None else {})
 
     def contacts(self) -> Mapping[str, tuple[float, float, float]]:

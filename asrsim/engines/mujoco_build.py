@@ -6,8 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from asrsim.errors import Problem, RobotError, SimulationError
 from asrsim.robot.model import Joint, Robot, Shape
+from asrsim.robot.poses import rotation_matrix
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World, WorldObject
 
 GROUND = "ground"
@@ -41,7 +45,11 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         if contacts:
             _furnish(mujoco, spec, scenario.world)
             _pair(spec, scenario)
-        return spec.compile()
+        model = spec.compile()
+        for item in scenario.world.objects:
+            if item.shape == "mesh" and item.mass and item.inertia is None:
+                _box_inertia(mujoco, model, item)
+        return model
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
         raise RobotError(
@@ -54,15 +62,23 @@ def link_body(name: str) -> str:
     return f"link/{name}"
 
 
+def base_centre(scenario: Scenario, robot: Robot) -> Array:
+    """(3,) m in the root link's frame: origin of its body, the centre of mass where the base floats.
+
+    So linear velocities of the base are those of its centre, as PyBullet has them: the engines then take the same steps.
+    """
+    return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
+
+
 def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
     carried: dict[str, list[Joint]] = {}
     for joint in robot.joints:
         carried.setdefault(joint.parent, []).append(joint)
     kinds = mujoco.mjtJoint
-    root = spec.worldbody.add_body(
-        name=link_body(robot.root.name), pos=list(scenario.base_position), quat=quaternion(scenario.base_rpy)
-    )
+    centre = base_centre(scenario, robot)
+    start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
+    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion(scenario.base_rpy))
     if not scenario.fixed_base:
         root.add_freejoint()
     waiting = [(root, robot.root.name)]
@@ -70,16 +86,18 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bo
         body, name = waiting.pop()
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], True
         body.simple = mujoco.mjtLimited.mjLIMITED_FALSE
+        shift = centre if body is root else np.zeros(3)
         for index, shape in enumerate(links[name].collisions if shapes else ()):
-            _collision(mujoco, spec, body, f"link/{name}/{index}", shape)
+            _collision(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
         for joint in carried.get(name, ()):
-            child = body.add_body(name=link_body(joint.child), pos=list(joint.origin), quat=quaternion(joint.rpy))
+            origin = (np.array(joint.origin) - shift).tolist()
+            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
             child.add_joint(name=joint.name, type=kind, axis=list(joint.axis), limited=mujoco.mjtLimited.mjLIMITED_FALSE)
             waiting.append((child, joint.child))
 
 
-def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> None:
+def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> None:
     kinds = mujoco.mjtGeom
     half = [0.5 * length for length in shape.size[1:]]
     extra: dict[str, str] = {}
@@ -94,8 +112,8 @@ def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape) -> No
         kind = kinds.mjGEOM_CYLINDER if shape.kind == "cylinder" else kinds.mjGEOM_CAPSULE
         size = [shape.size[0], *half, 0.0]
     body.add_geom(
-        name=name, type=kind, size=size, pos=list(shape.origin), quat=quaternion(shape.rpy), contype=ROBOT_BIT,
-        conaffinity=WORLD_BIT, **extra,
+        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion(shape.rpy),
+        contype=ROBOT_BIT, conaffinity=WORLD_BIT, **extra,
     )  # fmt: skip
 
 
@@ -120,8 +138,22 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
             name=f"object/{item.name}", type=kind, size=size, mass=item.mass, contype=WORLD_BIT,
             conaffinity=ROBOT_BIT | WORLD_BIT, **extra,
         )  # fmt: skip
-        if item.inertia is not None and item.mass:
-            body.mass, body.inertia, body.explicitinertial = item.mass, list(item.inertia), True
+        if item.mass and (item.inertia is not None or item.shape == "mesh"):
+            body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
+            body.inertia = list(item.inertia or (1.0, 1.0, 1.0))
+
+
+def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
+    """A mesh's inertia is that of its bounding box, its centre of mass its origin, as PyBullet has them."""
+    geom = model.geom(f"object/{item.name}")
+    mesh = int(geom.dataid[0])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    # MuJoCo moves a mesh's vertices into the axes of its inertia.
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+    vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
+    x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
+    model.body_inertia[int(geom.bodyid[0])] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
 
 
 def _shape(mujoco: Any, spec: Any, item: WorldObject) -> tuple[Any, list[float], dict[str, str]]:

@@ -74,13 +74,13 @@ class MujocoContacts:
 
     def _push(self, state: State, fraction: float) -> None:
         """Wrenches, which are means over the whole step."""
-        for values, body, point, local in zip(
-            state.wrench, state.wrench_body, state.wrench_point, state.wrench_local, strict=True
+        for values, body, point, turn, local in zip(
+            state.wrench, state.wrench_body, state.wrench_point, state.wrench_turn, state.wrench_local, strict=True
         ):
             rotation = self._d.xmat[body].reshape(3, 3)
             force, torque = values[:3] / fraction, values[3:] / fraction
             if local:
-                force, torque = rotation @ force, rotation @ torque
+                force, torque = rotation @ turn @ force, rotation @ turn @ torque
             place = self._d.xpos[body] + rotation @ point
             self._mujoco.mj_applyFT(self._m, self._d, force, torque, place, body, self._d.qfrc_applied)
 

@@ -13,6 +13,8 @@ from asrsim.rebind import rebind
 
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
 """File names of the library beside the package's bindings: Linux, macOS, Windows."""
+INLINE = ("asrsim.engines.mujoco_stages", "asrsim.engines.exact_friction")
+"""Compiled into their callers."""
 
 
 def say_nothing(message: str) -> None:
@@ -63,4 +65,4 @@ def load() -> None:
 def compile_stage(function: Any, world: stages.World, version: str) -> Any:
     """A stage through Numba."""
     load()
-    return compile_function(function, (world,), names=symbols(), version=version)
+    return compile_function(function, (world,), names=symbols(), version=version, inline=INLINE)

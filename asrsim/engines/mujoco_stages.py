@@ -80,6 +80,9 @@ class World(NamedTuple):
     """(w, 6) N, N m: the next step's."""
     wrench_body: Numbers
     wrench_point: Numbers
+    """(w, 3) m, in the body's frame."""
+    wrench_turn: Numbers
+    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
     wrench_local: Numbers
     """(w,) 1 where the wrench is given in the link's frame."""
     vectors: Numbers
@@ -180,7 +183,10 @@ def _add_wrenches(world: World, kick: float) -> None:
                 if world.wrench_local[index]:
                     value = 0.0
                     for column in range(3):
-                        value += world.xmat[body, 3 * row + column] * world.wrench[index, 3 * kind + column]
+                        part = 0.0
+                        for axis in range(3):
+                            part += world.wrench_turn[index, column, axis] * world.wrench[index, 3 * kind + axis]
+                        value += world.xmat[body, 3 * row + column] * part
                     world.vectors[kind, row] = value
                 else:
                     world.vectors[kind, row] = world.wrench[index, 3 * kind + row]

@@ -39,6 +39,16 @@ class JointDrive:
     """kg m^2, of each motor; empty where motors are ideal."""
     motor_damping: tuple[float, ...] = ()
     """N m s/rad."""
+    motor_friction: tuple[float, ...] = ()
+    """N m."""
+    max_velocity: tuple[float, ...] = ()
+    """rad/s, of each motor; empty where motors are ideal."""
+
+    @property
+    def max_deflection(self) -> float:
+        """rad beyond which the springs' torques stay constant; infinite for a law without that parameter."""
+        names = [parameter.name for parameter in self.actuator.parameters]
+        return self.spring[names.index("max_deflection")] if "max_deflection" in names else math.inf
 
 
 class LoadError(InputError):
@@ -66,6 +76,8 @@ def drive_of(block: ActuatorBlock) -> JointDrive:
         max_torque=tuple(values[f"motor_{i}_max_torque"] for i in motors) if mode.motor else (),
         motor_inertia=tuple(values[f"motor_{i}_inertia"] for i in motors) if mode.motor else (),
         motor_damping=tuple(values[f"motor_{i}_damping"] for i in motors) if mode.motor else (),
+        motor_friction=tuple(values[f"motor_{i}_friction_torque"] for i in motors) if mode.motor else (),
+        max_velocity=tuple(values[f"motor_{i}_max_velocity"] for i in motors) if mode.motor else (),
     )
 
 
@@ -88,12 +100,22 @@ def resting_motors(drive: JointDrive, position: float, equilibrium: float, prese
                 at[motor] = theta
                 return theta - references[motor] + law(position, at[0], at[1], spring)[motor] / gain
 
-            # The torque grows with theta, so the droop at the reference itself bounds the droop.
-            full = lag(references[motor])
-            resting[motor] = _root(lag, references[motor] - full, references[motor])
+            resting[motor] = _droop(lag, references[motor])
         if tuple(resting) == before or drive.actuator.motors < 2:
             break
     return resting[0], resting[1]
+
+
+def _droop(lag: Callable[[float], float], reference: float) -> float:
+    """Where a motor's lag is 0: it lies between the reference and the droop that the torque there would make."""
+    full = lag(reference)
+    # The torque grows with theta, so the droop at the reference itself bounds the droop.
+    far = reference - full
+    rest = lag(far)
+    # A spring at its deflection limit gives the same torque at both ends: the far one is then the root, but for rounding.
+    if rest == 0.0 or math.copysign(1.0, rest) == math.copysign(1.0, full):
+        return far
+    return _root(lag, reference, far)
 
 
 def equilibrium_for_load(

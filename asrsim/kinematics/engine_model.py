@@ -50,13 +50,14 @@ class EngineModel:
         """(n,) N m that hold the robot still against gravity."""
         return self._model.bias(positions, np.zeros(len(self.joints)))
 
-    def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
-        """(n,) N m that give the accelerations; all (n,)."""
-        return self._model.inverse_dynamics(positions, velocities, accelerations)
-
     def mass_matrix(self, positions: Array) -> Array:
         """(n, n) kg m^2."""
         return self._model.mass_matrix(positions)
+
+    def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
+        """(k, n) N m that move the rigid robot so, undamped; all arguments (k, n), one posture a row."""
+        rows = zip(positions, velocities, accelerations, strict=True)
+        return np.array([self._model.inverse_dynamics(q, v, a) for q, v, a in rows]).reshape(positions.shape)
 
 
 @contextmanager

@@ -132,12 +132,13 @@ class _Spring:
         self._actuator = ACTUATORS.get(block.actuator)
         values = block.values()
         self._parameters = tuple(values[parameter.name] for parameter in self._actuator.parameters)
+        self._law = over_arrays(self._actuator.elastic_torques)
         self._goals = first, second
         ideal = not MODES[block.mode].motor
         self._limits = [math.inf if ideal else values[f"motor_{i}_max_torque"] for i in range(1, self._actuator.motors + 1)]
 
     def _torques(self, position: Array) -> Array:
-        return over_arrays(self._actuator.elastic_torques)(position, *self._goals, self._parameters)
+        return self._law(position, *self._goals, self._parameters)
 
     def at(self, position: Array) -> tuple[Array, Array]:
         """Torque on the link (n,) N m, and how it stiffens, N m/rad: a motor gives way at its largest torque."""

@@ -1,4 +1,4 @@
-"""What kinematics asks of a robot model: poses, Jacobians and gravity. The engines provide one; tests bring their own."""
+"""What kinematics and learning ask of a robot model. The engines provide one; tests bring their own."""
 
 from __future__ import annotations
 
@@ -36,3 +36,14 @@ class KinematicModel(Protocol):
 
     def gravity_torques(self, positions: Array) -> Array:
         """(n,) torques in N m that hold the robot still against gravity: G(q) of the paper's equation 1."""
+
+
+class DynamicModel(Protocol):
+    """What inverse dynamics and linearisation ask of a robot model; n joints that move, SI units."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the n joints, in the order of all arrays."""
+
+    def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
+        """(k, n) N m that move the rigid robot so, undamped; all arguments (k, n), one posture a row."""

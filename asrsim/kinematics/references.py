@@ -1,4 +1,4 @@
-"""A scenario's Cartesian task made into its references."""
+"""What a scenario asks of its joints made into their references: a Cartesian task, or desired motions of the links."""
 
 from __future__ import annotations
 
@@ -21,21 +21,79 @@ if TYPE_CHECKING:
 
 
 def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
-    """The scenario with its task turned into references; itself if it has none.
+    """The scenario with its task and its desired motions turned into references; itself if it has none.
 
     robot: with the scenario's modes and parameters in it. A preset that the scenario's references give, constant or
     changing, is kept and compensated for. Raises ScenarioError for what the robot cannot reach or hold.
     """
     if scenario.task is None:
+        planned = inputs_for_motions(scenario, robot) if any(scenario.inverse_dynamics.values()) else {}
+        desired: dict[str, Signal] = {
+            joint: scenario.references_of(joint)[name] for joint, signals in planned.items() for name in signals
+        }
+    else:
+        task = plan_task(scenario, robot)
+        planned = task.signals()
+        path = zip([joint.name for joint in robot.moving_joints], task.path.positions.T, strict=True)
+        desired = {name: Sampled(times=task.time, samples=np.ascontiguousarray(column)) for name, column in path}
+    if not planned:
         return scenario
-    planned = plan_task(scenario, robot)
     references = dict(scenario.references)
-    for joint, signals in planned.signals().items():
+    for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    names = [joint.name for joint in robot.moving_joints]
-    path = zip(names, planned.path.positions.T, strict=True)
-    desired = {name: Sampled(times=planned.time, samples=np.ascontiguousarray(column)) for name, column in path}
-    return replace(scenario, references=references, desired={**desired, **scenario.desired})
+    # What is planned stands now: whoever prepares this scenario again does not plan it again.
+    return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
+
+
+def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:
+    """First references, by joint, of those under `inverse_dynamics`: what moves the links as these said.
+
+    Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
+    """
+    from asrsim.kinematics.engine_model import model_of
+    from asrsim.kinematics.soft_arm import INVERTED_MODES, SoftArm
+
+    chosen = [block for block in robot.actuators if for_joint(scenario.inverse_dynamics, block.joint, False)]
+    problems = [
+        Problem(
+            message=f"mode {block.mode} has no position as its first reference",
+            key=f"references.{block.joint}.inverse_dynamics",
+            choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
+            code="mode-not-inverted",
+        )
+        for block in chosen
+        if block.mode not in INVERTED_MODES
+    ]
+    names = {block.joint: MODES[block.mode].references[0] for block in chosen}
+    problems += [
+        Problem(message=f"needs the desired motion of the link under {name}", key=f"references.{joint}", code="no-motion")
+        for joint, name in names.items()
+        if name not in scenario.references_of(joint)
+    ]
+    if problems:
+        raise ScenarioError(problems)
+    joints = tuple(names)
+    time = np.round(np.arange(round(scenario.duration / scenario.step) + 1) * scenario.step, 12)
+    wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])
+    with model_of(scenario, robot) as model:
+        arm = SoftArm(scenario=scenario, robot=robot, model=model)
+        inverse = arm.inverse(time, joints, wanted)
+    unheld = [demand for demand in inverse.out_of_reach if demand.what == "spring torque"]
+    if unheld:
+        raise ScenarioError(
+            [
+                Problem(
+                    message=f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
+                    hint="a stiffer spring or preset, or a slower motion",
+                )
+                for demand in unheld
+            ]
+        )  # fmt: skip
+    inputs = inverse.inputs_at(time, [arm.delay(joint) for joint in joints])
+    return {
+        joint: {names[joint]: Sampled(times=time, samples=np.ascontiguousarray(column))}
+        for joint, column in zip(joints, inputs.T, strict=True)
+    }
 
 
 def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.learning.iterate import LearningProblem, LearningResult
 from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
+from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.outfile import make_folder
 from asrsim.samples import Array
 
@@ -93,12 +93,12 @@ def _draw_joint(
         linewidth=0,
         label="tolerance",
     )
-    for trial in result.trials:
-        last = trial is result.trials[-1]
+    for trial in (*result.trials, result.best_trial):
+        last = trial is result.best_trial
         strength = 1.0 if last else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
         for ax, values, shade, label in (
-            (trajectory, trial.outputs, style.VERMILION, "$q$, each iteration"),
-            (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, each iteration"),
+            (trajectory, trial.outputs, style.VERMILION, "$q$, best of all iterations"),
+            (inputs, trial.inputs, style.BLUE, r"$\theta_{eq}$, best of all iterations"),
         ):
             width = 1.6 if last else 0.9
             ax.plot(time, values[rows, column], color=shade, alpha=strength, linewidth=width, label=label if last else None)
@@ -114,7 +114,7 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
     from asrsim.plots import style
     from asrsim.plots.figures import new_figure
 
-    shown = sorted(report.influences[:MOST_FACTORS], key=lambda item: -abs(item.rank_correlation))
+    shown = report.telling[:MOST_FACTORS]
     figure = new_figure(10.5 if shown else 5.5, 3.4)
     axes = figure.subplots(1, 2 if shown else 1, squeeze=False)[0]
     ax = axes[0]
@@ -129,19 +129,23 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
     errors = np.concatenate([report.worst, [] if nominal is None else nominal.worst])
     ax.set_xlim(0.0, 1.1 * max([report.tolerance, *errors[np.isfinite(errors)]]))
     ax.legend(loc="lower right")
-    ax.set_title(f"{100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad", loc="left")
+    low, high = (f"{100 * value:.0f}" for value in report.within_interval)
+    share = f"{100 * report.within:.0f} % ({low} to {high}) of {len(report.draws)} plants"
+    ax.set_title(f"{share} stay within {report.tolerance:g} rad", loc="left")
     if shown:
         bars = axes[1]
         names = [item.factor.removeprefix("parameters.") for item in shown]
         values = [item.rank_correlation for item in shown]
         colours = [style.VERMILION if value > 0 else style.BLUE for value in values]
         bars.barh(range(len(names)), values, color=colours, height=0.65)
+        ends = np.abs(np.array([item.interval for item in shown]).T - values)
+        bars.errorbar(values, range(len(names)), xerr=ends, fmt="none", ecolor=style.BLACK, elinewidth=0.9, capsize=2.5)
         bars.set_yticks(range(len(names)), names)
         bars.invert_yaxis()
         bars.axvline(0.0, color=style.GREY, linewidth=0.7)
         bars.set_xlim(-1.0, 1.0)
         bars.grid(axis="y", visible=False)
-        bars.set_xlabel("rank correlation with the largest error\n(right: more of it makes it worse)")
+        bars.set_xlabel("rank correlation with the largest error, 95 %\n(right: more of it makes it worse)")
         bars.set_title("what matters most", loc="left")
     return figure
 

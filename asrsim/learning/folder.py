@@ -19,13 +19,14 @@ from asrsim.runs.folder import inputs_of
 from asrsim.runs.folder import origin_of as run_origin
 from asrsim.scenario.data import Scenario
 
-STATE, INPUTS, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
-    "state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png", "transfer.png", "learned.mcap",
+STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
+    "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png", "transfer.png", "learned.mcap",
 )  # fmt: skip
+GUESS, GUESS_PLAYBACK = "guess.csv", "guess.yaml"
 TRIALS = "trial_*.mcap"
 NAMES = {
-    STATE: "learning state", INPUTS: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json", PICTURE: "picture",
-    TRANSFER: "picture", LOG: "log",
+    STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario",
+    NUMBERS: "json", PICTURE: "picture", TRANSFER: "picture", LOG: "log",
 }  # fmt: skip
 """Files of a learning run, beside its trials' logs, and their kinds."""
 

@@ -2,10 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
 import numpy as np
 
 from asrsim.learning.settings import LearningSettings
+from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
 from asrsim.samples import Array
+
+Expect = Callable[[Trial, Array], Array]
+"""A trial and the inputs (n, joints) after it -> the outputs (n, joints) that a model expects of them."""
+CREEP = 1.1
+"""Growth of the error over the trials of `patience` below which nobody gives up."""
+
+
+class FixedGain:
+    """Equation 13 and what the settings add to it; `expect` is the model's."""
+
+    def __init__(self, problem: LearningProblem, settings: LearningSettings, expect: Expect | None = None) -> None:
+        self.problem = problem
+        self.settings = settings
+        self.expect = expect
+
+    def propose(self, trials: Sequence[Trial]) -> Proposal:
+        """The last trial's input, corrected by its error."""
+        last = trials[-1]
+        inputs = self.after(last.inputs, last.outputs, last.number)
+        return Proposal(inputs=inputs, outputs=None if self.expect is None else self.expect(last, inputs))
+
+    def after(self, inputs: Array, outputs: Array, update: int) -> Array:
+        """Inputs of the trial that follows one with `inputs` and `outputs`, (n, joints)."""
+        error = self.problem.reference - outputs
+        return updated(inputs, error, self.problem.first_guess, update, self.settings, self.problem.step)
+
+    def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
+        """Gives up when a trial diverged, or the error has grown `patience` times in a row, by more than a creep."""
+        last = trials[-1]
+        if not np.isfinite(last.worst):
+            return "growing", f"trial {last.number} has no finite error: the simulation diverged"
+        run = [trial.worst for trial in trials[-patience - 1 :]]
+        if len(run) <= patience or run[-1] < CREEP * run[0] or any(later <= earlier for earlier, later in pairwise(run)):
+            return None
+        helps = "law: auto goes on from the best trial"
+        if self.settings.filter_cutoff is None:
+            helps += "; law: filtered learns only in the band in which errors shrink"
+        return "growing", (
+            f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to {run[-1]:.4g} rad "
+            f"(now {worst_place(self.problem, last)}); {helps}"
+        )
 
 
 def updated(inputs: Array, error: Array, first_guess: Array, update: int, settings: LearningSettings, step: float) -> Array:

@@ -1,161 +1,283 @@
-"""The joints' dynamics linearised about a posture: what gain learns fast, and how fast it will.
+"""Soft joints linearised along a motion: what a change of their inputs does to it.
 
-About a posture q with motors at theta, for small motions (complex amplitudes at angular frequency w):
+About a motion, with k_i = d tau_i / d theta_i, rho of the reference map, and matrices that change with time:
 
-    [-w^2 M + i w c + dG/dq + diag(sum_i k_i)] q = sum_i k_i theta_i,      k_i = d tau_i / d theta_i
-    [-w^2 J_i + i w (D_i + k_d) + k_p + k_i] theta_i = k_p r + k_i q
+    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q)            M, C, G: slopes of the rigid robot's inverse dynamics
+    J_i theta_i'' + (d_i + D_i) theta_i' + (P_i + k_i) theta_i = P_i rho_i u + k_i q + I_i int (rho_i u - theta_i)
 
-so that q = P(w) r with the equilibrium r. An error e becomes (1 - P K) e in the next trial (paper equation 13): learning
-converges monotonically at the frequencies where the largest singular value of 1 - P K is below 1.
+integrated by the midpoint rule.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asrsim.kinematics.compensation import JointDrive, resting_motors
+from asrsim.actuators import MODES
+from asrsim.actuators.vectorised import over_arrays
+from asrsim.kinematics.compensation import JointDrive
+from asrsim.kinematics.desired import DesiredMotion
+from asrsim.kinematics.drive_inverse import reference_map
+from asrsim.kinematics.model import DynamicModel
 from asrsim.samples import Array
 
-Complex = NDArray[np.complex128]
+POSTURES = 101
+"""Postures of a motion at which the rigid robot is linearised; between, straight lines."""
 NUDGE = 1e-6
-"""rad, for slopes by central differences."""
-
-
-class DynamicModel(Protocol):
-    """What linearisation asks of a robot model; n joints, SI units."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
-
-    def mass_matrix(self, positions: Array) -> Array:
-        """(n, n) kg m^2."""
-
-    def gravity_torques(self, positions: Array) -> Array:
-        """(n,) N m."""
+"""rad and rad/s, for slopes by central differences."""
+SWEEPS = 30
+"""Sweeps over the joints, at most, in which friction is found."""
+CLIP = 0.98
+"""Share of the deflection limit at which springs beyond it are linearised: at the limit they have no slope."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointDynamics:
-    """Linear dynamics of the driven joints about one posture; all matrices in the order of `joints`."""
+class Linearised:
+    """The driven joints linearised along a motion; n samples, m joints."""
 
-    joints: tuple[str, ...]
-    mass: Array
-    """(n, n) kg m^2."""
-    damping: Array
-    """(n,) N m s/rad, of the links."""
-    gravity: Array
-    """(n, n) N m/rad, dG/dq."""
-    springs: tuple[tuple[float, ...], ...]
-    """N m/rad, slope k_i of each joint's springs."""
+    time: Array
+    """(n,) s, equidistant."""
     drives: tuple[JointDrive, ...]
+    mass: Array = field(repr=False)
+    """(n, m, m) kg m^2."""
+    rates: Array = field(repr=False)
+    """(n, m, m) N m s/rad, damping included."""
+    slopes: Array = field(repr=False)
+    """(n, m, m) N m/rad, of the rigid robot."""
+    springs: Array = field(repr=False)
+    """(n, m, 2) N m/rad, k_i."""
 
-    def response(self, omega: float) -> Complex:
-        """(n, n) complex: link positions for equilibrium positions at `omega` rad/s; 0: at rest."""
-        n = len(self.joints)
-        carried, driven = np.zeros(n, dtype=complex), np.zeros(n, dtype=complex)
-        for joint, (drive, slopes) in enumerate(zip(self.drives, self.springs, strict=True)):
-            for motor, slope in enumerate(slopes):
-                follow, yielding = _motor(drive, motor, slope, omega)
-                carried[joint] += slope * (1.0 - yielding)
-                driven[joint] += slope * follow
-        stiffness = -(omega**2) * self.mass + np.diag(1j * omega * self.damping + carried) + self.gravity
-        return np.asarray(np.linalg.solve(stiffness, np.diag(driven)), dtype=np.complex128)
+    def scaled(self, mass: float, stiffness: float) -> Linearised:
+        """The same joints with all masses and springs other by factors."""
+        return Linearised(
+            time=self.time, drives=self.drives, mass=mass * self.mass, rates=self.rates, slopes=mass * self.slopes,
+            springs=stiffness * self.springs,
+        )  # fmt: skip
 
-    def contraction(self, gains: Sequence[float], omega: float) -> float:
-        """Factor by which an error at `omega` shrinks in one update with these gains, at worst: |1 - P K|."""
-        matrix = np.eye(len(self.joints)) - self.response(omega) * np.asarray(gains)
-        return float(np.linalg.norm(matrix, 2))
+    def held(self, tail: float) -> Linearised:
+        """The same joints, standing for `tail` s more where the motion ends."""
+        step = float(self.time[1] - self.time[0])
+        more = max(round(tail / step), 1)
 
-    def learnable(self, gains: Sequence[float], *, up_to: float = 50.0, points: int = 500) -> float:
-        """Hz: below it every error shrinks with these gains; a cutoff for the learning filter. At most `up_to`."""
-        frequencies = np.linspace(0.0, up_to, points)
-        for before, frequency in zip(np.concatenate([[0.0], frequencies]), frequencies, strict=False):
-            if self.contraction(gains, 2.0 * np.pi * float(frequency)) >= 1.0:
-                return float(before)
-        return up_to
+        def longer(values: Array) -> Array:
+            return np.concatenate([values, np.repeat(values[-1:], more, axis=0)])
+
+        return Linearised(
+            time=np.concatenate([self.time, self.time[-1] + step * np.arange(1, more + 1)]), drives=self.drives,
+            mass=longer(self.mass), rates=longer(self.rates), slopes=longer(self.slopes), springs=longer(self.springs),
+        )  # fmt: skip
+
+    @cached_property
+    def steps(self) -> tuple[Array, Array]:
+        """State matrices (n - 1, s, s) and inputs' (n - 1, s, m) of one step each; the joints' positions come first."""
+        step = float(self.time[1] - self.time[0])
+        change, inputs = self.continuous
+        change, inputs = 0.5 * (change[1:] + change[:-1]), 0.5 * (inputs[1:] + inputs[:-1])
+        identity = np.eye(change.shape[1])
+        both = np.linalg.solve(
+            identity - 0.5 * step * change, np.concatenate([identity + 0.5 * step * change, step * inputs], axis=2)
+        )
+        return both[:, :, : len(identity)], both[:, :, len(identity) :]
+
+    @cached_property
+    def continuous(self) -> tuple[Array, Array]:
+        """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions, velocities, then each motor's."""
+        n, m = len(self.time), len(self.drives)
+        motors = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        integrals = [
+            (index, joint, motor) for index, (joint, motor) in enumerate(motors) if self.drives[joint].integral[motor] > 0.0
+        ]
+        size = 2 * m + 2 * len(motors) + len(integrals)
+        a, b = np.zeros((n, size, size)), np.zeros((n, size, m))
+        inverse = np.linalg.inv(self.mass)
+        load, drag = self.slopes.copy(), self.rates.copy()
+        diagonal = np.arange(m)
+        for joint, drive in enumerate(self.drives):
+            mode = MODES[drive.mode]
+            load[:, joint, joint] += self.springs[:, joint].sum(axis=1) if mode.spring else drive.proportional[0]
+            drag[:, joint, joint] += 0.0 if mode.spring else drive.derivative[0]
+        a[:, diagonal, m + diagonal] = 1.0
+        a[:, m : 2 * m, :m] = -inverse @ load
+        a[:, m : 2 * m, m : 2 * m] = -inverse @ drag
+        for joint, drive in enumerate(self.drives):
+            if not MODES[drive.mode].spring:
+                b[:, m : 2 * m, joint] = inverse[:, :, joint] * drive.proportional[0]
+            elif not drive.proportional:
+                driven = self.springs[:, joint] @ _rho(drive)
+                b[:, m : 2 * m, joint] = inverse[:, :, joint] * driven[:, None]
+        for index, (joint, motor) in enumerate(motors):
+            drive, place = self.drives[joint], 2 * m + 2 * index
+            k, inertia = self.springs[:, joint, motor], drive.motor_inertia[motor]
+            a[:, m : 2 * m, place] += inverse[:, :, joint] * k[:, None]
+            a[:, place, place + 1] = 1.0
+            a[:, place + 1, place] = -(drive.proportional[motor] + k) / inertia
+            a[:, place + 1, place + 1] = -(drive.motor_damping[motor] + drive.derivative[motor]) / inertia
+            a[:, place + 1, joint] = k / inertia
+            b[:, place + 1, joint] = drive.proportional[motor] * _rho(drive)[motor] / inertia
+        for index, (which, joint, motor) in enumerate(integrals):
+            drive, place, own = self.drives[joint], 2 * m + 2 * which, 2 * m + 2 * len(motors) + index
+            a[:, place + 1, own] = drive.integral[motor] / drive.motor_inertia[motor]
+            a[:, own, place] = -1.0
+            b[:, own, joint] = _rho(drive)[motor]
+        return a, b
+
+    @cached_property
+    def pushed(self) -> Array:
+        """(n - 1, s, m): the states for torques on the links during each step."""
+        step, m = float(self.time[1] - self.time[0]), len(self.drives)
+        change = 0.5 * (self.continuous[0][1:] + self.continuous[0][:-1])
+        torques = np.zeros((*change.shape[:2], m))
+        torques[:, m : 2 * m] = np.linalg.inv(0.5 * (self.mass[1:] + self.mass[:-1]))
+        return np.asarray(np.linalg.solve(np.eye(change.shape[1]) - 0.5 * step * change, step * torques))
+
+    def released(self, positions: Array, velocities: Array, motors: Array, rates: Array) -> Array:
+        """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
+        states, _ = self.steps
+        m = len(self.drives)
+        moving = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        state = np.zeros(states.shape[1])
+        state[:m], state[m : 2 * m] = positions, velocities
+        for index, (joint, motor) in enumerate(moving):
+            state[2 * m + 2 * index], state[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
+        found = np.empty((len(self.time), m))
+        found[0] = state[:m]
+        for index in range(len(states)):
+            state = states[index] @ state
+            found[index + 1] = state[:m]
+        return found
+
+    def response(self, change: Array, friction: Friction | None = None) -> Array:
+        """(n, m) change of the positions for a change (n, m) of the inputs; with what friction makes of it."""
+        states, inputs = self.steps
+        pushes = np.einsum("nij,nj->ni", inputs, 0.5 * (change[1:] + change[:-1]))
+        m = len(self.drives)
+        state = np.zeros(states.shape[1])
+        found = np.zeros((len(self.time), m))
+        if friction is None or not friction.level.any():
+            for index in range(len(states)):
+                state = states[index] @ state + pushes[index]
+                found[index + 1] = state[:m]
+            return found
+        effect = self.pushed
+        slips = 0.5 * effect[:, m : 2 * m]
+        alone = 1.0 / np.diagonal(slips, axis1=1, axis2=2)
+        force = friction.torques[0]
+        for index in range(len(states)):
+            free = states[index] @ state + pushes[index]
+            before = friction.torques[index]
+            sliding = friction.velocities[index] + 0.5 * (state + free)[m : 2 * m]
+            force = friction.hold(sliding, slips[index], alone[index], before, force)
+            state = free - effect[index] @ (force - before)
+            found[index + 1] = state[:m]
+        return found
 
 
-def linearise(
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Coulomb friction of the joints in a motion about which they are linearised."""
+
+    level: Array
+    """(m,) N m."""
+    velocities: Array
+    """(n - 1, m) rad/s, of the motion, in the middle of each step."""
+    torques: Array
+    """(n - 1, m) N m against the motion, within the level: what friction did in it."""
+
+    def hold(self, sliding: Array, slips: Array, alone: Array, before: Array, start: Array) -> Array:
+        """(m,) N m of friction after which the velocities `sliding` - slips (force - before) are 0, or as large as it can be.
+
+        alone: the inverse of the diagonal of slips; start: a guess.
+        """
+        force = start
+        for _ in range(SWEEPS):
+            left = sliding - slips @ (force - before)
+            following = np.minimum(np.maximum(force + alone * left, -self.level), self.level)
+            if abs(following - force).max() < 1e-9:
+                break
+            force = following
+        return force
+
+
+def _moving_motors(drive: JointDrive) -> int:
+    return len(drive.motor_inertia) if MODES[drive.mode].controller and MODES[drive.mode].spring else 0
+
+
+def _rho(drive: JointDrive) -> Array:
+    return reference_map(drive, np.zeros(1))[0]
+
+
+def linearise_along(
     model: DynamicModel,
     drives: Sequence[JointDrive],
-    positions: Mapping[str, float],
-    equilibria: Sequence[float],
-    presets: Sequence[float],
-    damping: Mapping[str, float],
-) -> JointDynamics:
-    """Linear dynamics of the driven joints; the others are held still.
+    motion: DesiredMotion,
+    springs: Array,
+    damping: Sequence[float],
+) -> Linearised:
+    """The joints of `drives` along `motion` (columns in the model's order); the model's other joints are held to it.
 
-    positions: link positions by joint (absent ones 0). equilibria, presets: references of the driven joints.
-    damping: of the links by joint, N m s/rad.
+    springs: (n, joints, 2) N m/rad, slopes of each drive's springs; damping: N m s/rad of each link.
     """
-    q = np.array([positions.get(joint, 0.0) for joint in model.joints])
     index = [model.joints.index(drive.joint) for drive in drives]
-    gravity = np.empty((len(index), len(index)))
-    for column, joint in enumerate(index):
-        nudge = np.zeros(len(q))
-        nudge[joint] = NUDGE
-        slope = (model.gravity_torques(q + nudge) - model.gravity_torques(q - nudge)) / (2.0 * NUDGE)
-        gravity[:, column] = slope[index]
-    springs = tuple(
-        spring_slopes(drive, float(q[joint]), float(equilibrium), float(preset))
-        for drive, joint, equilibrium, preset in zip(drives, index, equilibria, presets, strict=True)
-    )
-    return JointDynamics(
-        joints=tuple(drive.joint for drive in drives),
-        mass=np.asarray(model.mass_matrix(q))[np.ix_(index, index)],
-        damping=np.array([damping.get(drive.joint, 0.0) for drive in drives]),
-        gravity=gravity,
-        springs=springs,
+    rows = np.unique(np.linspace(0, len(motion.time) - 1, POSTURES).round().astype(int))
+    q, v, a = (values[rows] for values in (motion.positions, motion.velocities, motion.accelerations))
+    small = np.array([np.eye(q.shape[1])[joint] * NUDGE for joint in index])
+
+    def slope(of: int) -> Array:
+        columns = []
+        for nudge in small:
+            ahead, behind = (
+                model.inverse_dynamics(
+                    *(values + sign * nudge if place == of else values for place, values in enumerate((q, v, a)))
+                )
+                for sign in (1.0, -1.0)
+            )
+            columns.append((ahead - behind)[:, index] / (2.0 * NUDGE))
+        return np.stack(columns, axis=2)
+
+    still = np.zeros_like(q)
+    weight = model.inverse_dynamics(q, still, still)
+    mass = np.stack([(model.inverse_dynamics(q, still, still + np.sign(nudge)) - weight)[:, index] for nudge in small], axis=2)
+    rates = slope(1) + np.diag(damping)
+    between = _interpolated(motion.time[rows], motion.time)
+    return Linearised(
+        time=motion.time,
         drives=tuple(drives),
+        mass=between(mass),
+        rates=between(rates),
+        slopes=between(slope(0)),
+        springs=springs,
     )
 
 
-def spring_slopes(drive: JointDrive, position: float, equilibrium: float, preset: float) -> tuple[float, ...]:
-    """d tau_i / d theta_i in N m/rad of a joint's springs, motors at rest; 0 beyond the deflection limit."""
-    law, spring = drive.actuator.elastic_torques, drive.spring
-    theta = resting_motors(drive, position, equilibrium, preset)
-    slopes = []
-    for motor in range(drive.actuator.motors):
-        above = [theta[0], theta[1]]
-        below = [theta[0], theta[1]]
-        above[motor] += NUDGE
-        below[motor] -= NUDGE
-        rise = law(position, above[0], above[1], spring)[motor] - law(position, below[0], below[1], spring)[motor]
-        slopes.append(rise / (2.0 * NUDGE))
-    return tuple(slopes)
+def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
+    """Straight lines between samples (k, m, m) at `knots`, at `time`."""
+    from scipy.interpolate import make_interp_spline
+
+    return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
-def choose_gains(dynamics: Sequence[JointDynamics], *, largest: float = 1.0) -> tuple[float, ...]:
-    """Gains that make the slowest error of slow motions shrink fastest over the given postures, at most `largest`.
+def spring_slopes(drive: JointDrive, position: Array, motors: Array, limit: float = CLIP) -> Array:
+    """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2); 0 for an adjuster.
 
-    With S the static share of the equilibrium that arrives at the link, an update leaves 1 - S K of the error; over S
-    from S_min to S_max the least of the largest is at K = 2 / (S_min + S_max). Gains above 1 learn faster where gravity
-    works against soft springs, but leave no margin to resonances: hence the bound.
+    limit: share of the deflection limit at which springs beyond it are taken, since at the limit they have no slope.
     """
-    shares = np.array([np.diag(item.response(0.0)).real for item in dynamics])
-    best = 2.0 / np.maximum(shares.min(axis=0) + shares.max(axis=0), 1e-9)
-    return tuple(float(gain) for gain in np.minimum(best, largest))
+    most = limit * drive.max_deflection
+    deflections = np.clip(motors - position[:, None], -most, most)
+    return chords(drive, position, motors, deflections - NUDGE, deflections + NUDGE)
 
 
-def _motor(drive: JointDrive, motor: int, slope: float, omega: float) -> tuple[complex, complex]:
-    """How a motor follows its reference, and how it yields to the link: theta = follow r + yielding q."""
-    if not drive.proportional:
-        return 1.0, 0.0
-    gain = complex(drive.proportional[motor])
-    if drive.integral[motor] > 0.0:
-        if omega == 0.0:
-            return 1.0, 0.0
-        gain += drive.integral[motor] / (1j * omega)
-    impedance = (
-        gain
-        + slope
-        + 1j * omega * (drive.motor_damping[motor] + drive.derivative[motor])
-        - omega**2 * drive.motor_inertia[motor]
-    )
-    return gain / impedance, slope / impedance
+def chords(drive: JointDrive, position: Array, motors: Array, one: Array, other: Array) -> Array:
+    """(n, 2) N m/rad: mean slope of each spring between deflections `one` and `other` (n, 2), its other motor where it is."""
+    law = over_arrays(drive.actuator.elastic_torques)
+    found = np.zeros_like(motors)
+    for motor in range(drive.actuator.motors):
+        ends = []
+        for deflection in (one, other):
+            at = motors.copy()
+            at[:, motor] = position + deflection[:, motor]
+            ends.append(law(position, at[:, 0], at[:, 1], drive.spring).sum(axis=0))
+        found[:, motor] = (ends[1] - ends[0]) / (other - one)[:, motor]
+    return found

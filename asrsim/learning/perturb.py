@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 def perturbed(plant: Plant, draw: Draw) -> Plant:
     """The plant with a draw's changes: parameters, mass, damping and friction by a share, delay in s.
 
-    A mass goes with its inertia; friction is that of joint and motors. Raises ScenarioError for factors that the plant
-    does not have.
+    A mass goes with its inertia, and that of the links that are fixed to it; friction is that of joint and motors; what is
+    added to friction and damping is the joint's. Raises ScenarioError for factors that the plant does not have.
     """
     from asrsim.scenario import apply_to_robot
 
@@ -49,6 +49,9 @@ def perturbed(plant: Plant, draw: Draw) -> Plant:
             robot = _heavier(robot, joint, 1.0 + change)
         elif what == "damping":
             robot = _with_joint(robot, replace(robot.joint(joint), damping=robot.joint(joint).damping * (1.0 + change)))
+        elif what in ("added_friction", "added_damping"):
+            name = what.removeprefix("added_")
+            robot = _with_joint(robot, replace(robot.joint(joint), **{name: getattr(robot.joint(joint), name) + change}))
         elif what == "friction":
             robot = _with_joint(robot, replace(robot.joint(joint), friction=robot.joint(joint).friction * (1.0 + change)))
             for index in range(1, ACTUATORS.get(blocks[joint].actuator).motors + 1):
@@ -137,13 +140,13 @@ def _with_joint(robot: Robot, changed: Joint) -> Robot:
 
 
 def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
-    """The robot with the joint's link heavier by a factor, mass and inertia alike, in data and text."""
+    """The robot with what the joint moves as one body heavier by a factor, mass and inertia alike, in data and text."""
     from lxml import etree
 
-    child = robot.joint(joint).child
+    body = rigid_body(robot, robot.joint(joint).child)
     root = etree.fromstring(robot.text.encode())
     for link in root.iterfind("link"):
-        if link.get("name") != child:
+        if (link.get("name") or "").strip() not in body:
             continue
         for mass in link.iterfind("inertial/mass"):
             mass.set("value", repr(float(mass.get("value")) * factor))
@@ -156,11 +159,22 @@ def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
             mass=None if link.mass is None else link.mass * factor,
             inertia=None if link.inertia is None else tuple(value * factor for value in link.inertia),  # type: ignore[arg-type]
         )
-        if link.name == child
+        if link.name in body
         else link
         for link in robot.links
     )
     return replace(robot, text=etree.tostring(root, encoding="unicode"), links=links)
+
+
+def rigid_body(robot: Robot, link: str) -> set[str]:
+    """The link and all that are fixed to it, beyond it."""
+    body, left = {link}, [link]
+    while left:
+        parent = left.pop()
+        fixed = [joint.child for joint in robot.joints if joint.parent == parent and not joint.moves and joint.kind == "fixed"]
+        body.update(fixed)
+        left += fixed
+    return body
 
 
 def _delayed(scenario: Scenario, joints: Sequence[str], delay: float) -> Scenario:

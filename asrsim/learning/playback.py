@@ -1,21 +1,28 @@
-"""A scenario that plays the learned input, for `asrsim run`."""
+"""A scenario that plays the learned input, for `asrsim run`, and claims what was learned."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
 from asrsim.actuators import MODES
 from asrsim.learning.plant import Plant
-from asrsim.learning.settings import LearningSettings
 from asrsim.outfile import write_text
 
+DIGITS = 3
+"""Of a claimed error, rounded up: a replay on the same plant repeats it bit for bit, on another one it fails."""
 
-def playback_data(plant: Plant, settings: LearningSettings, inputs: Path, folder: Path) -> dict[str, Any]:
+
+def playback_data(
+    plant: Plant, inputs: Path, folder: Path, *, largest: Sequence[float] = (), desired: Path | None = None
+) -> dict[str, Any]:
     """The scenario as plain data: the learned one's, with its inputs played back from the CSV file `inputs`.
 
-    Paths count from `folder`, where the scenario is to stand. It claims that every joint ends within the tolerance.
+    Paths count from `folder`, where the scenario is to stand. It claims that the error of every joint against the motion in
+    `desired` stays, over the whole time, within `largest` (rad, by joint), which was learned.
     """
     scenario = plant.scenario
     files = {name: os.path.relpath(path, folder) for name, path in scenario.attachments.items()}
@@ -23,35 +30,57 @@ def playback_data(plant: Plant, settings: LearningSettings, inputs: Path, folder
     robot = os.path.relpath(scenario.robot, folder)
     data["robot"] = {**data["robot"], "file": robot} if isinstance(data.get("robot"), dict) else robot
     learned = data.pop("ilc", {})
-    for key in ("name", "variant"):
+    for key in ("name", "variant", "expect"):
         data.pop(key, None)
     # The error of a replay is that against what was to be learned.
     data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}
+    # A joint's own references replace those for all, so that theirs must stand beside them.
+    common = data["references"].get("*", {})
     for joint, drive in zip(plant.joints, plant.drives, strict=True):
-        name = MODES[drive.mode].references[0]
-        signal = {"playback": {"file": os.path.relpath(inputs, folder), "column": joint}}
-        data["references"].setdefault(joint, {})[name] = signal
-    data["expect"] = [
-        {
-            "joint": joint,
-            "quantity": "link_position",
-            "measure": "final",
-            "value": float(goal),
-            "tolerance": settings.tolerance,
-        }
-        for joint, goal in zip(plant.joints, plant.reference[-1], strict=True)
-    ]
+        names = MODES[drive.mode].references
+        own = data["references"].setdefault(joint, dict(common))
+        own.pop("inverse_dynamics", None)
+        own[names[0]] = {"playback": {"file": os.path.relpath(inputs, folder), "column": joint}}
+        if joint in plant.presets:
+            own[names[1]] = {"playback": {"file": os.path.relpath(inputs, folder), "column": f"{joint}.{names[1]}"}}
+    if desired is not None:
+        if not plant.prepared.stepping.released:
+            # Those of the trials: a replay repeats them bit for bit.
+            resolution = plant.prepared.resolution
+            data |= {"substeps": resolution.substeps, "motor_substeps": resolution.motor_substeps}
+        data["expect"] = [
+            {
+                "joint": joint,
+                "quantity": "link_position",
+                "measure": "maximum_error",
+                "comparison": "<=",
+                "value": rounded_up(error),
+                "against": os.path.relpath(desired, folder),
+                "options": {"lag": "off"},
+            }
+            for joint, error in zip(plant.joints, largest, strict=True)
+        ]
     return data
 
 
-def write_playback(path: Path, plant: Plant, settings: LearningSettings, inputs: Path) -> None:
+def write_playback(
+    path: Path, plant: Plant, inputs: Path, *, largest: Sequence[float] = (), desired: Path | None = None
+) -> None:
     """Write the scenario of :func:`playback_data` to `path`. Raises OutputError where it cannot be written."""
     import yaml
 
-    text = f"# Plays what `asrsim ilc` learned; the inputs are in {inputs.name}.\n"
-    text += yaml.safe_dump(playback_data(plant, settings, inputs, path.parent), sort_keys=False, allow_unicode=True)
-    write_text(path, text, "learned scenario")
+    text = f"# Plays what `asrsim ilc` found; the inputs are in {inputs.name}.\n"
+    data = playback_data(plant, inputs, path.parent, largest=largest, desired=desired)
+    write_text(path, text + yaml.safe_dump(data, sort_keys=False, allow_unicode=True), "learned scenario")
+
+
+def rounded_up(value: float) -> float:
+    """The value to some digits, never below it."""
+    if value <= 0.0:
+        return 0.0
+    places = DIGITS - 1 - floor(log10(value))
+    return float(round(ceil(value * 10.0**places) / 10.0**places, max(places, 0)))
 
 
 def _renamed(value: Any, files: dict[str, str]) -> Any:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from asrsim import __version__
-from asrsim.learning.iterate import LearningResult, Trial
+from asrsim.kinematics.inverse import Demand
 from asrsim.learning.transfer import TransferReport
+from asrsim.learning.trial import LearningResult, Trial
 from asrsim.outfile import write_text
 
 
@@ -38,17 +39,34 @@ def result_data(result: LearningResult, joints: tuple[str, ...]) -> dict[str, An
     }
 
 
+def demand_data(demand: Demand) -> dict[str, Any]:
+    """What the motion asks of one part of a joint."""
+    return {
+        "joint": demand.joint,
+        "what": demand.what,
+        "motor": demand.motor or None,
+        "needed": _plain(demand.needed),
+        "limit": _plain(demand.limit),
+        "unit": demand.unit,
+        "time": demand.time,
+        "score": _plain(demand.score),
+    }
+
+
 def transfer_data(report: TransferReport) -> dict[str, Any]:
     """A transfer's numbers."""
     return {
         "draws": len(report.draws),
         "tolerance": report.tolerance,
         "within_tolerance": report.within,
+        "within_tolerance_95": list(report.within_interval),
         "largest_error_quantiles": {f"{share:g}": _plain(value) for share, value in report.quantiles().items()},
         "influences": [
             {
                 "factor": item.factor,
                 "rank_correlation": item.rank_correlation,
+                "rank_correlation_95": list(item.interval),
+                "tells": item.tells,
                 "regression_on_size": item.regression,
                 "regression": item.signed_regression,
             }

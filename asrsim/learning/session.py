@@ -10,15 +10,32 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from asrsim.errors import OutputError
+from asrsim.learning.arm import learning_model
 from asrsim.learning.figure import write_figure, write_transfer_figure
-from asrsim.learning.folder import INPUTS, LOG, NUMBERS, PICTURE, PLAYBACK, STATE, TRANSFER, Earlier, clear, open_folder
-from asrsim.learning.iterate import LearningResult, Trial, learn
+from asrsim.learning.folder import (
+    DESIRED,
+    GUESS,
+    GUESS_PLAYBACK,
+    INPUTS,
+    LOG,
+    NUMBERS,
+    PICTURE,
+    PLAYBACK,
+    STATE,
+    TRANSFER,
+    Earlier,
+    clear,
+    open_folder,
+)  # fmt: skip
+from asrsim.learning.iterate import learn
 from asrsim.learning.perturb import Workers
-from asrsim.learning.plant import Plant, Prepared, learning_model, prepare_learning
+from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
-from asrsim.learning.report import result_data, transfer_data, write_json
+from asrsim.learning.prepared import Prepared, prepare_learning
+from asrsim.learning.report import demand_data, result_data, transfer_data, write_json
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
+from asrsim.learning.trial import LearningResult, Trial
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
@@ -26,6 +43,8 @@ if TYPE_CHECKING:
     from asrsim.log import LogWriter
     from asrsim.samples import RunInfo
 
+MOST_DEMANDS = 12
+"""Demands of the motion that are written."""
 KeepLogs = Literal["none", "last", "all"]
 
 
@@ -42,6 +61,8 @@ class Session:
     """Of inputs learned on the one nominal plant, to compare with, where several plants were learned at once."""
     replaced: Earlier | None = None
     """What the folder held of an earlier run, if anything."""
+    foreseen: tuple[float, ...] = ()
+    """rad: largest 2-norms of the trials, as foretold after trial 0; only of laws of a fixed gain."""
 
 
 def run_session(
@@ -50,6 +71,7 @@ def run_session(
     *,
     on_start: Callable[[Prepared], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
+    on_foresight: Callable[[Prepared, list[float]], None] | None = None,
     resume: bool = False,
     overwrite: bool = False,
     keep_logs: KeepLogs | None = None,
@@ -63,18 +85,21 @@ def run_session(
 
     resume: go on from the folder's state. overwrite: replace what another scenario left there; results of the same one are
     replaced anyway. keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
+    on_start is told what the model says before the first trial, on_foresight what it foretells of the others after it.
     Raises InputError, SimulationError or OutputError.
     """
     with owned(folder):
         return _session(
-            plant, folder, on_start=on_start, on_trial=on_trial, resume=resume, overwrite=overwrite, keep_logs=keep_logs,
-            with_transfer=with_transfer, draws=draws, processes=processes, plugins=plugins, picture=picture,
+            plant, folder, on_start=on_start, on_trial=on_trial, on_foresight=on_foresight, resume=resume, overwrite=overwrite,
+            keep_logs=keep_logs, with_transfer=with_transfer, draws=draws, processes=processes, plugins=plugins,
+            picture=picture,
         )  # fmt: skip
 
 
 def _session(
     plant: Plant, folder: Path, *, on_start: Callable[[Prepared], None] | None, on_trial: Callable[[Trial], None] | None,
-    resume: bool, overwrite: bool, keep_logs: KeepLogs | None, with_transfer: bool, draws: int | None, processes: int,
+    on_foresight: Callable[[Prepared, list[float]], None] | None, resume: bool, overwrite: bool,
+    keep_logs: KeepLogs | None, with_transfer: bool, draws: int | None, processes: int,
     plugins: Sequence[Path], picture: bool,
 ) -> Session:  # fmt: skip
     earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
@@ -82,16 +107,10 @@ def _session(
     keep = keep_logs or block.get("keep_logs", "last")
     with learning_model(plant) as model, Workers(processes, plugins) as workers:
         prepared = prepare_learning(plant, model)
+        plant = prepared.plant
         if on_start is not None:
             on_start(prepared)
         logger = _Logger(folder, keep == "all")
-
-        def told(trial: Trial) -> None:
-            # Its state is written: there is something in the place of the earlier run.
-            if trial.number == 0:
-                clear(earlier, but=(folder / STATE, *logger.written))
-            if on_trial is not None:
-                on_trial(trial)
 
         plants = block.get("plants")
         if plants:
@@ -104,12 +123,25 @@ def _session(
             def simulate(inputs: Array) -> Array:
                 return logger.run(plant, inputs)
 
+        foreseen: list[float] = []
+
+        def told(trial: Trial) -> None:
+            # Its state is written: there is something in the place of the earlier run.
+            if trial.number == 0:
+                clear(earlier, but=(folder / STATE, *logger.written))
+            if on_trial is not None:
+                on_trial(trial)
+            if trial.number == 0 and prepared.settings.law != "auto":
+                foreseen.extend(prepared.foresee(trial))
+                if on_foresight is not None:
+                    on_foresight(prepared, foreseen)
+
         result = learn(
             prepared.problem,
             simulate,
             prepared.settings,
             told,
-            predict=prepared.predict,
+            law=prepared.law,
             state=folder / STATE,
             resume=resume,
         )
@@ -119,7 +151,7 @@ def _session(
         if with_transfer and block.get("transfer"):
             report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
             if plants:
-                alone = learn(prepared.problem, plant.outputs, prepared.settings)
+                alone = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
                 nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
     session = Session(
         prepared=prepared,
@@ -128,6 +160,7 @@ def _session(
         transfer=report,
         nominal_transfer=nominal,
         replaced=earlier if earlier.files else None,
+        foreseen=tuple(foreseen),
     )
     _write(session, folder, picture=picture)
     return session
@@ -143,6 +176,10 @@ def session_data(session: Session) -> dict[str, Any]:
         "variant": plant.scenario.variant,
     }
     data |= result_data(result, plant.joints)
+    data["law"] = session.prepared.settings.law
+    data["demands"] = [demand_data(demand) for demand in session.prepared.demands[:MOST_DEMANDS]]
+    if session.foreseen:
+        data["foreseen_norms"] = list(session.foreseen)
     if session.transfer is not None:
         data["transfer"] = transfer_data(session.transfer)
     if session.nominal_transfer is not None:
@@ -165,14 +202,32 @@ def _transfer(
 
 def _write(session: Session, folder: Path, *, picture: bool) -> None:
     plant, result, settings = session.prepared.plant, session.result, session.prepared.settings
-    inputs = folder / INPUTS
-    write_inputs(inputs, plant.time, plant.joints, result.inputs, comment=f"asrsim ilc: {result.reason}")
-    write_playback(folder / PLAYBACK, plant, settings, inputs)
+    inputs, desired = folder / INPUTS, folder / DESIRED
+    headings, values = plant.table(result.inputs)
+    write_inputs(inputs, plant.time, headings, values, comment=f"asrsim ilc: {result.reason}")
+    positions = [f"{joint}.link_position [{plant.unit(joint)}]" for joint in plant.joints]
+    write_inputs(desired, plant.time, positions, plant.reference, comment="asrsim ilc: the desired motion")
+    write_playback(folder / PLAYBACK, plant, inputs, largest=result.best_trial.largest, desired=desired)
     write_json(folder / NUMBERS, session_data(session))
     if picture:
         write_figure(folder / PICTURE, session.prepared.problem, result, settings)
         if session.transfer is not None:
             write_transfer_figure(folder / TRANSFER, session.transfer, session.nominal_transfer)
+
+
+def write_guess(plant: Plant, folder: Path, *, overwrite: bool = False) -> Prepared:
+    """Write the inputs of inverse dynamics, and a scenario that plays them, into `folder`. Nothing is simulated.
+
+    Raises InputError or OutputError.
+    """
+    with owned(folder), learning_model(plant) as model:
+        open_folder(folder, plant.scenario, overwrite=overwrite)
+        prepared = prepare_learning(plant, model, lawless=True)
+        plant = prepared.plant
+        headings, values = plant.table(prepared.inverse.inputs_at(plant.time, model.delays))
+    write_inputs(folder / GUESS, plant.time, headings, values, comment="asrsim ilc --guess-only: inverse dynamics")
+    write_playback(folder / GUESS_PLAYBACK, plant, folder / GUESS)
+    return prepared
 
 
 class _Logger:

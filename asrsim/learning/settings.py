@@ -8,15 +8,19 @@ from typing import Any, Literal
 
 from asrsim.errors import Problem, ScenarioError
 
-FirstGuess = Literal["zero", "reference", "gravity"]
+FirstGuess = Literal["zero", "reference", "gravity", "inverse_dynamics"]
+LawName = Literal["auto", "paper", "filtered"]
 MODEL = "model"
 """Word for a gain that is chosen from the linearised joint dynamics."""
+OF_FIXED_GAIN = ("gain", "gain_decay", "joint_gains", "derivative", "filter", "forgetting")
+"""Keys without effect under `law: auto`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningSettings:
-    """The law of the paper's equation 13 and what the project adds to it."""
+    """The law, and for the laws of a fixed gain paper equation 13 and what the project adds to it."""
 
+    law: LawName = "paper"
     gains: tuple[float, ...]
     """K of each joint, the weight of the last error at the first update."""
     gain_decay: float | None = 10.0
@@ -34,7 +38,7 @@ class LearningSettings:
     max_iterations: int = 50
     """Updates at most."""
     patience: int = 3
-    """Learning gives up when the error has grown for so many trials in a row."""
+    """Learning gives up when the error has grown, or no progress was made, for so many trials in a row."""
 
     def gain_at(self, update: int) -> tuple[float, ...]:
         """Gains of update number 0, 1, ...: K exp(-update / gain_decay)."""
@@ -49,12 +53,23 @@ def wants_model_gains(block: Mapping[str, Any], joints: Sequence[str]) -> bool:
     return any(_gain(block, joint) == MODEL for joint in joints)
 
 
+def wants_safe_filter(block: Mapping[str, Any], joints: Sequence[str]) -> bool:
+    """Whether cutoff and gains are to be made safe by the model: always but with equation 13 or a cutoff as given."""
+    law = block.get("law", "auto")
+    given = (block.get("filter") or {}).get("cutoff") is not None
+    return not given and (law == "filtered" or (law == "paper" and wants_model_gains(block, joints)))
+
+
 def parse_settings(
-    block: Mapping[str, Any], joints: Sequence[str], model_gains: Sequence[float] | None = None
+    block: Mapping[str, Any],
+    joints: Sequence[str],
+    model_gains: Sequence[float] | None = None,
+    safe: tuple[Sequence[float], float] | None = None,
 ) -> LearningSettings:
     """Settings from a scenario's `ilc:` block (validated by asrsim.scenario; absent keys take their defaults).
 
-    model_gains: one a joint, put where the block says `model`. Raises ScenarioError for gains of unknown joints.
+    model_gains: one a joint, put where the block says `model`. safe: gains and cutoff in Hz that replace both.
+    Raises ScenarioError for gains of unknown joints.
     """
     unknown = [joint for joint in block.get("joint_gains", {}) if joint not in joints]
     if unknown:
@@ -75,13 +90,16 @@ def parse_settings(
             gain = model_gains[index]
         gains.append(float(gain))
     filtering = block.get("filter") or {}
+    law = block.get("law", "auto")
     return LearningSettings(
-        gains=tuple(gains),
-        filter_cutoff=filtering.get("cutoff"),
+        law=law,
+        gains=tuple(gains) if safe is None else tuple(safe[0]),
+        filter_cutoff=filtering.get("cutoff") if safe is None else safe[1],
         filter_order=int(filtering.get("order", LearningSettings.filter_order)),
+        first_guess=block.get("first_guess") or ("inverse_dynamics" if law == "auto" else "zero"),
         **{
             name: block[name]
-            for name in ("gain_decay", "derivative", "forgetting", "first_guess", "tolerance", "max_iterations", "patience")
+            for name in ("gain_decay", "derivative", "forgetting", "tolerance", "max_iterations", "patience")
             if name in block
         },
     )

@@ -16,8 +16,8 @@ from asrsim.outfile import make_folder, written
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
-    from asrsim.learning.iterate import LearningProblem, Trial
     from asrsim.learning.settings import LearningSettings
+    from asrsim.learning.trial import LearningProblem, Trial
 
 FORMAT = "asrsim learning state 1"
 
@@ -103,13 +103,13 @@ def _no_state(path: Path, why: str) -> InputError:
 
 def load_state(path: Path, mark: str) -> list[Trial]:
     """The trials of a state file. Raises InputError if it is unreadable or of another problem."""
-    from asrsim.learning.iterate import Trial
+    from asrsim.learning.trial import Trial
 
     head, inputs, outputs = _stored(path)
     if head.get("format") != FORMAT or head.get("fingerprint") != mark:
         raise InputError(
             Problem(
-                message="belongs to another learning run: robot, scenario or learning settings have changed",
+                message="belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
                 file=path,
                 hint="Delete it, or leave out --resume, to begin anew",
                 code="state-of-another-run",

@@ -15,6 +15,9 @@ import numpy as np
 
 from asrsim.samples import Array
 
+ADDED = ("delay", "added_friction", "added_damping")
+"""Factors that are added, from 0 on, and do not scale: s, N m, N m s/rad."""
+CONFIDENCE = 0.95
 Distribution = Literal["uniform", "normal"]
 Draw = Mapping[str, float]
 """Factor -> relative change (0.1: a tenth more) or, for `delay`, seconds."""
@@ -25,22 +28,22 @@ class Spread:
     """How far the factors vary: half-widths of uniform, or standard deviations of normal distributions."""
 
     factors: Mapping[str, float]
-    """Factor -> relative spread; `delay`: largest delay in s, drawn from 0 on."""
+    """Factor -> relative spread; those of :data:`ADDED`: the most that is added, in SI, drawn from 0 on."""
     distribution: Distribution = "uniform"
 
     @classmethod
     def of(cls, block: Mapping[str, Any], joints: Sequence[str]) -> Spread:
         """From the `spread` and `distribution` of a scenario's `transfer:` or `plants:` block.
 
-        Actuator parameters vary independently in each joint, as `parameters.<joint>.<name>`; mass, damping and friction
-        in each joint too, as `<what>.<joint>`; the delay is common to all.
+        Actuator parameters vary independently in each joint, as `parameters.<joint>.<name>`; mass, damping, friction, and what
+        is added to the latter, in each joint too, as `<what>.<joint>`; the delay is common to all.
         """
         spread = block["spread"]
         factors: dict[str, float] = {}
         for joint in joints:
             for name, amount in spread.get("parameters", {}).items():
                 factors[f"parameters.{joint}.{name}"] = float(amount)
-            for what in ("mass", "damping", "friction"):
+            for what in ("mass", "damping", "friction", *ADDED[1:]):
                 factors[f"{what}.{joint}"] = float(spread.get(what, 0.0))
         factors["delay"] = float(spread.get("delay", 0.0))
         return cls(
@@ -56,6 +59,10 @@ class Influence:
     factor: str
     rank_correlation: float
     """Spearman's, of the factor with the largest error: sign and strength of a monotone influence."""
+    interval: tuple[float, float]
+    """95 % of it (Fisher's transformation with the variance of Bonett and Wright 2000)."""
+    tells: bool
+    """Whether the correlation differs from 0 where so many factors are looked at (Bonferroni)."""
     regression: float
     """Standardised regression coefficient, all factors together, of the largest error on the size of the change."""
     signed_regression: float
@@ -73,7 +80,7 @@ class TransferReport:
     """(draws, joints) rad, largest absolute error of each joint."""
     joints: tuple[str, ...]
     influences: tuple[Influence, ...]
-    """Strongest first."""
+    """Highest rank correlation first."""
 
     @property
     def worst(self) -> Array:
@@ -84,6 +91,16 @@ class TransferReport:
     def within(self) -> float:
         """Share of draws in which every joint stays within the tolerance."""
         return float(np.mean(self.worst <= self.tolerance))
+
+    @property
+    def within_interval(self) -> tuple[float, float]:
+        """95 % interval of that share (Clopper and Pearson 1934)."""
+        return share_interval(int(np.sum(self.worst <= self.tolerance)), len(self.worst))
+
+    @property
+    def telling(self) -> tuple[Influence, ...]:
+        """Influences that are no noise."""
+        return tuple(item for item in self.influences if item.tells)
 
     def quantiles(self, shares: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95)) -> dict[float, float]:
         """Quantiles of the largest error in rad; diverged draws count as infinite."""
@@ -99,7 +116,7 @@ def draw_plants(spread: Spread, count: int, seed: int) -> tuple[Draw, ...]:
         draw = {}
         for name in names:
             amount = spread.factors[name]
-            if name == "delay":
+            if name.split(".")[0] in ADDED:
                 draw[name] = float(generator.uniform(0.0, amount))
             elif spread.distribution == "uniform":
                 draw[name] = float(generator.uniform(-amount, amount))
@@ -135,7 +152,7 @@ def transfer(
 
 
 def influences(draws: Sequence[Draw], worst: Array) -> tuple[Influence, ...]:
-    """Which factor decides the error, strongest first; empty with fewer finite draws than twice the factors."""
+    """Which factor decides the error, highest rank correlation first; empty with fewer finite draws than twice the factors."""
     finite = np.isfinite(worst)
     names = sorted(draws[0]) if draws else []
     if not names or finite.sum() < 2 * len(names) + 2:
@@ -153,13 +170,39 @@ def influences(draws: Sequence[Draw], worst: Array) -> tuple[Influence, ...]:
             Influence(
                 factor=name,
                 rank_correlation=correlation,
+                interval=correlation_interval(correlation, len(errors), CONFIDENCE),
+                tells=not _holds_zero(correlation_interval(correlation, len(errors), 1.0 - (1.0 - CONFIDENCE) / len(names))),
                 regression=float(unsigned[column]),
                 signed_regression=float(signed[column]),
             )
         )
-    return tuple(
-        sorted(found, key=lambda item: -max(abs(item.rank_correlation), abs(item.regression), abs(item.signed_regression)))
-    )
+    return tuple(sorted(found, key=lambda item: -abs(item.rank_correlation)))
+
+
+def correlation_interval(correlation: float, count: int, confidence: float) -> tuple[float, float]:
+    """Interval of a rank correlation over `count` pairs."""
+    from math import atanh, sqrt, tanh
+
+    from scipy.stats import norm
+
+    if count < 5 or abs(correlation) >= 1.0:
+        return (-1.0, 1.0) if count < 5 else (correlation, correlation)
+    half = float(norm.ppf(0.5 + 0.5 * confidence)) * sqrt((1.0 + 0.5 * correlation**2) / (count - 3))
+    return tanh(atanh(correlation) - half), tanh(atanh(correlation) + half)
+
+
+def share_interval(hits: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Interval of a share of which `hits` of `count` were seen."""
+    from scipy.stats import beta
+
+    rest = 0.5 * (1.0 - confidence)
+    low = float(beta.ppf(rest, hits, count - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(1.0 - rest, hits + 1, count - hits)) if hits < count else 1.0
+    return low, high
+
+
+def _holds_zero(interval: tuple[float, float]) -> bool:
+    return interval[0] <= 0.0 <= interval[1]
 
 
 def _standardised(values: Array, errors: Array) -> Array:

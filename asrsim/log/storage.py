@@ -35,15 +35,6 @@ DATA_END = encode(DataEnd(data_section_crc=0))
 _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MAGIC
 """Ends a file without index: readers then go through it from the start."""
 _TRAILER = DATA_END + _OPEN_END
-_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""The first is of POSIX; the second, of Windows, keeps line ends as they are."""
-
-
-def _pwrite(file: int, data: memoryview, position: int) -> int:
-    if hasattr(os, "pwrite"):
-        return os.pwrite(file, data, position)
-    os.lseek(file, position, os.SEEK_SET)
-    return os.write(file, data)
 
 
 class McapStorage:
@@ -108,7 +99,9 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            written = _pwrite(self._file, rest, position)
+            # Not os.pwrite, which Windows does not have.
+            os.lseek(self._file, position, os.SEEK_SET)
+            written = os.write(self._file, rest)
             rest = rest[written:]
             position += written
 

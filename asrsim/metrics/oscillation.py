@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.metrics.values import steady_state
 from asrsim.samples import Array
 
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _FLOOR = (0.001, 0.03)
 """Least and most share of the largest excursion below which crossings count as noise."""
 
@@ -77,13 +78,12 @@ def _even(up: list[float], down: list[float]) -> float | None:
 
 def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
     """Peak of the magnitude of the windowed transform, at any frequency, not only at bins."""
-    from scipy.optimize import minimize_scalar
-
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     window = np.hanning(len(grid))
     y = (np.interp(grid, time, x) - np.mean(x)) * window
-    size = 4 * len(grid)
+    # A power of two: a length with large prime factors takes ten times the memory.
+    size = 1 << (2 * len(grid) - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)
     # Below one period in the record the window's own lobe rules; its flank may reach up there, but is no peak.
@@ -95,8 +95,19 @@ def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
     width = float(bins[1])
 
     def magnitude(f: float) -> float:
-        return -abs(complex(np.dot(y, np.exp(-2j * np.pi * f * (grid - grid[0])))))
+        return abs(complex(np.dot(y, np.exp(-2j * np.pi * f * (grid - grid[0])))))
 
-    found = minimize_scalar(magnitude, bounds=(max(coarse - 2 * width, 0.0), coarse + 2 * width), method="bounded",
-                            options={"xatol": 1e-6 * max(coarse, 1e-9)})  # fmt: skip
-    return float(found.x)
+    # Golden sections: the lobe of the window has one top, and is wider than four bins.
+    low, high = max(coarse - width, 0.0), coarse + width
+    inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_inner, at_outer = magnitude(inner), magnitude(outer)
+    while high - low > 1e-6 * coarse:
+        if at_inner > at_outer:
+            high, outer, at_outer = outer, inner, at_inner
+            inner = high - _GOLDEN * (high - low)
+            at_inner = magnitude(inner)
+        else:
+            low, inner, at_inner = inner, outer, at_outer
+            outer = low + _GOLDEN * (high - low)
+            at_outer = magnitude(outer)
+    return 0.5 * (low + high)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
@@ -225,7 +226,7 @@ def _series(
     if both.sum() < 2:
         findings.append(Problem(message="has no two samples with numbers in both", code="no-overlap"))
     metrics = {name: _measured(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
-    if (problem := _delay_at_limit(metrics["delay"], grid[both])) is not None:
+    if both.sum() > 1 and (problem := _delay_at_limit(grid[both], a[both], b[both])) is not None:
         findings.append(problem)
     steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
     return Series(
@@ -234,12 +235,13 @@ def _series(
     )  # fmt: skip
 
 
-def _delay_at_limit(delay: float, time: Array) -> Problem | None:
-    """That a delay was found at the edge of its search, a quarter of the record, and means nothing but that."""
-    if len(time) < 2 or not abs(delay) >= 0.25 * float(time[-1] - time[0]) - float(np.median(np.diff(time))):
+def _delay_at_limit(time: Array, a: Array, b: Array) -> Problem | None:
+    """Why there is no delay where its search ended at its edge."""
+    lag = estimate_lag(time, a, time, b)
+    if lag is None or not lag.at_limit:
         return None
-    return Problem(message=f"its delay, {delay:.4g} s, is the limit of the search: the true one lies beyond, or there is none",
-                   code="delay-at-limit")  # fmt: skip
+    message = f"its delay is not told: the search ended at its limit, {lag.seconds:.4g} s, and the true one may lie beyond"
+    return Problem(message=message, code="delay-at-limit")
 
 
 def _measured(name: str, time: Array, a: Array, b: Array | None = None) -> float:

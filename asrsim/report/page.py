@@ -11,6 +11,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.plots.rows import metric_tables
+from asrsim.report.accuracy import numerical_error
 from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, number, script_json, section, share, table
 
@@ -42,7 +43,7 @@ def build_page(
         _joints(runs, labels),
         _compared(compared),
         _plots(data, thinned=thinned),
-        _error(runs, labels),
+        numerical_error(runs, labels),
         _parameters(runs, labels),
         _warnings(runs, labels, films.notes),
         _repeat(runs),
@@ -207,26 +208,6 @@ def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
     return section("Plots", "".join(parts))
 
 
-def _error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    rows, notes = [], []
-    for run, label in zip(runs, labels, strict=True):
-        certificate = run.summary.get("certificate") or {}
-        for name, joint in (certificate.get("joints") or {}).items():
-            rows.append(
-                [label, name, *(number(joint.get(k)) for k in ("position_max", "position_rms", "torque_max", "torque_rms")),
-                 number(joint.get("order"))]
-            )  # fmt: skip
-        notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in certificate.get("warnings") or ()]
-    if not rows:
-        return section(
-            "Numerical error",
-            "<p class='note'>Not estimated. <code>asrsim run --certify</code> runs again at finer steps and says it.</p>",
-        )
-    heads = ["variant", "joint", "position, largest", "position, RMS", "torque, largest", "torque, RMS", "order"]
-    text = "<p class='note'>Estimated from runs at a half and a quarter of the step; SI units.</p>"
-    return section("Numerical error", text + table(heads, rows) + bullets(notes))
-
-
 def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     # Joints and variants with the same parameters share a table.
     groups: dict[Any, list[tuple[str, str]]] = {}
@@ -270,7 +251,8 @@ def _repeat(runs: Sequence[RunContent]) -> str:
     if info.scenario_path:
         only = f" --variant {shlex.quote(info.variant)}" if len(runs) == 1 and info.variant not in ("", "default") else ""
         commands.append(f"asrsim run {shlex.quote(info.scenario_path)}{only}")
-    versions = ", ".join(f"{name} {info.metadata[name]}" for name in ("asrsim", "pybullet", "numpy") if name in info.metadata)
+    libraries = {"asrsim": "asrsim ", "engine_version": "", "numpy": "numpy "}
+    versions = ", ".join(f"{word}{info.metadata[name]}" for name, word in libraries.items() if name in info.metadata)
     scenario = (
         f"<details><summary>Scenario as read</summary><pre>{escape(info.scenario)}</pre></details>" if info.scenario else ""
     )

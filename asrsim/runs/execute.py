@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import DivergenceError
-from asrsim.log import LogWriter
+from asrsim.log import LogWriter, open_log
 from asrsim.outfile import write_text
 from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.crosscheck import COMPARED, other_engine, require_other_engine
+from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.run import Run, Sink, simulate
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
@@ -51,6 +53,7 @@ def execute(
     overwrite: bool = False,
     keep: bool = False,
     certify: bool = False,
+    cross_check: bool = False,
     started: Callable[[RunInfo], None] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
@@ -62,12 +65,15 @@ def execute(
     A run that diverges or is stopped gives a closed log and a summary like any other; its status says so. What the folder
     held of an earlier run goes only when this one's log is whole: until then that is written aside. keep: keep all samples in
     `.run.samples` too; certify: run again with finer steps for the numerical error, which goes into log and summary;
-    started: told the run's description when it is built; progress, stop: see :func:`asrsim.simulation.run.simulate`;
-    certifying: progress of the finer runs.
+    cross_check: run again in another engine for the differences, which go into the summary (certify does so too, where there
+    is one); started: told the run's description when it is built; progress, stop: see
+    :func:`asrsim.simulation.run.simulate`; certifying: progress of the further runs.
 
     Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
     then stays readable, unless there is an earlier one, which stays then.
     """
+    if cross_check:
+        require_other_engine(scenario)
     earlier = open_folder(folder, scenario, overwrite=overwrite)
     error: DivergenceError | None = None
     certificate: Certificate | None = None
@@ -84,7 +90,7 @@ def execute(
             return [writer, collector]
 
         try:
-            run = simulate(scenario, robot, sinks=open_sinks, keep=keep or certify, progress=progress, stop=stop)
+            run = simulate(scenario, robot, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise
@@ -92,7 +98,7 @@ def execute(
         if certify and run.status == "complete":
             from asrsim.simulation.certify import certify as certify_run
 
-            certificate = certify_run(scenario, run, robot, progress=certifying)
+            certificate = certify_run(scenario, run, robot, progress=certifying, stop=stop)
         ((writer, collector),) = made
         writer.close(result_metadata(run, error, certificate))
     claims: tuple[ExpectationResult, ...] = ()
@@ -102,6 +108,10 @@ def execute(
     summary = make_summary(run, collector, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
     if certificate is not None:
         summary = replace(summary, certificate=certificate.as_dict())
+    if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
+        kept = open_log(log).iter_samples(quantities=COMPARED)
+        found = run_cross_check(scenario, run.info, kept, robot, progress=certifying)
+        summary = replace(summary, cross_check=found.as_dict())
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, DivergenceError, LogError, Problem
 from asrsim.log import LogReader, LogWriter, open_log
 from asrsim.robot import Robot, load_robot
@@ -105,6 +106,7 @@ def repeat(
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary, ExitStack() as stack:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
+        _require_engine(reader, scenario.engine)
         place: Path | None = None
         if folder is not None:
             stack.enter_context(owned(folder))
@@ -153,11 +155,26 @@ def repeat(
         differences=comparer.differences,
         versions={
             name: (there[name], here[name])
-            for name in ("asrsim", "pybullet", "numpy")
+            for name in ("asrsim", "engine_version", "numpy")
             if name in there and name in here and there[name] != here[name]
         },
         log=folder / LOG if folder is not None else None,
     )
+
+
+def _require_engine(reader: LogReader, name: str) -> None:
+    """A run is repeated in its own engine: another gives other bits. Raises LogError if that is not installed."""
+    entry = ENGINES.get(name)
+    if not entry.available:
+        version = reader.info.metadata.get("engine_version", name)
+        raise LogError(
+            Problem(
+                message=f"the run was made with the engine '{name}' ({version}), and '{entry.module}' is not installed here",
+                file=reader.path,
+                hint="Install it, or run the scenario itself in another engine with asrsim run --engine NAME",
+                code="engine-missing",
+            )
+        )
 
 
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:

@@ -13,7 +13,7 @@ from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
 from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
-from asrsim.scenario.choices import prescribes_motion
+from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
@@ -79,6 +79,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ("link_damping", scenario.link_damping, actuated),
         ("motion", scenario.motion, moving),
         ("ilc.trajectory", scenario.learning.get("trajectory", {}), actuated),
+        *((f"ilc.trajectories.{name}", each, actuated) for name, each in scenario.learning.get("trajectories", {}).items()),
         ("ilc.joint_gains", scenario.learning.get("joint_gains", {}), actuated),
         ("task.preset", scenario.task.preset if scenario.task else (), actuated),
     )
@@ -207,7 +208,8 @@ def _names(block: ActuatorBlock) -> tuple[str, ...]:
 
 def made_elsewhere(scenario: Scenario, joint: str) -> bool:
     """Whether a Cartesian task, or learning, makes the joint's reference."""
-    if joint in scenario.learning.get("trajectory", {}) or "*" in scenario.learning.get("trajectory", {}):
+    learned = (scenario.learning.get("trajectory", {}), *scenario.learning.get("trajectories", {}).values())
+    if any(joint in trajectory or "*" in trajectory for trajectory in learned):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
@@ -233,7 +235,9 @@ def _values(
         return
     actuator = ACTUATORS.get(block.actuator)
     length: Any = block.values().get("lever_length")
-    if slot == 1 and actuator.adjuster and length is not None and len(MODES[block.mode].references) == 2:
+    # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
+    torque = block.mode == 4 and released_order(scenario.stepping)
+    if slot == 1 and actuator.adjuster and length is not None and len(MODES[block.mode].references) == 2 and not torque:
         worst = int(np.argmax(values))
         if values[worst] >= length:
             message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[worst]:g} s"

@@ -29,3 +29,10 @@ def prescribes_motion(engine: str) -> bool:
     from asrsim.engines import ENGINES
 
     return ENGINES.get(engine).prescribed
+
+
+def released_order(stepping: str) -> bool:
+    """Whether joints step in the released toolbox's own order, with its motors."""
+    from asrsim.simulation.steppings import STEPPINGS
+
+    return STEPPINGS.get(stepping).released

@@ -21,7 +21,9 @@ from asrsim.scenario.joint_keys import (
     PARAMETERS,
     Effects,
     GivenActuator,
+    JointReferences,
     LinkDamping,
+    References,
     Start,
 )
 from asrsim.scenario.kinds import ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
@@ -30,7 +32,6 @@ from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
 from asrsim.scenario.world_keys import WORLD, WRENCHES, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
-from asrsim.signals.parse import SIGNAL
 
 __all__ = [
     "CartesianPose",
@@ -175,10 +176,14 @@ class Scenario:
     namespace: str | None = None
     """Replaces the blocks' namespace (manager YAML)."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
-        MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)),
+        References(of=JointReferences()),
+        spread=True,
         default={},
-        doc="the actuators' references, by the names of their mode; absent ones rest at their start",
+        doc="the actuators' references, by the names of their mode; absent ones rest at their start; beside them "
+        "`inverse_dynamics: true` makes the first a desired motion of the link, whose input is computed",
     )
+    inverse_dynamics: Mapping[str, bool] = field(default_factory=dict)
+    """Joint or `"*"` -> whether its first reference is a desired motion of the link, whose input is computed."""
     desired: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT,
         default={},

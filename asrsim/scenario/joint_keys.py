@@ -9,9 +9,9 @@ from typing import Any
 from asrsim.actuators import ACTUATORS
 from asrsim.document.block import Block, Key, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
-from asrsim.document.kinds import Choice, Integer, Kind, Number, Optional, Schema
+from asrsim.document.kinds import Boolean, Choice, Integer, Kind, Number, Optional, Schema, attempt
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading
+from asrsim.document.reading import KeyPath, Reading, Rejected
 from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Keys
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
@@ -113,6 +113,54 @@ class Start(Kind[Mapping[str, Any]]):
 
     def merge(self, base: Node, over: Node) -> Node:
         return self._shapes.merge(base, over)
+
+
+INVERSE_DYNAMICS = "inverse_dynamics"
+"""Word under a joint's references that makes its first one a desired motion of the link."""
+
+
+class JointReferences(Kind[dict[str, Any]]):
+    """Signals by name, and whether the first is a desired motion: a :class:`bool` under :data:`INVERSE_DYNAMICS`."""
+
+    _signals = MapOf(of=SIGNAL, noun="reference", star=False)
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
+        if not isinstance(node.value, dict) or INVERSE_DYNAMICS not in node.value:
+            return dict(self._signals.read(node, path, reading))
+        rest = {name: item for name, item in node.value.items() if name != INVERSE_DYNAMICS}
+        wanted = attempt(Boolean(), node.value[INVERSE_DYNAMICS], (*path, INVERSE_DYNAMICS), reading)
+        signals = self._signals.read(Node(rest, node.line, node.key_lines, node.file), path, reading)
+        if wanted is None:
+            raise Rejected
+        return {**signals, INVERSE_DYNAMICS: wanted[0]}
+
+    def schema(self) -> Schema:
+        return {**self._signals.schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}
+
+    @property
+    def text(self) -> str:
+        return self._signals.text
+
+    @property
+    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
+        return self._signals.parts
+
+    def merge(self, base: Node, over: Node) -> Node:
+        return self._signals.merge(base, over)
+
+
+class References(MapOf[Any]):
+    """Every joint's :class:`JointReferences`, as the scenario's two tables: signals, and whose first is a desired motion."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
+        given = super().read(node, path, reading)
+        return {
+            "references": {
+                joint: {name: signal for name, signal in items.items() if name != INVERSE_DYNAMICS}
+                for joint, items in given.items()
+            },
+            "inverse_dynamics": {joint: items[INVERSE_DYNAMICS] for joint, items in given.items() if INVERSE_DYNAMICS in items},
+        }
 
 
 LOCKED = "locked"

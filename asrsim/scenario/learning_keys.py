@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from asrsim.document.block import Block, Key
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import Choice, Integer, Kind, Number, Optional, Schema
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys
+from asrsim.errors import Problem, ScenarioError
+from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys, names_a_folder
 
 
 class Gain(Kind["float | str"]):
@@ -39,6 +42,11 @@ SPREAD: Block[Keys] = Block(
         Key(name="mass", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the links' masses and inertias"),
         Key(name="damping", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' damping"),
         Key(name="friction", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' and motors' friction"),
+        Key(
+            name="added_friction", kind=_SPREAD, default=0.0, unit="N m",
+            doc="most that is added to the joints' friction, which a relative spread cannot give to one without",
+        ),
+        Key(name="added_damping", kind=_SPREAD, default=0.0, unit="N m s/rad", doc="most that is added to the joints' damping"),
         Key(name="delay", kind=_SPREAD, default=0.0, unit="s", doc="largest delay of the commands"),
     ),
     build=dict,
@@ -68,9 +76,31 @@ FILTER: Block[Keys] = Block(
     noun="zero-phase filter",
 )
 
+
+def _learning(**keys: Any) -> Keys:
+    if bool(keys["trajectory"]) == bool(keys["trajectories"]):
+        message = "needs desired link positions under trajectory, or several of them by name under trajectories"
+        raise ScenarioError(Problem(message=message, key="", code="no-trajectory"))
+    if bad := [name for name in keys["trajectories"] if not names_a_folder(name)]:
+        raise ScenarioError(Problem(message="is no name: it names a folder too", key=f"trajectories.{bad[0]}", code="name"))
+    return keys
+
+
 LEARNING: Block[Keys] = Block(
     keys=(
-        Key(name="trajectory", kind=SIGNALS_BY_JOINT, unit="rad", doc="desired link positions"),
+        Key(
+            name="trajectory", kind=SIGNALS_BY_JOINT, default={}, unit="rad", shown="none",
+            doc="desired link positions; this or `trajectories`",
+        ),
+        Key(
+            name="trajectories", kind=MapOf(of=SIGNALS_BY_JOINT, noun="trajectory", star=False), default={}, unit="rad",
+            doc="several of them by name, each learned on its own", shown="none",
+        ),
+        Key(
+            name="law", kind=Choice(("auto", "paper", "filtered")), default="auto",
+            doc="auto: norm-optimal, needs no tuning; paper: equation 13; filtered: equation 13 within the band in which "
+            "errors shrink",
+        ),
         Key(
             name="gain", kind=Gain(), default=0.5, unit="1",
             doc="K of K exp(-n / gain_decay), the weight of the last error; `model`: from the linearised joint",
@@ -81,17 +111,25 @@ LEARNING: Block[Keys] = Block(
         ),
         Key(name="joint_gains", kind=MapOf(of=Gain(), star=False), default={}, unit="1", doc="gains that replace `gain`"),
         Key(name="derivative", kind=NOT_NEGATIVE, default=0.0, unit="s", doc="weight of the error's rate, times the gain"),
-        Key(name="filter", kind=Optional(FILTER), default=None, doc="zero-phase filter on what is learned", shown="none"),
+        Key(
+            name="filter", kind=Optional(FILTER), default=None, doc="zero-phase filter on what is learned",
+            shown="law filtered, or gain model: safe by the model; else none",
+        ),
         Key(name="forgetting", kind=SHARE, default=0.0, unit="1", doc="share of the learned input that each iteration forgets"),
         Key(
-            name="first_guess", kind=Choice(("zero", "reference", "gravity")), default="zero",
-            doc="first input: zero, the trajectory, or the trajectory plus the springs' deflection under gravity",
+            name="first_guess", kind=Optional(Choice(("zero", "reference", "gravity", "inverse_dynamics"))), default=None,
+            doc="first input: zero, the trajectory, the trajectory plus the springs' deflection under gravity, or inverse "
+            "dynamics through the springs", shown="law auto: inverse_dynamics; else zero",
+        ),
+        Key(
+            name="presets", kind=Choice(("given", "constant", "over_time")), default="given",
+            doc="second references: those of `references`, or the lowest that hold limits and tolerance, chosen beforehand",
         ),
         Key(name="tolerance", kind=POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it"),
         Key(name="max_iterations", kind=Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many"),
         Key(
             name="patience", kind=Integer(minimum=1), default=3,
-            doc="stop when the error has grown for so many iterations in a row",
+            doc="stop when the error has grown, or there was no progress, for so many iterations in a row",
         ),
         Key(
             name="keep_logs", kind=Choice(("none", "last", "all")), default="last",
@@ -103,6 +141,6 @@ LEARNING: Block[Keys] = Block(
             doc="plants on which `asrsim ilc --transfer` tries the learned input", shown="none",
         ),
     ),
-    build=dict,
+    build=_learning,
     noun="learning",
 )  # fmt: skip

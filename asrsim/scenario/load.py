@@ -20,6 +20,16 @@ DEFAULT = "default"
 """Name of the variant of a scenario without variants."""
 
 
+def only_variant(loaded: Sequence[Scenario]) -> Scenario:
+    """The one that there is; raises ScenarioError if there are several."""
+    if len(loaded) != 1:
+        names = tuple(one.variant for one in loaded)
+        hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
+        message = "the scenario has several variants"
+        raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
+    return loaded[0]
+
+
 def load_scenario(
     path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[Scenario, ...]:

@@ -54,7 +54,8 @@ class WorldObject:
     mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
     inertia: Vector | None = declare(
         Optional(ListOf(of=POSITIVE, length=3, names=("xx", "yy", "zz"))), default=None, unit="kg m^2",
-        doc="principal moments; default: those of the solid shape",
+        doc="principal moments; default: those of the solid shape, of a mesh those of its bounding box; the centre of mass is "
+        "the shape's middle, of a mesh its origin",
     )  # fmt: skip
     friction: float = declare(
         NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; a contact's is the product of both bodies'"

@@ -1,9 +1,13 @@
-"""The numerical error of a run: the run again with the step halved, twice, and Richardson's estimate from the differences."""
+"""The numerical error of a run: the run again with the step halved, twice, and Richardson's estimate from the differences.
+
+All runs go side by side, and what they differ by is summed up as they go: memory does not grow with the duration.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -11,7 +15,9 @@ import numpy as np
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.run import Run, simulate
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import Run, blame_laws
+from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.steppings import STEPPINGS
 
 ORDER_TOLERANCE = 0.35
@@ -53,39 +59,59 @@ class Certificate:
         return data
 
 
-def certify(
-    scenario: Scenario, run: Run, robot: Robot | None = None, *, progress: Callable[[str, float], None] | None = None
-) -> Certificate:
-    """Estimate the numerical error of `run`, which kept its samples, by runs at a half and a quarter of its step.
+COMPARED = ("link_position", "link_torque")
+"""What the error is estimated of."""
 
-    robot: as read from its file, to read it only once. progress: told which run and its simulated time. Raises
-    SimulationError if a finer run fails.
+
+def certify(
+    scenario: Scenario,
+    run: Run,
+    robot: Robot | None = None,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Certificate | None:
+    """Estimate the numerical error of `run` by runs at a half and a quarter of its step; one that kept no samples runs again.
+
+    robot: as read from its file, to read it only once. progress: told what goes on and the simulated time. stop: asked now and
+    then; if it says True there is no certificate. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    coarse = run.samples
-    if coarse is None:
-        coarse = _samples(scenario, robot, run, 1, progress)
-    half = _samples(scenario, robot, run, 2, progress)
-    quarter = _samples(scenario, robot, run, 4, progress)
+    differences = _Differences()
+    with blame_laws(), ExitStack() as stack:
+        tracks = [_Track(stack, _finer(scenario, run, finer), robot) for finer in (2, 4)]
+        if run.samples is None:
+            tracks.insert(0, _Track(stack, scenario, robot))
+        else:
+            tracks.insert(0, _Track(stack, None, robot))
+            tracks[0].write(run.samples)
+        while any(track.running for track in tracks):
+            if stop is not None and stop():
+                return None
+            last = min((track for track in tracks if track.running), key=lambda track: track.time)
+            last.advance()
+            differences.add(*tracks)
+            if progress is not None:
+                progress("finer steps", min(track.time for track in tracks[1:]))
     joints: dict[str, JointError] = {}
     warnings = []
-    for j, name in enumerate(coarse.joints):
-        position = [samples.values["link_position"][:, j] for samples in (coarse, half, quarter)]
-        torque = [samples.values["link_torque"][:, j] for samples in (coarse, half, quarter)]
-        order = _order(*position)
-        error = _estimate(position, order, stepping.order)
-        strain = _estimate(torque, order, stepping.order)
-        joints[name] = JointError(
-            position_max=float(np.max(np.abs(error))),
-            position_rms=float(np.sqrt(np.mean(error**2))),
-            torque_max=float(np.max(np.abs(strain))),
-            torque_rms=float(np.sqrt(np.mean(strain**2))),
+    for j, joint in enumerate(run.info.joints):
+        order = differences.order(j)
+        used = max(order, 0.5) if order < stepping.order - ORDER_TOLERANCE else stepping.order
+        # Richardson: of the difference to the run of a quarter step, whose own error is 4^-order of the coarse one's.
+        scale = 1.0 / (1.0 - 4.0**-used)
+        position, torque = differences.of("link_position", j), differences.of("link_torque", j)
+        joints[joint.name] = JointError(
+            position_max=scale * position[0],
+            position_rms=scale * position[1],
+            torque_max=scale * torque[0],
+            torque_rms=scale * torque[1],
             order=order,
         )
         if order < stepping.order - ORDER_TOLERANCE:
             warnings.append(
-                f"joint '{name}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does where "
-                f"forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"
+                f"joint '{joint.name}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does "
+                f"where forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"
             )
     return Certificate(
         stepping=stepping.name,
@@ -96,35 +122,90 @@ def certify(
     )
 
 
-def _samples(
-    scenario: Scenario, robot: Robot | None, run: Run, finer: int, progress: Callable[[str, float], None] | None
-) -> Samples:
-    """The run again with a step `finer` times finer, logged at the same times."""
-    resolution = run.resolution
+def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
+    """The scenario with a step `finer` times finer, logged at the same times."""
     if STEPPINGS.get(scenario.stepping).released:
-        changed = replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
-    else:
-        changed = replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
-    name = {1: "again", 2: "half step", 4: "quarter step"}[finer]
-    tell = None if progress is None else lambda time: progress(name, time)
-    samples = simulate(changed, robot, progress=tell).samples
-    if samples is None or len(samples.time) == 0:
-        from asrsim.errors import SimulationError
-
-        raise SimulationError(f"the run at {name} gave no samples")
-    return samples
+        return replace(scenario, step=scenario.step / finer, log_every=scenario.log_every * finer)
+    resolution = run.resolution
+    return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
 
 
-def _order(coarse: Array, half: Array, quarter: Array) -> float:
-    """Measured order of convergence from three runs."""
-    first, second = float(np.sqrt(np.mean((coarse - half) ** 2))), float(np.sqrt(np.mean((half - quarter) ** 2)))
-    if first < RESOLVED or second < RESOLVED:
-        return math.nan
-    return math.log2(first / second)
+class _Track:
+    """One of the runs, a chunk at a time; a sink that keeps what is not compared yet."""
+
+    def __init__(self, stack: ExitStack, scenario: Scenario | None, robot: Robot | None) -> None:
+        """scenario: None for a run that is there already."""
+        self.waiting: list[Array] = []
+        """(samples, quantities, joints) each."""
+        self._simulation: Simulation | None = None
+        if scenario is not None:
+            self._simulation = stack.enter_context(Simulation(prepare(scenario, robot), sinks=[self]))
+
+    @property
+    def time(self) -> float:
+        """s that are simulated."""
+        return math.inf if self._simulation is None else self._simulation.time
+
+    @property
+    def running(self) -> bool:
+        """Not at its end yet; one row beyond it completes the last velocity."""
+        return self._simulation is not None and self._simulation.substep < self._simulation.total
+
+    def advance(self) -> None:
+        """Another chunk."""
+        if self._simulation is not None:
+            self._simulation.advance_to(self._simulation.next_chunk(self._simulation.total))
+            self._simulation.flush()
+
+    def write(self, samples: Samples) -> None:
+        """Take samples."""
+        self.waiting.append(np.stack([samples.values[name] for name in COMPARED], axis=1))
+
+    def taken(self, count: int) -> Array:
+        """The next rows."""
+        rows = self.waiting[0] if len(self.waiting) == 1 else np.concatenate(self.waiting)
+        self.waiting = [rows[count:]]
+        return rows[:count]
+
+    @property
+    def count(self) -> int:
+        """Rows that wait."""
+        return sum(map(len, self.waiting))
 
 
-def _estimate(runs: list[Array], order: float, scheme: int) -> Array:
-    """Error of the coarse run by Richardson: the difference to the quarter-step run, whose own error is 4^-order of it."""
-    used = max(order, 0.5) if order < scheme - ORDER_TOLERANCE else scheme
-    estimate: Array = (runs[0] - runs[2]) / (1.0 - 4.0**-used)
-    return estimate
+class _Differences:
+    """Sums of what three runs differ by."""
+
+    def __init__(self) -> None:
+        self._samples = 0
+        self._first: Array | float = 0.0
+        """Sum of the squared differences of the coarse run and the half step's, (quantities, joints)."""
+        self._second: Array | float = 0.0
+        """Of half step and quarter step."""
+        self._whole: Array | float = 0.0
+        """Of coarse run and quarter step."""
+        self._largest: Array | float = 0.0
+
+    def add(self, *tracks: _Track) -> None:
+        """Compare the rows that all three runs have."""
+        count = min(track.count for track in tracks)
+        if count:
+            coarse, half, quarter = (track.taken(count) for track in tracks)
+            self._samples += count
+            self._first = self._first + np.sum((coarse - half) ** 2, axis=0)
+            self._second = self._second + np.sum((half - quarter) ** 2, axis=0)
+            self._whole = self._whole + np.sum((coarse - quarter) ** 2, axis=0)
+            self._largest = np.maximum(self._largest, np.max(np.abs(coarse - quarter), axis=0))
+
+    def order(self, joint: int) -> float:
+        """Measured order of convergence of the position, NaN at rounding level."""
+        first, second = (self._rms(sums, 0, joint) for sums in (self._first, self._second))
+        return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
+
+    def of(self, quantity: str, joint: int) -> tuple[float, float]:
+        """Largest and RMS difference of coarse run and quarter step."""
+        row = COMPARED.index(quantity)
+        return float(np.asarray(self._largest)[row, joint]), self._rms(self._whole, row, joint)
+
+    def _rms(self, sums: Array | float, row: int, joint: int) -> float:
+        return math.sqrt(float(np.asarray(sums)[row, joint]) / self._samples)

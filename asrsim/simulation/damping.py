@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,6 @@ def make_damping_law(drive: Drive) -> Callable[[Any, Any, float, tuple[float, ..
     def damping(joint: Any, constants: Any, q: float, record: tuple[float, ...]) -> float:
         # Of a record, entries 2 and 6 are the motors' positions at the kick.
         k = stiffness(q, record[2], record[6], elastic_of(constants))
-        return float(joint[BASE] + 2.0 * joint[RATIO] * max(joint[INERTIA] * k, 0.0) ** 0.5)
+        return float(joint[BASE] + 2.0 * joint[RATIO] * sqrt(max(joint[INERTIA] * k, 0.0)))
 
     return damping

@@ -72,11 +72,11 @@ class EnergyMeter:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(self, raw: Array, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+    def add(self, raw: Array, ahead: Array, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
         """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last.
 
-        external: torques (joints, n + 1); sides: means over the two halves of a kick that an input cuts, by row of `raw`: what
-        pushes jumps, and the trapezoid rule must not go across.
+        ahead: the row after those, (columns, joints, 1); external: torques (joints, n + 1); sides: means over the two halves
+        of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
         """
         joints, n = raw.shape[1], raw.shape[2] - 1
         cut = np.zeros(n, dtype=bool)
@@ -118,7 +118,7 @@ class EnergyMeter:
         for springs in self._springs:
             pick = springs.group.pick
             flows[0, pick], flows[1, pick], stored[pick], kinetic[pick] = springs.balance(
-                raw[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[4, pick], cut
+                raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[4, pick], cut
             )
         self.turnover += np.nansum(np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in), axis=1)
         running = np.empty((5, joints, n + 1))
@@ -162,7 +162,9 @@ class _Springs:
         twin._held = list(self._held)
         return twin
 
-    def balance(self, raw: Array, mean: Mean, moved: Array, released: Array, cut: Array) -> tuple[Array, Array, Array, Array]:
+    def balance(
+        self, raw: Array, ahead: Array, mean: Mean, moved: Array, released: Array, cut: Array
+    ) -> tuple[Array, Array, Array, Array]:
         """Work of the motors and losses over the steps, energy in springs and motors at their starts, all in J.
 
         moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
@@ -174,7 +176,7 @@ class _Springs:
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
-            given, taken, fast = self._motor(index, raw, mean)
+            given, taken, fast = self._motor(index, raw, ahead, mean)
             work += given
             lost += taken
             kinetic += fast
@@ -185,7 +187,7 @@ class _Springs:
     def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
         return self._law(q, theta_1, theta_2, self._elastic)
 
-    def _motor(self, index: int, raw: Array, mean: Mean) -> tuple[Array, Array, Array]:
+    def _motor(self, index: int, raw: Array, ahead: Array, mean: Mean) -> tuple[Array, Array, Array]:
         """Work of motor `index`, what it lost over the steps, and its kinetic energy at their starts, in J."""
         base = MOTOR_1 if index == 1 else MOTOR_2
         position, velocity = raw[base], raw[base + 1]
@@ -194,13 +196,16 @@ class _Springs:
         work = mean(base + 2) * moved
         kinetic = (0.5 * inertia) * (velocity * velocity)
         lost = (mean(base + 3) + (damping / self.substep) * moved) * moved
-        # A stop and a speed limit take what is left over: the shock, and the torque that they hold.
-        held = (position >= high) | (position <= low) | (np.abs(velocity) >= fastest * (1.0 - 1e-9))
+        # A stop and a speed limit take what is left over: the shock, and the torque that they hold. A kick that a limit cuts
+        # short shows in its own row or in those beside it.
+        places = np.concatenate([position, ahead[base]], axis=1)
+        speeds = np.concatenate([velocity, ahead[base + 1]], axis=1)
+        held = (places >= high) | (places <= low) | (np.abs(speeds) >= fastest * (1.0 - 1e-9))
         before = self._held[index - 1]
-        self._held[index - 1] = held[:, -2:-1]
+        self._held[index - 1] = held[:, -3:-2]
         if held.any() or before.any():
-            near = held[:, :-1] | held[:, 1:]
-            near[:, 1:] |= held[:, :-2]
+            near = held[:, :-2] | held[:, 1:-1] | held[:, 2:]
+            near[:, 1:] |= held[:, :-3]
             near[:, :1] |= before
             spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
             lost = np.where(near, work - spring - np.diff(kinetic), lost)

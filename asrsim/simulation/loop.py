@@ -137,13 +137,21 @@ class Loop:
             kernel = self.engine.kernel()
             if kernel is not None:
                 kernel.load()
-                names = {"laws": laws, "look": kernel.look, "move": kernel.move, **kernel.compiled}
+                names = {
+                    "laws": laws,
+                    "borrow": compiling.borrow(),
+                    "look": kernel.look,
+                    "move": kernel.move,
+                    **kernel.compiled,
+                }
                 wrenches = np.zeros((1, *kernel.world.wrench.shape))
                 arguments: tuple[Any, ...] = (0, 1, self.joints, inputs, rows, wrenches, kernel.world)
-                whole = compiling.compile_function(stretch.stretch, arguments, names=names, version=kernel.version)
+                whole = compiling.compile_function(
+                    stretch.stretch, arguments, names=names, version=kernel.version, inline=kernel.inline
+                )
                 self.engine.accelerate()
                 return whole_stretch(kernel, whole, self.joints)
-            names = {"laws": laws, "as_tuple": compiling.fixed_tuple(count, FORCE)}
+            names = {"laws": laws, "borrow": compiling.borrow(), "as_tuple": compiling.fixed_tuple(count, FORCE)}
             arguments = (0, self.engine.states_type(), self.joints, inputs, rows)
             one = compiling.compile_function(stretch.substep, arguments, names=names)
             self.engine.accelerate()

@@ -6,15 +6,18 @@ import math
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError, did_you_mean
+from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.overrides import Overrides
+from asrsim.signals.base import Signal
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import Drive, make_drives
 from asrsim.simulation.equilibrium import at_equilibrium
@@ -83,6 +86,14 @@ class Prepared:
             raise InputError(Problem(message=message, choices=known, code="unknown-reference"))
         return j, known.index(reference)
 
+    def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:
+        """The same under these references of some joints, by name; nothing is read again, and substeps and start stay.
+
+        An engine that nobody used yet goes along.
+        """
+        changed = {joint: {**self.scenario.references_of(joint), **signals} for joint, signals in references.items()}
+        return replace(self, scenario=replace(self.scenario, references={**self.scenario.references, **changed}))
+
     def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
         """The same with other numbers, without reading or checking files again; substeps stay as they are.
 
@@ -105,17 +116,25 @@ class Prepared:
 
 
 def prepare(
-    scenario: Scenario,
+    scenario: str | Path | Scenario,
     robot: Robot | None = None,
     *,
+    variant: str | None = None,
+    overrides: Overrides = (),
     ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
-    ranges: joint or "*" -> reference -> least and largest value that may be set while it runs; substeps are chosen for them.
+    variant, overrides: of a scenario's file, as :func:`asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
+    largest value that may be set while it runs; substeps are chosen for them.
     """
-    from asrsim.scenario import apply_to_robot, checked_robot
+    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
+    if isinstance(scenario, str | Path):
+        scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
+    elif variant not in (None, scenario.variant) or overrides:
+        message = "a scenario that is made already takes no variant and no overrides"
+        raise InputError(Problem(message=message, hint="Give them where it is made", code="usage"))
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
@@ -127,7 +146,8 @@ def prepare(
         motor_velocities=scenario.initial_motor_velocities,
         link_damping=scenario.link_damping,
     )
-    if scenario.task is not None:
+    if scenario.task is not None or any(scenario.inverse_dynamics.values()):
+        # Imported where it is wanted: a short run does without it.
         from asrsim.kinematics import plan_references
 
         scenario = plan_references(scenario, robot)
@@ -162,10 +182,15 @@ def prepare(
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, at its step."""
+    """The scenario's engine, at its step. Raises SimulationError if it is not installed."""
     from asrsim.engines import ENGINES
 
-    return ENGINES.get(scenario.engine).make(scenario, robot)
+    entry = ENGINES.get(scenario.engine)
+    if not entry.available:
+        here = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
+        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {here}"
+        raise SimulationError(message)
+    return entry.make(scenario, robot)
 
 
 def _resolve(

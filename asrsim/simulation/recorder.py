@@ -21,6 +21,8 @@ from asrsim.simulation.inputs import grid
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substep import RAW
 
+BEHIND = 2
+"""Rows by which samples are behind: the next one completes a velocity, and the one after tells whether a motor was limited."""
 COLUMN = {name: index for index, name in enumerate(RAW)}
 
 
@@ -115,22 +117,22 @@ class Recorder:
 
         inputs: references 1 and 2 and external torques, (n, joints) each; sides: see :class:`asrsim.simulation.inputs.Block`.
         """
-        held = 0 if self._held is None else 1
+        held = 0 if self._held is None else self._held.shape[2]
         n, joints, columns = raw.shape
         table = np.empty((columns, joints, held + n))
         table[:, :, held:] = raw.transpose(2, 1, 0)
         inputs = tuple(array.T for array in inputs)
         if self._held is not None:
-            table[:, :, :1] = self._held
+            table[:, :, :held] = self._held
             inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
-        self._held, self._held_inputs = table[:, :, -1:].copy(), tuple(a[:, -1:].copy() for a in inputs)
         self._sides |= sides
-        count = min(table.shape[2] - 1, self.last + 1 - self._next)
-        if count < 1:
+        count = max(min(held + n - BEHIND, self.last + 1 - self._next), 0)
+        self._held, self._held_inputs = table[:, :, count:].copy(), tuple(a[:, count:].copy() for a in inputs)
+        if not count:
             return None
         first = self._next
         self._next += count
-        values = self._values(table[:, :, : count + 1], [array[:, : count + 1] for array in inputs], first)
+        values = self._values(table[:, :, : count + BEHIND], [array[:, : count + 1] for array in inputs], first)
         logged = slice((-first) % self.every, count, self.every)
         time = grid(first, count, self.substep)[logged]
         if not len(time):
@@ -142,7 +144,8 @@ class Recorder:
         )
 
     def _values(self, raw: Array, inputs: Sequence[Array], first: int) -> dict[str, Array]:
-        """Quantities (joints, n) by name, of the rows of raw (columns, joints, n + 1) but the last."""
+        """Quantities (joints, n) by name, of the rows of raw (columns, joints, n + 2) but the last two."""
+        raw, ahead = raw[:, :, :-1], raw[:, :, -1:]
         count = raw.shape[2] - 1
         joints = len(self.drives)
         now = raw[:, :, :-1]
@@ -177,7 +180,7 @@ class Recorder:
         values["stiffness"] = stiffness
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
-        values |= self.meter.add(raw, external=inputs[2], sides=sides)
+        values |= self.meter.add(raw, ahead, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
         for name, lacking in self._lacking.items():
             if lacking:

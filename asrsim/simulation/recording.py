@@ -21,9 +21,6 @@ from asrsim.simulation.world import WorldRecorder
 if TYPE_CHECKING:
     from asrsim.kinematics.tip import TipPoses
 
-UNSTABLE = 2.0
-"""omega h from which no stepping is stable."""
-
 
 class Sink(Protocol):
     """Takes samples as they come: logged ones, or those of every step if it has `full_rate = True`; with `bodies = True` too,
@@ -58,6 +55,7 @@ class Recording:
         self.every = substeps * self._look_every
         """Substeps between looks at the world."""
         self._world = WorldRecorder(engine, last)
+        self._first_world = copy.deepcopy(self._world.kept())
         watched = self.active and not (scenario.world.empty and scenario.fixed_base)
         self.watch: Callable[[int], None] | None = self._world.look if watched else None
         """Told of a substep where the world is looked at, before it."""
@@ -112,8 +110,8 @@ class Recording:
     def _energy_fault(self, substep: int) -> DivergenceError | None:
         """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
         engine, meter, guard, resolution = self._engine, self.recorder.meter, self._guard, self._prepared.resolution
-        if guard is None or (self._prepared.stepping.released and resolution.omega_h < UNSTABLE):
-            # The released order of a step is not passive, which is no fault of the user's; springs beyond the step are.
+        if guard is None or self._prepared.stepping.released:
+            # The released order of a step is not passive, and runs springs that it does not resolve: no fault of the user's.
             return None
         kinetic = 0.0
         if self._alone and engine.model is not None:
@@ -138,6 +136,16 @@ class Recording:
         self._prepared, self._engine = varied, engine
         self._world.engine = engine
         self._tip = _tip_of(varied) if self.active else None
+
+    def renew(self) -> None:
+        """A fresh start, with the numbers that were taken over last; the engine is at its start."""
+        prepared, engine = self._prepared, self._engine
+        substeps = prepared.resolution.substeps
+        self.recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=self._last)
+        energy = engine.mechanical_energy()
+        self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
+        self._raw, self._sides = [], {}
+        self._world.put_back(copy.deepcopy(self._first_world))
 
     def state(self) -> Any:
         """A copy of what decides how the recording goes on; None where nothing is recorded."""

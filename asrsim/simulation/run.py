@@ -19,7 +19,7 @@ from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.recorder import Counts
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.substeps import COARSE, TARGET, Resolution
+from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ def run_to_end(
     status, error = "complete", None
     began = clock.perf_counter()
     # One row beyond the end completes the last velocity.
-    total = simulation.last + 2
+    total = simulation.total
     try:
         while simulation.substep < total:
             if stop is not None and stop():
@@ -150,6 +150,13 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
     """Springs that got so much stiffer than the substeps were chosen for that the step no longer resolves them well."""
     warnings = []
     resolution = prepared.resolution
+    if prepared.stepping.released and resolution.omega_h >= UNSTABLE:
+        message = (
+            f"the released order of a step runs a spring that the step does not resolve (omega h = {resolution.omega_h:.2g}, "
+            f"unstable from {UNSTABLE:g} on): what it does there is no physics"
+        )
+        hint = "Lower step, or take stepping leapfrog, which chooses substeps."
+        warnings.append(Problem(message=message, key="stepping", hint=hint, code="unresolved-spring"))
     for drive, foreseen, seen in zip(prepared.drives, resolution.stiffness, counts.stiffest.tolist(), strict=True):
         if foreseen <= 0.0 or seen <= foreseen:
             continue

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.choice import pays
 from asrsim.simulation.divergence import blame, not_finite, runaway
 from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.loop import Loop
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
 
@@ -30,7 +33,7 @@ SHORTEST_CHUNK = 256
 class Simulation:
     """A scenario, stepped from outside; a context manager that releases the engine.
 
-        with asrsim.Simulation(asrsim.load_scenario("arm.yaml")) as simulation:
+        with asrsim.Simulation("arm.yaml", variant="soft") as simulation:
             simulation.set_reference("joint_1", "equilibrium_position", 0.3)
             simulation.advance(20)
             simulation.observe().link_position
@@ -42,19 +45,23 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: Scenario | Prepared,
+        scenario: str | Path | Scenario | Prepared,
         *,
+        variant: str | None = None,
+        overrides: Overrides = (),
         ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
         sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
         record: bool = False,
         compiled: bool | None = None,
         expected_substeps: int | None = None,
     ) -> None:
-        """ranges: joint or "*" -> reference -> least and largest value that :meth:`set_reference` takes (substeps are chosen
-        for them). sinks: take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether
-        the loop is compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
+        """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
+        take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether the loop is
+        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
         """
-        self.prepared = prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, ranges=ranges)
+        if not isinstance(scenario, Prepared):
+            scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
+        self.prepared = prepared = scenario
         self.scenario = prepared.scenario
         resolution = prepared.resolution
         self.substeps = resolution.substeps
@@ -73,7 +80,8 @@ class Simulation:
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
         self.last = round(scenario.duration / scenario.step) * self.substeps
-        """Substep at which the scenario's duration ends."""
+        """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
+        self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(
             scenario, prepared.drives, substep=substep, staggered=stepping.staggered, sensors=prepared.sensors
@@ -84,7 +92,7 @@ class Simulation:
         self._first: Block | None = None
         self.substep = 0
         """Substeps done."""
-        self._start = self.snapshot()
+        self._start: Snapshot | None = self.snapshot()
 
     def _make_loop(self, compiled: bool | None, expected: int | None) -> Loop:
         from asrsim.compiling import available
@@ -243,14 +251,15 @@ class Simulation:
         joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay as they were chosen. A recording
         starts anew.
         """
-        if initial is None and velocities is None and parameters is None:
+        if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
             return
-        self.recording.put_back(self._start.record)
         self.substep, self._block = 0, None
         self._inputs.held = {}
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
+            # What was kept of the start has other numbers.
+            self._start = None
         positions = [
             float((initial or {}).get(name, q)) for name, q in zip(self.joints, self.prepared.initial_positions, strict=True)
         ]
@@ -259,6 +268,7 @@ class Simulation:
             for name, v in zip(self.joints, self.prepared.initial_velocities, strict=True)
         ]
         self._engine.set_state(positions, speeds)
+        self.recording.renew()
         if initial:
             drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
             self._loop.take_drives(drives)

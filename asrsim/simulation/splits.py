@@ -84,6 +84,7 @@ class Splits:
             if measure is not None:
                 measure(joints[j], states[j], block.stacked[index, j].tolist(), positions[j], velocities[j])
         means = np.zeros((count, 3))
+        free = np.zeros((2, count))
         sides = np.zeros((2, count, len(RAW) + 1))
         rows: list[list[float]] = []
         side = 0
@@ -96,6 +97,7 @@ class Splits:
                 external = piece.rows[2][j]
                 sides[side, j] += 2.0 * piece.fraction * np.array([*row, external])
                 means[j] += piece.fraction / length * np.array([row[2], row[LINK_TORQUE], external])
+                free[side, j] += 2.0 * piece.fraction * (row[LINK_TORQUE] == row[2])
         for j, (torque, applied, external) in enumerate(means.tolist()):
             row = joints[j]
             self._memories[j].save(row, states[j])
@@ -104,11 +106,10 @@ class Splits:
                 row[DAMPING] = law(row, self.drives[j].constants(self.substep), positions[j], tuple(rows[j][LAWS:]))
             row[SPEED] = lagging[j] + row[WEIGHT] * (lagging[j] - row[PREVIOUS])
             row[PREVIOUS] = lagging[j]
-            row[TORQUE] = torque
-            braked = row[BRAKE] != 0.0
-            row[FORCE] = (torque if braked else applied) + external + row[SPRING] * (row[REST] - positions[j])
+            row[TORQUE] = applied if row[BRAKE] != 0.0 else torque
+            row[FORCE] = applied + external + row[SPRING] * (row[REST] - positions[j])
         if self._damping is not None:
-            self._damp(rows, sides, length)
+            self._damp(rows, sides, free, length)
         self.engine.advance([float(row[FORCE]) for row in joints[:count]], length if k == 0 else 1.0)
         if k == 0:
             # The velocity half a step before the start, as if the first kick had been a whole one.
@@ -117,21 +118,32 @@ class Splits:
         block.sides[k] = sides
         return np.array(rows)
 
-    def _damp(self, rows: list[list[float]], sides: Array, length: float) -> None:
-        """Damping over a kick in pieces, which may be a part of a whole one."""
+    def _damp(self, rows: list[list[float]], sides: Array, free: Array, length: float) -> None:
+        """Damping over a kick in pieces, which may be a part of a whole one.
+
+        free (2, joints): the share of each half in which a controller is within its limit, so that its brake counts.
+        """
         count = len(self.drives)
-        for row in self.joints[:count]:
+        joints = self.joints[:count]
+        brakes = [float(row[BRAKE]) for row in joints]
+        now = [row[LINK_TORQUE] for row in rows]
+        for j, row in enumerate(joints):
+            row[BRAKE] = brakes[j] * min(float(free[:, j].sum()) / (2.0 * length), 1.0)
             for place in range(len(row) - 2 * count, len(row) - count):
                 row[place] = row[place] * length
-        before = [row[LINK_TORQUE] for row in rows]
         if self._damping is not None:
             self._damping(0, None, self.joints, None, [rows])
-        for row in self.joints[:count]:
+        for j, row in enumerate(joints):
             for place in range(len(row) - 2 * count, len(row) - count):
                 row[place] = row[place] / length
-        for j, row in enumerate(rows):
-            sides[:, j, LINK_TORQUE] += row[LINK_TORQUE] - before[j]
-            sides[:, j, DAMPING_TORQUE] = row[DAMPING_TORQUE]
+            held = float(row[BRAKE])
+            # The brake's torque where it acts; the row tells of the time after the jump.
+            drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / held if held else 0.0
+            limit = float(row[EFFORT])
+            rows[j][LINK_TORQUE] = min(max(now[j] + drag, -limit), limit) if brakes[j] else now[j]
+            sides[:, j, LINK_TORQUE] += drag * free[:, j]
+            sides[:, j, DAMPING_TORQUE] = rows[j][DAMPING_TORQUE]
+            row[BRAKE] = brakes[j]
 
     def _advance_all(
         self,
@@ -161,8 +173,10 @@ class Splits:
                 states[j] = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
             if self._cut and abs(lagging[j]) >= joint[FASTEST] and torque * lagging[j] > 0.0:
                 torque = 0.0
-            limit = float(joint[EFFORT])
-            applied = torque if joint[BRAKE] != 0.0 else min(max(torque, -limit), limit)
+            limit, braked = float(joint[EFFORT]), torque - float(joint[BRAKE]) * velocities[j]
+            applied = torque
+            if abs(braked) > limit:
+                applied = limit if braked > 0.0 else -limit
             rows.append([positions[j], lagging[j], torque, applied, 0.0, *record])
         return rows
 

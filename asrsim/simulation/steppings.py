@@ -26,7 +26,7 @@ class Stepping:
     """Joints step in the released toolbox's own order."""
 
 
-STEPPINGS: Registry[Stepping] = Registry("stepping")
+STEPPINGS: Registry[Stepping] = Registry("stepping", entry_point_group="asrsim.steppings", instance=Stepping)
 for _stepping in (
     Stepping(
         name="leapfrog",

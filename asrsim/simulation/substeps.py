@@ -24,6 +24,8 @@ MOTOR_TARGET = 0.3
 """The same for motor and spring at a frozen link."""
 OVERSHOOT = 2.0
 """A step load deflects an undamped spring twice as far as a slow one; the same margin is given to the references' speeds."""
+UNSTABLE = 2.0
+"""omega h from which a spring gains energy at every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
 STANDING = 1e-3
@@ -60,7 +62,9 @@ def reachable_stiffness(
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
-    sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster else 0.0
+    # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
+    torque_driven = drive.stepping.released and mode.number == 4
+    sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
     def torque_at(deflection: float) -> float:
         pairs = [(d, sigma if actuator.adjuster else d) for d in (deflection, -deflection)]
@@ -162,7 +166,7 @@ def resolve(
         substeps = needed
     h = step / substeps
     limit = frequency * h
-    if limit >= 2.0:
+    if limit >= UNSTABLE:
         raise UnresolvedSpringError(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = {limit:.3g}, "
             f"the limit is 2. Use at least {needed} substeps (or leave the number automatic)"

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics import ExpectationResult, check_expectation, evaluate_expectation
+from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
 from asrsim.metrics.expect import body_columns
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
@@ -64,7 +64,7 @@ def claim_results(
                     )
                 else:
                     samples = read(*_needed(claim, joint))
-                    columns = _columns(samples, joint)
+                    columns = _columns(claim, samples, joint)
                     results.append(evaluate_expectation(one, samples.time, columns, prismatic=joint.prismatic))
         except InputError as error:
             raise ScenarioError([replace(problem, file=problem.file or file) for problem in error.problems]) from error
@@ -114,14 +114,20 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
 
 
 def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    wanted = {claim.quantity, "link_position", *DERIVED_SOURCES.get(claim.quantity, ()), *DERIVED_SOURCES["position_error"]}
+    wanted = {claim.quantity, *(source for name in _derived(claim) for source in DERIVED_SOURCES[name])}
     return tuple(name for name in joint.quantities if name in wanted), (joint.name,)
 
 
-def _columns(samples: Samples, joint: JointInfo) -> dict[str, Array]:
+def _derived(claim: Expectation) -> tuple[str, ...]:
+    """Derived quantities that a claim needs: its own, and the error where it may compare with the joint's reference."""
+    compared = claim.quantity == "link_position" and claim.against is None and MEASURES.get(claim.measure).needs != "series"
+    return tuple(name for name in DERIVED_FUNCTIONS if name == claim.quantity or (compared and name == "position_error"))
+
+
+def _columns(claim: Expectation, samples: Samples, joint: JointInfo) -> dict[str, Array]:
     columns = samples.joint(joint.name)
-    for name, function in DERIVED_FUNCTIONS.items():
-        column = function(samples, [joint])[:, samples.joints.index(joint.name)]
+    for name in _derived(claim):
+        column = DERIVED_FUNCTIONS[name](samples, [joint])[:, samples.joints.index(joint.name)]
         if np.isfinite(column).any():
             columns[name] = column
     return columns

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
     from asrsim.signals.base import Signal
 
-KEPT = 2_000_000
+KEPT = 1_000_000
 """Samples of all joints together that are looked at; a longer run is thinned evenly, its peaks are not."""
 SHAKEN = 10.0
 """Overshoot (a fraction of the step) above which there was no step to speak of: the joint was shaken, not moved."""

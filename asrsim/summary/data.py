@@ -89,6 +89,8 @@ class RunSummary:
     """Samples of each joint that were logged."""
     stepping: str
     engine: str
+    loop: str
+    """compiled or plain."""
     seed: int
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()
@@ -102,6 +104,8 @@ class RunSummary:
     """Results of an earlier run that this one replaced."""
     certificate: Mapping[str, Any] = field(default_factory=dict)
     """Numerical error, of a certified run."""
+    cross_check: Mapping[str, Any] = field(default_factory=dict)
+    """Differences to the run in another engine, where that was asked for (:class:`asrsim.simulation.crosscheck.CrossCheck`)."""
     versions: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -116,8 +120,8 @@ class RunSummary:
 
     @property
     def ok(self) -> bool:
-        """The run came to its end and every claim holds."""
-        return self.status == "complete" and not self.failed_claims
+        """The run came to its end, every claim holds, and no other engine contradicts."""
+        return self.status == "complete" and not self.failed_claims and not self.cross_check.get("finding")
 
     def joint(self, name: str) -> JointReport:
         """The joint of that name; KeyError if there is none."""
@@ -148,6 +152,7 @@ class RunSummary:
             "samples": self.samples,
             "stepping": self.stepping,
             "engine": self.engine,
+            "loop": self.loop,
             "seed": self.seed,
             "joints": [joint.as_dict() for joint in self.joints],
             "expect": [_claim(claim) for claim in self.claims],
@@ -159,6 +164,7 @@ class RunSummary:
             },
             "replaced": [str(path) for path in self.replaced],
             "certificate": dict(self.certificate),
+            "cross_check": dict(self.cross_check),
             "versions": dict(self.versions),
         }
 

@@ -67,6 +67,7 @@ def make_summary(
         samples=samples,
         stepping=scenario.stepping,
         engine=scenario.engine,
+        loop="compiled" if run.compiled else "plain",
         seed=scenario.seed,
         joints=joints,
         claims=claims,
@@ -74,7 +75,7 @@ def make_summary(
         warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,
-        versions={name: info.metadata[name] for name in ("asrsim", "pybullet", "numpy") if name in info.metadata},
+        versions={name: info.metadata[name] for name in ("asrsim", "engine_version", "numpy") if name in info.metadata},
     )
 
 

@@ -51,7 +51,7 @@ def headline(summary: RunSummary) -> str:
     speed = f"{summary.speed:.3g} x real time" if math.isfinite(summary.speed) else ""
     parts = [f"{status}{time} simulated in {summary.wall_time:.2g} s ({speed})", f"step {summary.step * 1e3:g} ms"]
     parts.append(_plural(summary.substeps, "substep") + (f" x {summary.motor_substeps}" if summary.motor_substeps > 1 else ""))
-    parts += [summary.stepping, f"engine {summary.engine}"]
+    parts += [summary.stepping, f"{summary.engine}, {summary.loop} loop"]
     return ", ".join(parts)
 
 

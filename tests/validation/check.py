@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,8 +45,36 @@ class Section:
     measures: tuple[Callable[[], Iterator[Check]], ...]
     slow: frozenset[str] = frozenset()
     """Names of the measures that take longer than some seconds."""
+    engines: bool = True
+    """Runs in every engine; False: what is looked at has none, or one only."""
     needs: str = ""
     """What must be there to run it: `data` (recorded truth) or `pinocchio`; empty: nothing."""
+
+
+_ENGINE: ContextVar[str] = ContextVar("engine")
+
+
+def installed_engines() -> tuple[str, ...]:
+    """Engines with dynamics that are there, the default one first."""
+    from asrsim.engines import ENGINES
+
+    entries = ((name, ENGINES.get(name)) for name in ENGINES.names())
+    return tuple(name for name, entry in entries if entry.available and not entry.prescribed)
+
+
+def engine() -> str:
+    """The engine that checks run in now."""
+    return _ENGINE.get(installed_engines()[0])
+
+
+@contextmanager
+def on(name: str) -> Iterator[None]:
+    """Checks of the block run in this engine."""
+    token = _ENGINE.set(name)
+    try:
+        yield
+    finally:
+        _ENGINE.reset(token)
 
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

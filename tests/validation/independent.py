@@ -85,7 +85,9 @@ def certificates() -> Iterator[Check]:
     for case in CASES:
         result = simulate_case(case)
         error = rms(positions(result) - truth[case][:, 1])
-        reported = certify(result.scenario, result, load_robot(result.scenario.robot)).joints["joint"]
+        certificate = certify(result.scenario, result, load_robot(result.scenario.robot))
+        assert certificate is not None
+        reported = certificate.joints["joint"]
         factor = max(reported.position_rms / error, error / reported.position_rms)
         name = f"reported over true error, {case}: order {reported.order:.2f}"
         yield Check(name=name, figure=factor, bound=2.0, source="RK4 at 1e-5 s; either way")

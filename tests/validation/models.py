@@ -13,6 +13,7 @@ from asrsim.scenario import Scenario
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.run import Run, simulate
+from validation.check import engine
 
 GRAVITY = 9.81
 """m/s^2."""
@@ -108,6 +109,7 @@ def run(
         fields["parameters"] = {"*": dict(parameters)}
     scenario = Scenario(
         name="check",
+        engine=fields.pop("engine", engine()),
         robot=robot.path,
         gravity=(0.0, 0.0, -gravity),
         references=signals,

@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.samples import Samples
 from asrsim.signals import Ramp, Sinusoid, Step
-from validation.check import Check
+from validation.check import Check, engine
 from validation.contacts import push
 from validation.models import Body, chain, run
 
@@ -57,7 +57,10 @@ def here() -> dict[str, str]:
 
 def elsewhere(seed: str) -> dict[str, str]:
     """Digests of all motions, in a fresh process."""
-    code = "import json; from validation.repeatability import here; print(json.dumps(here()))"
+    code = (
+        "import json; from validation.check import on; from validation.repeatability import here\n"
+        f"with on({engine()!r}): print(json.dumps(here()))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_environment(seed))
     return dict(json.loads(done.stdout.strip().splitlines()[-1]))
 

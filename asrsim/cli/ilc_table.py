@@ -1,0 +1,125 @@
+"""What `asrsim ilc` prints: what the model says beforehand, a line a trial, the outcome."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from asrsim.learning.prepared import Prepared
+    from asrsim.learning.session import Session
+    from asrsim.learning.transfer import TransferReport
+    from asrsim.learning.trial import Trial
+
+MOST_DEMANDS = 5
+"""Demands out of reach that are printed."""
+
+
+def before_trials(prepared: Prepared) -> list[str]:
+    """What the model says before the first trial, a line each."""
+    settings = prepared.settings
+    if settings.law == "auto":
+        lines = ["law auto: norm-optimal over three models, from inverse dynamics"]
+    else:
+        gains, advice = (", ".join(f"{gain:.3g}" for gain in values) for values in (settings.gains, prepared.gain_advice()))
+        cutoff = "no filter" if settings.filter_cutoff is None else f"filter {settings.filter_cutoff:.3g} Hz"
+        lines = [
+            f"law {settings.law}: gains {gains} (the model's {advice}), {cutoff}; errors shrink below {prepared.reach:.2g} Hz"
+        ]
+    return [*lines, *prepared.notes, *reach_of(prepared)]
+
+
+def reach_of(prepared: Prepared) -> list[str]:
+    """What the motion asks of the joints, a line each."""
+    if prepared.out_of_reach:
+        return [f"out of reach: {demand}" for demand in prepared.out_of_reach[:MOST_DEMANDS]]
+    worst = prepared.demands[:1]
+    return [f"within reach; the most that is asked is {100 * demand.score:.0f} %: {demand}" for demand in worst]
+
+
+class TrialTable:
+    """The live table: a line a trial, as it ends."""
+
+    def __init__(self) -> None:
+        self._widths: list[int] = []
+
+    def start(self, prepared: Prepared) -> None:
+        """What the model says beforehand, and the headings."""
+        from asrsim.cli.console import say
+
+        for line in before_trials(prepared):
+            say(line, "yellow" if line.startswith("out of reach") else "")
+        self.headings(prepared)
+
+    def headings(self, prepared: Prepared) -> None:
+        """Above the trials."""
+        from asrsim.cli.console import say
+
+        say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
+        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
+        self._widths = [max(len(heading), 7) for heading in headings]
+        self._say(headings, "bold")
+
+    def foresight(self, prepared: Prepared, norms: list[float]) -> None:
+        """What the model foretells of a law of a fixed gain."""
+        from asrsim.cli.console import say
+        from asrsim.learning.prepared import turning
+
+        turn = turning(norms, prepared.settings.tolerance)
+        if turn is not None:
+            say(
+                f"foretold: errors fall to a 2-norm of {norms[turn]:.3g} rad in trial {turn} and then grow; "
+                "law: auto does not turn",
+                "yellow",
+            )
+
+    def row(self, trial: Trial) -> None:
+        """A trial."""
+        ratio, predicted = ("" if value is None else f"{value:.3f}" for value in (trial.ratio, trial.predicted))
+        largest = [f"{value:.4f}" for value in trial.largest]
+        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, predicted, f"{trial.seconds:.2f}"))
+
+    def _say(self, cells: tuple[str, ...], style: str = "") -> None:
+        import sys
+
+        from asrsim.cli.console import say
+
+        say("  ".join(cell.rjust(width) for cell, width in zip(cells, self._widths, strict=True)), style)
+        sys.stdout.flush()
+
+
+def report(session: Session, folder: Path, *, silent: bool) -> dict[str, Any]:
+    """Print what came out, unless `silent`; the same as plain values."""
+    from asrsim.cli.console import say
+    from asrsim.learning.session import session_data
+
+    data = {"ok": session.result.converged, "folder": str(folder), **session_data(session)}
+    if silent:
+        return data
+    say(session.result.reason, "green" if session.result.converged else "red")
+    if session.transfer is not None:
+        _say_transfer(session.transfer, "transfer")
+    if session.nominal_transfer is not None:
+        _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
+    if session.replaced is not None:
+        say(str(session.replaced))
+    say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
+    return data
+
+
+def _say_transfer(report: TransferReport, title: str) -> None:
+    from asrsim.cli.console import say
+
+    low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
+    least, most = (f"{100 * value:.0f}" for value in report.within_interval)
+    say(
+        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad "
+        f"(95 %: {least} to {most} %); largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
+    )
+    if report.influences:
+        strongest = ", ".join(
+            f"{item.factor} {item.rank_correlation:+.2f} ({item.interval[0]:+.2f} to {item.interval[1]:+.2f})"
+            for item in report.telling[:3]
+        )
+        none = f"none of {len(report.influences)} factors stands out of the noise of {len(report.draws)} plants"
+        say(f"  what matters most (rank correlation with the error, 95 %): {strongest or none}")

@@ -1,0 +1,70 @@
+"""One joint's drive forwards: where its motors stand while the link moves as recorded and the input is as given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.kinematics.compensation import JointDrive
+from asrsim.samples import Array
+
+LONGEST = 2.5e-3
+"""s, step in which motors are followed at most."""
+
+
+def motor_positions(drive: JointDrive, time: Array, position: Array, inputs: Array, preset: Array) -> Array:
+    """(n, 2) rad, what the springs' law takes, at `time` (n,), equidistant; NaN in modes without springs.
+
+    position, inputs, preset: (n,). Motors start at rest where the link starts, as they do in a run; friction is left out.
+    """
+    if not MODES[drive.mode].spring:
+        return np.full((len(time), 2), np.nan)
+    references = np.stack(references_over_arrays(drive.actuator)(inputs, preset))
+    if not drive.proportional:
+        return references.T.copy()
+    step = float(time[1] - time[0])
+    parts = max(int(np.ceil(step / LONGEST - 1e-9)), 1)
+    fine = np.linspace(time[0], time[-1], (len(time) - 1) * parts + 1)
+    goals = [np.interp(fine, time, reference).tolist() for reference in references]
+    found = _follow(drive, step / parts, np.interp(fine, time, position).tolist(), goals)
+    return found[::parts]
+
+
+def link_torque(drive: JointDrive, position: Array, velocity: Array, motors: Array, inputs: Array) -> Array:
+    """(n,) N m of a drive on its link; an integral action on the link is left out."""
+    if not MODES[drive.mode].spring:
+        return np.asarray(drive.proportional[0] * (inputs - position) - drive.derivative[0] * velocity)
+    torques = over_arrays(drive.actuator.elastic_torques)(position, motors[:, 0], motors[:, 1], drive.spring)
+    return np.asarray(torques.sum(axis=0))
+
+
+def _follow(drive: JointDrive, step: float, positions: list[float], goals: list[list[float]]) -> Array:
+    """Drift - kick - drift, the controller's part of the kick by the midpoint rule."""
+    law, spring = drive.actuator.elastic_torques, drive.spring
+    motors = range(len(drive.proportional))
+    places, rates, sums = [positions[0]] * 2, [0.0, 0.0], [0.0, 0.0]
+    found = []
+    for q, *wanted in zip(positions, *goals, strict=True):
+        if drive.actuator.adjuster or len(motors) < 2:
+            places[1] = wanted[1]
+        found.append(tuple(places))
+        middle = [place + 0.5 * step * rate for place, rate in zip(places, rates, strict=True)]
+        middle[1] = middle[1] if len(motors) > 1 else wanted[1]
+        torques = law(q, middle[0], middle[1], spring)
+        for i in motors:
+            error = wanted[i] - middle[i]
+            sums[i] += step * drive.integral[i] * error
+            drag = drive.motor_damping[i] + drive.derivative[i]
+            push = drive.proportional[i] * error + sums[i] - torques[i]
+            # The motor's torque is limited, and so is its speed.
+            asked = push + torques[i] - drive.derivative[i] * rates[i]
+            limit = drive.max_torque[i]
+            if abs(asked) > limit:
+                push, drag = (limit if asked > 0.0 else -limit) - torques[i], drive.motor_damping[i]
+            weight = drive.motor_inertia[i] + 0.5 * step * drag
+            after = ((drive.motor_inertia[i] - 0.5 * step * drag) * rates[i] + step * push) / weight
+            after = min(max(after, -drive.max_velocity[i]), drive.max_velocity[i])
+            places[i] = middle[i] + 0.5 * step * after
+            rates[i] = after
+    return np.array(found)

@@ -1,0 +1,168 @@
+"""One joint's drive backwards: which input puts the wanted torque on a link that moves as wanted.
+
+The springs' deflection is found from their law, so it works for every registered actuator; the motors' lag behind their
+references follows from their own motion (paper equations 7, 8 and 11):
+
+    P (r - theta) + I int (r - theta) = J theta'' + (d + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
+
+The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
+With theta = rho s + nu d, nu across rho, the wanted torque gives s at each time, and nu (theta + lag) = nu c is a low-pass
+for d: how far the motors stand apart, which no input but the preset commands. The rest, rho (theta + lag - c), is the
+equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.kinematics.compensation import SEARCH, JointDrive
+from asrsim.kinematics.desired import smooth_motion
+from asrsim.kinematics.roots import increasing_roots
+from asrsim.samples import Array
+
+SLOW = 0.02
+"""rad/s: friction is F tanh(velocity / SLOW) in models."""
+HELD = 1e-3
+"""Share of a spring's largest torque that is never asked of it."""
+ROUNDS = 6
+"""Rounds of the motors' distance and the springs' torques, at most."""
+NUDGE = 1e-6
+"""rad, for slopes by central differences."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveMotion:
+    """What a drive does while its link moves as wanted."""
+
+    inputs: Array
+    """(n,) rad: the mode's first reference."""
+    motors: Array
+    """(n, 2) rad, the positions that the springs' law takes; NaN in modes without springs."""
+    motor_torques: Array
+    """(n, motors) N m; none where motors are ideal."""
+    holdable: Array
+    """(n,) N m, the most that the springs can give in the direction of the wanted torque."""
+
+
+def drive_backwards(
+    drive: JointDrive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array
+) -> DriveMotion:
+    """The drive's motion; all arrays (n,), at equidistant times in s. preset: the second reference."""
+    n, step = len(position), float(time[1] - time[0])
+    if not MODES[drive.mode].spring:
+        error = controller_error(torque + drive.derivative[0] * velocity, drive.proportional[0], drive.integral[0], step)
+        return DriveMotion(
+            inputs=position + error,
+            motors=np.full((n, 2), np.nan),
+            motor_torques=np.empty((n, 0)),
+            holdable=np.full(n, np.inf),
+        )
+    rho, offsets = reference_map(drive, preset)
+    across = np.array([rho[1], -rho[0]]) if drive.actuator.motors > 1 else np.array([0.0, -rho[0]])
+    law = over_arrays(drive.actuator.elastic_torques)
+
+    def torques(s: Array, d: Array) -> Array:
+        return np.asarray(law(position, rho[0] * s + across[0] * d, rho[1] * s + across[1] * d, drive.spring))
+
+    centre = position / max(rho.max(), 1e-9)
+    d = across @ offsets / (across @ across)
+    with np.errstate(all="ignore"):
+        least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
+    # What the springs cannot hold is asked of them as far as they can, just before their limit.
+    given = np.clip(torque, least + HELD * np.abs(least), most - HELD * np.abs(most))
+
+    def along(d: Array, near: Array, reach: float) -> Array:
+        return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, near - reach, near + reach)
+
+    s = along(d, centre, SEARCH)
+    if len(drive.proportional) > 1:
+        for _ in range(ROUNDS):
+            before = d
+            d = _distance(drive, time, s, d, torques, rho, across, across @ offsets)
+            s = along(d, centre, SEARCH)
+            if np.abs(d - before).max() < 1e-7:
+                break
+    motors = np.stack([rho[0] * s + across[0] * d, rho[1] * s + across[1] * d])
+    references, work = motors.copy(), np.zeros((len(drive.proportional), n))
+    elastic = torques(s, d)
+    for motor in range(len(drive.proportional)):
+        smooth = smooth_motion(time, motors[motor][:, None])
+        rate = smooth.velocities[:, 0]
+        work[motor] = drive.motor_inertia[motor] * smooth.accelerations[:, 0] + drive.motor_damping[motor] * rate
+        work[motor] += drive.motor_friction[motor] * np.tanh(rate / SLOW) + elastic[motor]
+        asked = work[motor] + drive.derivative[motor] * rate
+        references[motor] += controller_error(asked, drive.proportional[motor], drive.integral[motor], step)
+    return DriveMotion(
+        inputs=rho @ (references - offsets) / (rho @ rho),
+        motors=motors.T.copy(),
+        motor_torques=work.T.copy(),
+        holdable=np.where(torque >= 0.0, most, least),
+    )
+
+
+def reference_map(drive: JointDrive, preset: Array) -> tuple[Array, Array]:
+    """rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
+    references = references_over_arrays(drive.actuator)
+    offsets = np.stack(references(np.zeros(len(preset)), preset))
+    return np.stack(references(np.ones(len(preset)), preset))[:, 0] - offsets[:, 0], offsets
+
+
+def controller_error(output: Array, proportional: float, integral: float, step: float) -> Array:
+    """(n,) the error r - theta that makes P error + I int error = output (n,)."""
+    if integral <= 0.0:
+        return np.asarray(output / proportional)
+    from scipy.signal import lfilter
+
+    # Trapezoidal rule for the integral.
+    half = 0.5 * step * integral
+    ahead, behind = proportional + half, half - proportional
+    return np.asarray(lfilter([1.0 / ahead, -1.0 / ahead], [1.0, behind / ahead], output))
+
+
+def _distance(
+    drive: JointDrive,
+    time: Array,
+    s: Array,
+    d: Array,
+    law: Callable[[Array, Array], Array],
+    rho: Array,
+    across: Array,
+    commanded: Array,
+) -> Array:
+    """(n,) d of the next round: sum nu_i (theta_i + lag_i) = nu c, with the springs' slope at the present one."""
+    gain = np.array(drive.proportional)
+    # A controller with an integral takes the droop away in time.
+    droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / gain)
+    inertia = float(across**2 @ (np.array(drive.motor_inertia) / gain))
+    drag = float(across**2 @ ((np.array(drive.motor_damping) + np.array(drive.derivative)) / gain))
+    slopes = (law(s, d + NUDGE) - law(s, d - NUDGE)) / (2.0 * NUDGE)
+    stretch = (law(s + NUDGE, d) - law(s - NUDGE, d)) / (2.0 * NUDGE)
+    with np.errstate(all="ignore"):
+        # s moves along, so that the torque on the link stays.
+        share = np.nan_to_num(slopes.sum(axis=0) / stretch.sum(axis=0), posinf=0.0, neginf=0.0)
+    stiffness = np.maximum(droop @ (slopes - stretch * share), 0.0)
+    common = smooth_motion(time, s[:, None])
+    known = commanded - droop @ law(s, d) + stiffness * d
+    known -= (across * rho) @ (np.array(drive.motor_inertia) / gain) * common.accelerations[:, 0]
+    known -= (across * rho) @ ((np.array(drive.motor_damping) + np.array(drive.derivative)) / gain) * common.velocities[:, 0]
+    return _low_pass(inertia, drag, float(across @ across) + stiffness, known, float(time[1] - time[0]))
+
+
+def _low_pass(inertia: float, drag: float, stiffness: Array, force: Array, step: float) -> Array:
+    """(n,) solution of inertia x'' + drag x' + stiffness x = force by the midpoint rule, from its rest."""
+    place, rate = float(force[0] / stiffness[0]), 0.0
+    found = [place]
+    middle = (0.5 * (stiffness[1:] + stiffness[:-1])).tolist()
+    pushes = (0.5 * (force[1:] + force[:-1])).tolist()
+    half = 0.5 * step
+    for k, push in zip(middle, pushes, strict=True):
+        mean = (inertia * rate + half * (push - k * place)) / (inertia + half * (drag + half * k))
+        rate = 2.0 * mean - rate
+        place += step * mean
+        found.append(place)
+    return np.array(found)

@@ -1,0 +1,213 @@
+"""Inverse dynamics through the springs: the input that moves soft joints as wanted, and whether they can.
+
+tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then each joint's drive backwards
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.actuators.vectorised import over_arrays
+from asrsim.kinematics.compensation import JointDrive
+from asrsim.kinematics.desired import DesiredMotion, knot_distance
+from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
+from asrsim.kinematics.model import DynamicModel
+from asrsim.samples import Array
+from asrsim.scenario.data import LinkDamping
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
+
+START = 0.1
+"""s at the start in which demands are not judged: motors that start unloaded must first get under their load. Neither are
+the last two knots of the splines, where their derivatives are loose."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Losses:
+    """What brakes a link beside its drive, and what its joint bears."""
+
+    damping: float = 0.0
+    """N m s/rad."""
+    friction: float = 0.0
+    """N m."""
+    law: LinkDamping | None = None
+    """Damping that changes with the stiffness."""
+    effort: float = np.inf
+    """N m."""
+    lower: float = -np.inf
+    """rad."""
+    upper: float = np.inf
+    """rad."""
+
+    @classmethod
+    def of(cls, robot: Robot, joint: str, law: LinkDamping | None = None) -> Losses:
+        """Of a joint of the robot."""
+        found = robot.joint(joint)
+        return cls(
+            damping=found.damping,
+            friction=found.friction,
+            law=law,
+            effort=np.inf if found.effort is None else found.effort,
+            lower=-np.inf if found.lower is None or found.kind == "continuous" else found.lower,
+            upper=np.inf if found.upper is None or found.kind == "continuous" else found.upper,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """The most that a motion asks of one part of a joint, against what that can give."""
+
+    joint: str
+    what: str
+    """`motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or `error from the
+    start` (that the first moments leave whatever is learned)."""
+    needed: float
+    limit: float
+    unit: str
+    time: float
+    """s, when."""
+    motor: int = 0
+    """1 or 2; 0 where no motor is meant."""
+
+    @property
+    def score(self) -> float:
+        """What is needed over what can be given: beyond 1 the motion is out of reach."""
+        if self.what == "joint stop":
+            return 2.0
+        return abs(self.needed / self.limit) if self.limit else (np.inf if self.needed else 0.0)
+
+    def __str__(self) -> str:
+        which = f" of motor {self.motor}" if self.motor else ""
+        return (
+            f"{self.joint} at {self.time:.3g} s: {self.what}{which} {abs(self.needed):.3g} {self.unit}, "
+            f"limit {self.limit:.3g} {self.unit}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class InverseDynamics:
+    """The input that moves the joints as wanted."""
+
+    motion: DesiredMotion
+    """Of the model's joints."""
+    joints: tuple[str, ...]
+    """The driven joints."""
+    torques: Array = field(repr=False)
+    """(n, joints) N m on the links."""
+    drives: tuple[DriveMotion, ...] = field(repr=False)
+    demands: tuple[Demand, ...]
+    """Highest score first, one for each part of each joint."""
+
+    @property
+    def inputs(self) -> Array:
+        """(n, joints) the modes' first references."""
+        return np.column_stack([drive.inputs for drive in self.drives])
+
+    @property
+    def out_of_reach(self) -> tuple[Demand, ...]:
+        """Demands that cannot be met."""
+        return tuple(demand for demand in self.demands if demand.score > 1.0)
+
+    def inputs_at(self, time: Array, delays: Sequence[float] = ()) -> Array:
+        """(k, joints) inputs at `time` (k,), ahead by the commands' delays in s; the ends hold."""
+        from scipy.interpolate import CubicSpline
+
+        own = self.motion.time
+        columns = []
+        for index, values in enumerate(self.inputs.T):
+            ahead = np.clip(time + (delays[index] if len(delays) else 0.0), own[0], own[-1])
+            columns.append(CubicSpline(own, values)(ahead))
+        return np.column_stack(columns)
+
+
+def invert(
+    model: DynamicModel,
+    drives: Sequence[JointDrive],
+    motion: DesiredMotion,
+    presets: Mapping[str, Array],
+    losses: Mapping[str, Losses],
+    external: Mapping[str, Array] | None = None,
+) -> InverseDynamics:
+    """The inputs of `drives` under which the model's joints move as `motion` (columns in the model's order).
+
+    presets: second references (n,) by joint. losses, external (torques (n,) in N m on the links): by joint.
+    """
+    rigid = model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
+    found, torques, demands = [], [], []
+    for drive in drives:
+        index = model.joints.index(drive.joint)
+        position, velocity = motion.positions[:, index], motion.velocities[:, index]
+        loss = losses.get(drive.joint, Losses())
+        torque = rigid[:, index] + loss.damping * velocity + loss.friction * np.tanh(velocity / SLOW)
+        if external is not None and drive.joint in external:
+            torque = torque - external[drive.joint]
+        preset = presets.get(drive.joint, np.zeros(len(position)))
+        item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
+        if loss.law is not None:
+            # The stiffness hardly changes by the damping's own torque: once through is enough.
+            torque = torque + _law_damping(drive, loss.law, position, item) * velocity
+            item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
+        found.append(item)
+        torques.append(torque)
+        demands += demands_of(drive, motion.time, position, torque, item, loss)
+    return InverseDynamics(
+        motion=motion,
+        joints=tuple(drive.joint for drive in drives),
+        torques=np.column_stack(torques),
+        drives=tuple(found),
+        demands=tuple(sorted(demands, key=lambda demand: -demand.score)),
+    )
+
+
+def _law_damping(drive: JointDrive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
+    if not MODES[drive.mode].spring:
+        return np.full(len(position), law.constant)
+    stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.spring)
+    return np.asarray(law.constant + 2.0 * law.ratio * np.sqrt(law.inertia * np.maximum(stiffness, 0.0)))
+
+
+def demands_of(
+    drive: JointDrive, time: Array, position: Array, torque: Array, item: DriveMotion, loss: Losses | None = None
+) -> list[Demand]:
+    """The highest demand on each part of a joint over the motion."""
+    loss = loss or Losses()
+    length = float(time[-1] - time[0])
+    judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
+    found: list[Demand] = []
+
+    def add(what: str, needed: Array, limit: Array | float, unit: str, motor: int = 0) -> None:
+        limits = np.broadcast_to(np.abs(limit), needed.shape)
+        with np.errstate(all="ignore"):
+            share = np.where(judged, np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf), -1.0)
+        worst = int(np.argmax(share))
+        found.append(
+            Demand(joint=drive.joint, what=what, needed=float(needed[worst]), limit=float(limits[worst]), unit=unit,
+                   time=float(time[worst]), motor=motor)
+        )  # fmt: skip
+
+    for motor, limit in enumerate(drive.max_torque if MODES[drive.mode].motor else ()):
+        add("motor torque", item.motor_torques[:, motor], limit, "N m", motor + 1)
+        rate = np.gradient(item.motors[:, motor], time)
+        add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
+    if MODES[drive.mode].spring:
+        add("spring torque", torque, item.holdable, "N m")
+        # Of two springs the one that is deflected less still yields when the other is at its limit.
+        deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
+        add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
+    add("joint effort", torque, loss.effort, "N m")
+    above, below = position - loss.upper, loss.lower - position
+    worst = int(np.argmax(np.maximum(above, below)))
+    limit = loss.upper if above[worst] >= below[worst] else loss.lower
+    if max(above[worst], below[worst]) > 1e-3:
+        # The way beyond the stop is what counts, whatever its sign.
+        found.append(
+            Demand(joint=drive.joint, what="joint stop", needed=float(position[worst]), limit=float(limit), unit="rad",
+                   time=float(time[worst]))
+        )  # fmt: skip
+    return found

@@ -1,0 +1,97 @@
+"""A scenario's robot as a soft arm: which inputs move its joints as wanted, under what the scenario says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.errors import Problem, ScenarioError
+from asrsim.kinematics.compensation import JointDrive, drive_of
+from asrsim.kinematics.desired import DesiredMotion, model_time, smooth_motion
+from asrsim.kinematics.inverse import InverseDynamics, Losses, invert
+from asrsim.kinematics.model import DynamicModel
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario, for_joint
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
+
+INVERTED_MODES = (1, 3, 6)
+"""Modes whose first reference is a position of the link or of its equilibrium."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftArm:
+    """The robot with the scenario's modes and parameters in it, and the rigid model of it."""
+
+    scenario: Scenario
+    robot: Robot
+    model: DynamicModel
+
+    @cached_property
+    def drives(self) -> dict[str, JointDrive]:
+        """By joint, those that a position drives."""
+        return {block.joint: drive_of(block) for block in self.robot.actuators if block.mode in INVERTED_MODES}
+
+    def losses(self, joint: str) -> Losses:
+        """What brakes the joint."""
+        return Losses.of(self.robot, joint, for_joint(self.scenario.link_damping, joint))
+
+    def preset(self, joint: str, time: Array) -> Array:
+        """(n,) second reference; zeros in modes without one."""
+        names = MODES[self.drives[joint].mode].references
+        given = self.scenario.references_of(joint)
+        return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
+
+    def external(self, joints: Sequence[str], time: Array) -> dict[str, Array]:
+        """(n,) N m on the links at `time` (n,), by joint."""
+        signals = {joint: for_joint(self.scenario.external_torques, joint) for joint in joints}
+        return {joint: signal.values(time) for joint, signal in signals.items() if signal is not None}
+
+    def delay(self, joint: str) -> float:
+        """s by which the joint's commands arrive late."""
+        effects = for_joint(self.scenario.command_effects, joint)
+        return 0.0 if effects is None else effects.delay
+
+    def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
+        """The motion of all joints of the model, in which `joints` move as `positions` (n, joints) at `time` (n,).
+
+        Other driven joints follow their references, those without drive stay where they are.
+        """
+        grid = model_time(float(time[-1] - time[0]), float(time[1] - time[0])) + time[0]
+        columns = []
+        for joint in self.model.joints:
+            if joint in joints:
+                columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
+                continue
+            resting = for_joint(self.scenario.initial_positions, joint, 0.0)
+            signal = None
+            if joint in self.drives:
+                signal = self.scenario.references_of(joint).get(MODES[self.drives[joint].mode].references[0])
+            columns.append(np.full(len(grid), resting) if signal is None else signal.values(grid))
+        return smooth_motion(grid, np.column_stack(columns))
+
+    def inverse(self, time: Array, joints: Sequence[str], positions: Array) -> InverseDynamics:
+        """The inputs under which `joints` move as `positions` (n, joints) at `time` (n,), and what that demands.
+
+        Raises ScenarioError for controllers that cannot act.
+        """
+        chosen = [self.drives[joint] for joint in joints]
+        idle = [drive.joint for drive in chosen if any(gain <= 0.0 for gain in drive.proportional)]
+        if idle:
+            message = "its controller has no proportional gain: no reference moves it"
+            raise ScenarioError([Problem(message=message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
+        motion = self.motion(time, joints, positions)
+        return invert(
+            self.model,
+            chosen,
+            motion,
+            {joint: self.preset(joint, motion.time) for joint in joints},
+            {joint: self.losses(joint) for joint in joints},
+            self.external(joints, motion.time),
+        )

@@ -1,0 +1,199 @@
+"""Learning on the real robot, trial by trial: a recording in, the next input out, the state kept in between.
+
+The law is the scenario's. Where `auto` stalls, masses, stiffnesses and a delay are identified from the best recording, and
+the motion is inverted again with those.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem
+from asrsim.learning.arm import learning_model
+from asrsim.learning.folder import INPUTS, origin_of
+from asrsim.learning.identify import Identified, identify
+from asrsim.learning.iterate import best_of, verdict
+from asrsim.learning.optimal import Lifted, NormOptimal
+from asrsim.learning.plant import Plant
+from asrsim.learning.playback import write_playback
+from asrsim.learning.prepared import Prepared, prepare_learning
+from asrsim.learning.report import trial_data, write_json
+from asrsim.learning.state import fingerprint, load_state, save_state
+from asrsim.learning.table import write_inputs
+from asrsim.learning.trial import Law, LearningResult, Trial, trial_of
+from asrsim.recordings.align import LagChoice, align, resample
+from asrsim.recordings.data import Recording
+from asrsim.runs.lock import owned
+from asrsim.samples import Array
+
+STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
+MISSING = 0.02
+"""Share of the motion that may be missing at its ends; the end values stand there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardwareStep:
+    """What became of a recording."""
+
+    prepared: Prepared
+    trials: tuple[Trial, ...]
+    """All trials on the robot."""
+    outcome: str | None
+    """Why learning ended; None: it goes on."""
+    converged: bool
+    identified: Identified | None
+    """What the recording told of the robot, if learning had stalled."""
+    lag: str
+    """How the recording's clock was moved."""
+
+
+def next_input(
+    plant: Plant,
+    folder: Path,
+    path: Path,
+    *,
+    mapping: Mapping[str, str] | Sequence[str] | Path | None = None,
+    lag: LagChoice = "off",
+) -> HardwareStep:
+    """Take the recording of the input that was handed out last, and write the next one into `folder`.
+
+    The first input is what `asrsim ilc` left there (learned.csv), or inverse dynamics. lag: how the recording's clock is moved
+    onto that of the desired motion. Raises InputError for a recording that does not fit, OutputError.
+    """
+    with owned(folder):
+        return _next_input(plant, folder, path, mapping, lag)
+
+
+def _next_input(
+    plant: Plant, folder: Path, path: Path, mapping: Mapping[str, str] | Sequence[str] | Path | None, lag: LagChoice
+) -> HardwareStep:
+    from asrsim.recordings import read_recording
+
+    content = _digest(path)
+    taken = _taken(folder)
+    if content in taken:
+        message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
+        raise InputError(Problem(message=message, file=path, code="recording-taken"))
+    recording = read_recording(path, mapping=mapping, joints=plant.joints)
+    with learning_model(plant) as model:
+        prepared = prepare_learning(plant, model)
+        plant = prepared.plant
+        mark = fingerprint(prepared.problem, prepared.settings)
+        trials = load_state(folder / STATE, mark) if (folder / STATE).exists() else []
+        told: list[Identified] = []
+        law = _law(prepared, told)
+        played = _pending(folder, prepared, trials)
+        outputs, how = outputs_of(recording, plant, lag)
+        trials.append(trial_of(prepared.problem, played, outputs, before=trials[-1] if trials else None, expected=None))
+        ended = verdict(prepared.problem, trials, prepared.settings, law)
+        inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
+    headings, values = plant.table(inputs)
+    what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
+    write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
+    write_playback(folder / PLAYBACK, plant, folder / NEXT)
+    save_state(folder / STATE, mark, trials, origin=origin_of(plant.scenario))
+    _write_numbers(folder, trials, [*taken, content], plant.joints, told[0] if told else None)
+    return HardwareStep(
+        prepared=prepared,
+        trials=tuple(trials),
+        outcome=None if ended is None else ended[1],
+        converged=ended is not None and ended[0] == "converged",
+        identified=told[0] if told else None,
+        lag=how,
+    )
+
+
+def _law(prepared: Prepared, told: list[Identified]) -> Law:
+    """The scenario's law; `auto` with identification, whose findings go to `told`."""
+    if not isinstance(prepared.law, NormOptimal):
+        return prepared.law
+
+    def rethink(best: Trial) -> tuple[Lifted, Array]:
+        found = identify(prepared.plant, best)
+        told.append(found)
+        with learning_model(found.plant) as model:
+            inverse = model.inverse(found.plant.reference)
+            time, delays = prepared.problem.time, model.delays
+            return Lifted(time, model.linear(inverse), delays), inverse.inputs_at(time, delays)
+
+    return replace(prepared.law, rethink=rethink)
+
+
+def outputs_of(recording: Recording, plant: Plant, lag: LagChoice) -> tuple[Array, str]:
+    """(n, joints) link positions at the plant's times, and how the clock was moved. Raises RecordingError, InputError."""
+    columns = [recording.column(joint, "link_position") for joint in plant.joints]
+    moving = int(np.argmax(np.ptp(plant.reference, axis=0)))
+    chosen = align(
+        plant.time, plant.reference[:, moving], columns[moving].time, columns[moving].values, choice=lag,
+        name=f"{plant.joints[moving]}.link_position",
+    )  # fmt: skip
+    found = np.column_stack([resample(column.time - chosen.lag, column.values, plant.time) for column in columns])
+    missing = ~np.isfinite(found)
+    ends = [int(np.argmin(gap)) + int(np.argmin(gap[::-1])) for gap in missing.T if not gap.all()]
+    inside = [int(gap.sum()) - end for gap, end in zip(missing.T, ends, strict=False)]
+    if len(ends) < len(columns) or max(ends) > MISSING * len(plant.time) or max(inside) > 0:
+        where = f"{columns[0].time[0] - chosen.lag:.3g} to {columns[0].time[-1] - chosen.lag:.3g} s"
+        message = (
+            f"must hold the link positions over the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on the "
+            f"motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
+        )
+        hint = "Record the whole motion; --lag says by how many seconds the recording's clock is late"
+        raise InputError(Problem(message=message, file=recording.path, hint=hint, code="recording-too-short"))
+    for column in found.T:
+        known = np.flatnonzero(np.isfinite(column))
+        column[: known[0]], column[known[-1] + 1 :] = column[known[0]], column[known[-1]]
+    return found, chosen.how
+
+
+def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
+    """(n, joints) inputs that were handed out last."""
+    from asrsim.signals.csv_series import read_csv_series
+
+    place = folder / (NEXT if trials else INPUTS)
+    if not place.is_file():
+        return prepared.problem.first_guess
+    columns = [read_csv_series(place, joint, None)[1] for joint in prepared.plant.joints]
+    if len(columns[0]) != len(prepared.problem.time):
+        message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
+        raise InputError(
+            Problem(message=message, file=place, hint="Choose another folder with --out", code="input-of-another-run")
+        )
+    return np.column_stack(columns)
+
+
+def _digest(path: Path) -> str:
+    files = sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
+    try:
+        return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
+    except OSError as error:
+        raise InputError(Problem(message=f"cannot be read: {error.strerror}", file=path, code="no-file")) from None
+
+
+def _taken(folder: Path) -> list[str]:
+    """Digests of the recordings that were taken, in their order."""
+    try:
+        return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        hint = "Delete it with hardware.npz to begin anew"
+        raise InputError(Problem(message="is no record of trials", file=folder / NUMBERS, hint=hint, code="state")) from error
+
+
+def _write_numbers(
+    folder: Path, trials: Sequence[Trial], taken: Sequence[str], joints: Sequence[str], found: Identified | None
+) -> None:
+    rows = [{**trial_data(trial, tuple(joints)), "recording": content} for trial, content in zip(trials, taken, strict=True)]
+    data: dict[str, object] = {"trials": rows, "best": best_of(list(trials))}
+    if found is not None:
+        data["identified"] = {"changes": dict(found.draw), "residual": found.residual, "residual_before": found.before}
+    write_json(folder / NUMBERS, data)
+
+
+__all__ = ["HardwareStep", "LearningResult", "next_input", "outputs_of"]

@@ -1,0 +1,171 @@
+"""Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
+
+With lifted models G_i of masses and springs that are nominal, heavier and softer, lighter and stiffer, the change du = B c
+of the best trial's input follows from its error e over the whole time,
+
+    c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
+
+A trial that is no better goes back to the best one with ten times rho; one that is better goes on with a third. So the error
+of the best trial never grows, however wrong the models are, and a step that is small enough helps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from asrsim.kinematics.desired import knot_distance
+from asrsim.learning.lifted import EVERY, Band, lift
+from asrsim.learning.linear import Linearised
+from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
+from asrsim.samples import Array
+
+MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
+"""Factors of mass and stiffness."""
+RHO = 0.1
+"""Weight of the input's change against the error, at least."""
+TAIL = 20
+"""Knots behind the end of the motion through which its last error is taken to stand: what the last inputs do shows there."""
+RHO_UP, RHO_DOWN = 10.0, 3.0
+REHEARSALS = 4
+"""Updates in the model with friction before each trial, at most."""
+STALLED = 2
+"""Trials without progress after which the model is thought over."""
+PROGRESS = 0.99
+"""Share of the best error below which a trial counts as progress."""
+
+
+Rethink = Callable[[Trial], tuple["Lifted", Array]]
+"""The best trial -> another lifted model, and the inputs (n, joints) that it would try first."""
+
+
+class Lifted:
+    """The lifted models of an arm; `linear`: its joints along the desired motion, delays: of each joint's command in s."""
+
+    def __init__(self, time: Array, linear: Linearised, delays: Sequence[float] = ()) -> None:
+        self._time = time
+        duration = float(linear.time[-1])
+        tail = TAIL * knot_distance(duration)
+        self._band = Band.over(duration, tail)
+        linear = linear.held(tail)
+        self._rows = linear.time[EVERY::EVERY]
+        spline = self._band.at(self._rows).toarray()
+        self._effort = np.kron(spline.T @ spline, np.eye(len(linear.drives)))
+        self._basis = self._band.at(time)
+        self._normal = np.zeros_like(self._effort)
+        for index, (mass, stiffness) in enumerate(MODELS):
+            lifted = lift(linear.scaled(mass, stiffness), self._band, delays)
+            flat = lifted.reshape(-1, lifted.shape[2])
+            self._normal += flat.T @ flat / len(MODELS)
+            if index == 0:
+                self._nominal, self._mean = flat, flat / len(MODELS)
+            else:
+                self._mean = self._mean + flat / len(MODELS)
+
+    def change(self, error: Array, rho: float) -> tuple[Array, Array]:
+        """(n, joints) change of the inputs for an error (n, joints), and of the outputs, as the nominal model expects it."""
+        from scipy.linalg import solve
+
+        seen = averaged(self._time, error, self._rows)
+        found = solve(self._normal + rho * self._effort, self._mean.T @ seen.ravel(), assume_a="pos")
+        moved = (self._nominal @ found).reshape(seen.shape)
+        times = np.concatenate([[0.0], self._rows])
+        expected = [np.interp(self._time, times, np.concatenate([[0.0], column])) for column in moved.T]
+        return np.asarray(self._basis @ found.reshape(self._band.count, -1)), np.column_stack(expected)
+
+
+@dataclass(frozen=True)
+class NormOptimal:
+    """The law; `rethink` makes another model from the best trial where it stalls."""
+
+    problem: LearningProblem
+    lifted: Lifted
+    rethink: Rethink | None = None
+    answers: Callable[[Trial], Callable[[Array], Array]] | None = None
+    """A trial -> what a model with friction expects of inputs after it."""
+    _rethought: dict[int, tuple[Lifted, Array]] = field(default_factory=dict, repr=False)
+
+    def propose(self, trials: Sequence[Trial]) -> Proposal:
+        """The best trial's input, corrected by its error."""
+        best, rho, _ = standing(trials)
+        lifted = self.lifted
+        stalled = stalled_at(trials) if self.rethink is not None else None
+        if stalled is not None:
+            other, guess = self._other(stalled, trials)
+            if stalled == len(trials) - 1:
+                return Proposal(inputs=guess)
+            if trials[stalled + 1].total < standing(trials[: stalled + 1])[0].total:
+                # The other model's guess was better: it goes on, from its first weight.
+                lifted = other
+                best, rho, _ = standing(trials[stalled + 1 :])
+        change, expected = lifted.change(self.problem.reference - best.outputs, rho)
+        # The friction of a robot on which a trial failed may not be the model's.
+        if self.answers is None or failures(trials) > 0:
+            return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
+        return self._rehearsed(lifted, best, change, self.answers(best))
+
+    def _rehearsed(self, lifted: Lifted, best: Trial, change: Array, answer: Callable[[Array], Array]) -> Proposal:
+        """What some updates come to in the model with friction, which holds joints that the lifted models let move."""
+        proposal = Proposal(inputs=best.inputs + change, outputs=answer(best.inputs + change))
+        for _ in range(REHEARSALS):
+            left = self.problem.reference - np.asarray(proposal.outputs)
+            inputs = proposal.inputs + lifted.change(left, RHO)[0]
+            outputs = answer(inputs)
+            if not np.sum((self.problem.reference - outputs) ** 2) < np.sum(left**2):
+                break
+            proposal = Proposal(inputs=inputs, outputs=outputs)
+        return proposal
+
+    def _other(self, stalled: int, trials: Sequence[Trial]) -> tuple[Lifted, Array]:
+        if stalled not in self._rethought and self.rethink is not None:
+            self._rethought[stalled] = self.rethink(standing(trials[: stalled + 1])[0])
+        return self._rethought[stalled]
+
+    def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
+        """Gives up when more than `patience` trials in a row brought no progress, and rethinking did not help."""
+        best, _, failed = standing(trials)
+        if not np.isfinite(best.total):
+            return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
+        stalled = stalled_at(trials) if self.rethink is not None else None
+        if failed <= patience or (stalled is not None and len(trials) - 1 - stalled <= patience):
+            return None
+        return "stalled", (
+            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad "
+            f"off ({worst_place(self.problem, best)})"
+        )
+
+
+def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
+    """The best trial by its error over the whole time, rho for the next update, and the trials since there was progress."""
+    best, rho, failed = trials[0], RHO, 0
+    for trial in trials[1:]:
+        better = np.isfinite(trial.total) and not trial.total >= best.total
+        failed = 0 if better and trial.total <= PROGRESS * best.total else failed + 1
+        rho = max(RHO, rho / RHO_DOWN) if better else RHO_UP * rho
+        best = trial if better else best
+    return best, rho, failed
+
+
+def failures(trials: Sequence[Trial]) -> int:
+    """Trials that were no better than the best before them."""
+    totals = np.array([trial.total for trial in trials])
+    return int(np.sum(~(totals[1:] < np.fmin.accumulate(totals)[:-1])))
+
+
+def stalled_at(trials: Sequence[Trial]) -> int | None:
+    """Place of the trial at which learning first stalled; None: it has not."""
+    return next((index for index in range(1, len(trials)) if standing(trials[: index + 1])[2] >= STALLED), None)
+
+
+def averaged(time: Array, values: Array, rows: Array) -> Array:
+    """(rows, joints) means of `values` (n, joints) around the equidistant times `rows`, so that noise averages out."""
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    half = 0.5 * float(rows[1] - rows[0])
+    step = float(time[1] - time[0])
+    wide = max(round(2.0 * half / step), 1)
+    # Behind the end its last mean stands.
+    first = np.clip(np.round((rows - half) / step).astype(int), 0, len(time) - wide)
+    last = np.clip(np.round((rows + half) / step).astype(int), first + 1, len(time))
+    return np.asarray((total[last] - total[first]) / (last - first)[:, None])

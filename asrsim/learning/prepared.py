@@ -1,0 +1,204 @@
+"""The learning problem that a scenario states, its law, and what the model says beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.errors import ScenarioError
+from asrsim.kinematics.compensation import LoadError, equilibrium_for_load
+from asrsim.kinematics.inverse import Demand, InverseDynamics
+from asrsim.learning.arm import ArmModel
+from asrsim.learning.contraction import choose_gains, learnable, safe_filter
+from asrsim.learning.folder import origin_of
+from asrsim.learning.identity import identity_of
+from asrsim.learning.law import FixedGain
+from asrsim.learning.linear import Linearised
+from asrsim.learning.optimal import RHO, Lifted, NormOptimal
+from asrsim.learning.plant import Plant
+from asrsim.learning.presets import ChosenPreset, choose_presets
+from asrsim.learning.settings import (
+    OF_FIXED_GAIN,
+    LearningSettings,
+    parse_settings,
+    wants_model_gains,
+    wants_safe_filter,
+)  # fmt: skip
+from asrsim.learning.trial import Law, LearningProblem, Trial
+from asrsim.samples import Array
+
+GUESS_KNOTS = 201
+"""Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
+FORESEEN = 50
+"""Updates that are foreseen at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """Everything that `learn` needs, and what the model says beforehand."""
+
+    plant: Plant
+    model: ArmModel = field(repr=False)
+    problem: LearningProblem
+    settings: LearningSettings
+    law: Law = field(repr=False)
+    inverse: InverseDynamics = field(repr=False)
+    """Of the desired motion."""
+    linear: Linearised = field(repr=False)
+    """The joints along the desired motion."""
+    demands: tuple[Demand, ...]
+    """What the motion asks of the joints, highest score first."""
+    notes: tuple[str, ...] = ()
+    """For people: presets that were chosen, settings without effect."""
+
+    @property
+    def out_of_reach(self) -> tuple[Demand, ...]:
+        """What the motion asks of the joints and they cannot give."""
+        return tuple(demand for demand in self.demands if demand.score > 1.0)
+
+    def gain_advice(self) -> tuple[float, ...]:
+        """Gains that the model would choose."""
+        return choose_gains(self.linear)
+
+    @cached_property
+    def reach(self) -> float:
+        """Hz below which errors shrink with the first gains, at the worst posture."""
+        return learnable(self.linear, self.settings.gains)
+
+    def foresee(self, first: Trial) -> list[float]:
+        """rad: largest 2-norms of trial 0 and those after it, as the joints linearised along the desired motion foretell them.
+
+        Only laws of a fixed gain are foretold: the others never end worse than their best trial.
+        """
+        norms = [first.norm]
+        if not isinstance(self.law, FixedGain) or not np.isfinite(first.norm):
+            return norms
+        inputs, outputs = first.inputs, first.outputs
+        friction = self.model.friction(self.model.state(inputs, outputs))
+        for update in range(min(self.settings.max_iterations, FORESEEN)):
+            inputs = self.law.after(inputs, outputs, update)
+            outputs = first.outputs + self.model.expected(self.linear, inputs - first.inputs, friction)
+            norms.append(float(np.linalg.norm(self.problem.reference - outputs, axis=1).max()))
+            if norms[-1] > 10.0 * norms[0]:
+                break
+        return norms
+
+
+def turning(norms: list[float], tolerance: float) -> int | None:
+    """The trial after which foretold errors grow before they are within the tolerance; None if they do not."""
+    least = int(np.argmin(norms))
+    if min(norms) <= tolerance or least == len(norms) - 1 or max(norms[least:]) < 1.1 * norms[least]:
+        return None
+    return least
+
+
+def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) -> Prepared:
+    """The learning problem of a plant; `model` (see `learning_model`) must stay open while it is solved.
+
+    Presets are chosen first, if the scenario asks for it: the plant of the result has them. lawless: nothing will be learned.
+    Raises ScenarioError where gravity is to be compensated and cannot be.
+    """
+    block = plant.scenario.learning
+    inverse = model.inverse(plant.reference)
+    notes: list[str] = []
+    if block.get("presets", "given") != "given":
+        chosen = choose_presets(model, inverse, block["tolerance"], block["presets"])
+        plant = plant.with_presets(inverse.motion.time, {item.joint: item.values for item in chosen})
+        model = model.of(plant)
+        inverse = model.inverse(plant.reference)
+        notes += [_preset_note(item) for item in chosen]
+    linear = model.linear(inverse)
+    gains = choose_gains(linear) if wants_model_gains(block, plant.joints) else None
+    settings = parse_settings(block, plant.joints, gains)
+    if wants_safe_filter(block, plant.joints):
+        settings = parse_settings(block, plant.joints, gains, safe_filter(linear, settings.gains, settings.filter_order))
+    guesses: dict[str, Callable[[], Array]] = {
+        "zero": lambda: np.zeros_like(plant.reference),
+        "reference": lambda: plant.reference.copy(),
+        "gravity": lambda: compensated_guess(plant, model),
+        "inverse_dynamics": lambda: inverse.inputs_at(plant.time, model.delays),
+    }
+    problem = LearningProblem(
+        joints=plant.joints,
+        time=plant.time,
+        reference=plant.reference,
+        first_guess=guesses[settings.first_guess](),
+        identity=identity_of(plant),
+        origin=origin_of(plant.scenario),
+    )
+    law: Law = FixedGain(problem, settings, model.expect)
+    missed = model.start_error(inverse, linear)
+    if settings.law == "auto" and not lawless:
+        sticks = any(model.arm.losses(joint).friction > 0.0 for joint in plant.joints)
+        lifted = Lifted(problem.time, linear, model.delays)
+        # What the first moments leave when the inputs do all that they can.
+        missed = missed + lifted.change(-missed, 0.01 * RHO)[1]
+        law = NormOptimal(problem, lifted, answers=model.answers if sticks else None)
+    raw = plant.scenario.resolved.get("ilc") or {}
+    idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
+    if idle:
+        notes.append(f"{', '.join(idle)}: of no effect with law auto")
+    return Prepared(
+        plant=plant,
+        model=model,
+        problem=problem,
+        settings=settings,
+        law=law,
+        inverse=inverse,
+        linear=linear,
+        demands=tuple(sorted([*inverse.demands, *_start(plant, missed, settings.tolerance)], key=lambda one: -one.score)),
+        notes=tuple(notes),
+    )
+
+
+def _start(plant: Plant, missed: Array, tolerance: float) -> list[Demand]:
+    """The errors that the start leaves in each joint."""
+    found = []
+    for joint, column in zip(plant.joints, missed.T, strict=True):
+        worst = int(np.argmax(np.abs(column)))
+        found.append(
+            Demand(
+                joint=joint, what="error from the start", needed=float(column[worst]), limit=tolerance, unit=plant.unit(joint),
+                time=float(plant.time[worst]),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _preset_note(item: ChosenPreset) -> str:
+    low, high = float(item.values.min()), float(item.values.max())
+    text = f"{low:.3g}" if high - low < 1e-9 else f"{low:.3g} to {high:.3g}"
+    unheld = "" if item.score <= 1.0 else f", the best there is, but it exceeds limits or tolerance {item.score:.2g} times"
+    return f"preset of {item.joint}: {text}{unheld}"
+
+
+def compensated_guess(plant: Plant, model: ArmModel) -> Array:
+    """(n, joints) rad: the equilibria that hold gravity along the trajectory.
+
+    Raises ScenarioError for a load that a spring cannot hold.
+    """
+    rows = np.unique(np.linspace(0, len(plant.time) - 1, GUESS_KNOTS).round().astype(int))
+    still = model.arm.motion(plant.time, plant.joints, plant.reference)
+    postures = np.column_stack([np.interp(plant.time[rows], still.time, column) for column in still.positions.T])
+    index = [model.arm.model.joints.index(joint) for joint in plant.joints]
+    postures[:, index] = plant.reference[rows]
+    loads = model.arm.model.inverse_dynamics(postures, np.zeros_like(postures), np.zeros_like(postures))[:, index]
+    found = plant.reference[rows].copy()
+    for column, drive in enumerate(plant.drives):
+        if not MODES[drive.mode].spring:
+            continue
+        presets = model.arm.preset(drive.joint, plant.time[rows])
+        guess: float | None = None
+        for row, position in enumerate(plant.reference[rows, column].tolist()):
+            load = float(loads[row, column])
+            try:
+                guess = equilibrium_for_load(drive, position, load, float(presets[row]), droop=True, guess=guess)
+            except LoadError as error:
+                message = f"at {plant.time[rows[row]]:.4g} s: {error.problems[0].message}"
+                raise ScenarioError([replace(problem, message=message) for problem in error.problems]) from error
+            found[row, column] = guess
+    return np.column_stack([np.interp(plant.time, plant.time[rows], column) for column in found.T])

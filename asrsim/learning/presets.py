@@ -1,0 +1,127 @@
+"""Stiffness presets chosen before learning: the lowest that hold the joints' limits and the tolerance.
+
+A preset p holds the tolerance if the link sags by no more where the masses are heavier than the model says by a share of 15 %:
+0.15 |tau| / K(p) <= tolerance, and the limits if nothing is asked of motors and springs beyond 95 % of what they can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.actuators.vectorised import over_arrays
+from asrsim.kinematics.compensation import JointDrive
+from asrsim.kinematics.drive_inverse import drive_backwards
+from asrsim.kinematics.inverse import InverseDynamics, demands_of
+from asrsim.learning.arm import ArmModel
+from asrsim.samples import Array
+
+Choice = Literal["constant", "over_time"]
+HEAVIER = 0.15
+"""Share by which masses may be off."""
+WITHIN = 0.95
+"""Share of a limit that may be used."""
+CANDIDATES = 24
+REFINED = 5
+"""Halvings of the distance to the lowest preset."""
+WINDOW = 0.4
+"""s on both sides of a moment for which a preset over time must hold too: it changes as slowly."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenPreset:
+    """A joint's preset."""
+
+    joint: str
+    values: Array
+    """(n,) on the model's time."""
+    score: float
+    """Of its limits and the tolerance, at most 1 where it holds them."""
+
+
+def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, choice: Choice) -> tuple[ChosenPreset, ...]:
+    """The lowest preset of each learned joint that has one; of those that hold nothing, the best."""
+    found = []
+    for column, drive in enumerate(model.plant.drives):
+        if len(MODES[drive.mode].references) < 2 or not (drive.actuator.adjuster or drive.actuator.motors > 1):
+            continue
+        q = inverse.motion.positions[:, model.arm.model.joints.index(drive.joint)]
+        v = inverse.motion.velocities[:, model.arm.model.joints.index(drive.joint)]
+        torque, time = inverse.torques[:, column], inverse.motion.time
+
+        score = partial(scores, drive, time, q, v, torque, tolerance)
+        constant, reached = _lowest(score, _range(drive), len(time))
+        if choice == "over_time" and reached <= 1.0:
+            constant, reached = _over_time(score, constant, _range(drive), float(time[1] - time[0]))
+        found.append(ChosenPreset(joint=drive.joint, values=constant, score=reached))
+    return tuple(found)
+
+
+def scores(drive: JointDrive, time: Array, q: Array, v: Array, torque: Array, tolerance: float, preset: Array) -> Array:
+    """(n,) how far a preset (n,) uses limits and tolerance, 1: wholly. Demands count where they are highest."""
+    item = drive_backwards(drive, time, q, v, torque, preset)
+    stiffness = over_arrays(drive.actuator.stiffness)(q, item.motors[:, 0], item.motors[:, 1], drive.spring)
+    with np.errstate(all="ignore"):
+        sag = np.nan_to_num(HEAVIER * np.abs(torque) / np.maximum(stiffness, 0.0), nan=0.0, posinf=np.inf) / tolerance
+    for demand in demands_of(drive, time, q, torque, item):
+        at = int(np.searchsorted(time, demand.time))
+        sag[min(at, len(sag) - 1)] = max(sag[min(at, len(sag) - 1)], demand.score / WITHIN)
+    return np.asarray(sag)
+
+
+def _range(drive: JointDrive) -> Array:
+    """(k,) presets that are tried, ascending."""
+    names = [parameter.name for parameter in drive.actuator.parameters]
+    if drive.actuator.adjuster and "lever_length" in names:
+        most = 0.8 * drive.spring[names.index("lever_length")]
+    elif drive.actuator.adjuster or not np.isfinite(drive.max_deflection):
+        most = 4.0 * (drive.actuator.typical_preset or 0.25)
+    else:
+        most = 0.9 * drive.max_deflection
+    return np.asarray(np.geomspace(0.02 * most, most, CANDIDATES))
+
+
+def _lowest(score: Callable[[Array], Array], tried: Array, count: int) -> tuple[Array, float]:
+    """The lowest constant preset whose score is at most 1, else that with the least, and its score."""
+    worst: list[float] = []
+    for preset in tried:
+        worst.append(float(score(np.full(count, preset)).max()))
+        if worst[-1] <= 1.0:
+            break
+    if worst[-1] > 1.0:
+        best = int(np.argmin(worst))
+        return np.full(count, tried[best]), worst[best]
+    high, reached = float(tried[len(worst) - 1]), worst[-1]
+    low = float(tried[max(len(worst) - 2, 0)])
+    for _ in range(REFINED if len(worst) > 1 else 0):
+        middle = 0.5 * (low + high)
+        at = float(score(np.full(count, middle)).max())
+        if at <= 1.0:
+            high, reached = middle, at
+        else:
+            low = middle
+    return np.full(count, high), reached
+
+
+def _over_time(score: Callable[[Array], Array], constant: Array, tried: Array, step: float) -> tuple[Array, float]:
+    """The lowest preset at each moment, smooth, never above the constant one; the constant one where that does not hold."""
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+    lowest = constant.copy()
+    for preset in tried[::-1]:
+        if preset < constant[0]:
+            held = score(np.full(len(constant), preset)) <= 1.0
+            lowest = np.where(held & (lowest <= constant[0]), preset, lowest)
+    half = max(round(WINDOW / step), 1)
+    smooth = gaussian_filter1d(maximum_filter1d(lowest, 2 * half + 1, mode="nearest"), 0.4 * half, mode="nearest")
+    for share in np.linspace(0.0, 1.0, 6):
+        values = smooth + share * (constant - smooth)
+        reached = float(score(values).max())
+        if reached <= 1.0:
+            return values, reached
+    return constant, float(score(constant).max())

@@ -1,0 +1,237 @@
+"""The model of a run held against another engine's: the run again in that engine, and the difference of each joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from asrsim.errors import AsrsimError, DivergenceError, SimulationError
+from asrsim.robot.model import Robot
+from asrsim.samples import Array, RunInfo, Samples
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.simulation.run import Sink, simulate
+from asrsim.simulation.steppings import STEPPINGS
+
+LIMIT = 1e-8
+"""rad (m): engines that agree are nearer on motion without contacts (measured: 1e-12 as a rule)."""
+NUDGE = 1e-12
+"""rad (m) by which the start is moved to see how much the motion multiplies differences."""
+SENSITIVE = 100.0
+"""Engines may differ by so many times what the nudge leads to: they round in every step, not in the first only."""
+COMPARED = ("link_position", "link_torque")
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointDifference:
+    """Between the two engines, of one joint, over the run."""
+
+    position_max: float
+    """rad (m)."""
+    position_rms: float
+    torque_max: float
+    """N m (N); NaN of a joint that nothing drives."""
+    torque_rms: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossCheck:
+    """A run in two engines."""
+
+    engine: str
+    """Of the run."""
+    other: str
+    versions: tuple[str, str]
+    """Libraries of the two."""
+    contacts: bool
+    """Bodies may touch: engines model that differently."""
+    joints: dict[str, JointDifference]
+    finding: str = ""
+    """What must not be; empty: the engines agree, or need not."""
+    note: str = ""
+    """What to know about the difference."""
+
+    @property
+    def agrees(self) -> bool:
+        """Nothing was found."""
+        return not self.finding
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values for JSON; NaN as null."""
+        data = asdict(self)
+        data["versions"] = list(self.versions)
+        for joint in data["joints"].values():
+            joint.update({key: None if math.isnan(value) else value for key, value in joint.items()})
+        return {**data, "agrees": self.agrees}
+
+
+def other_engine(engine: str) -> str | None:
+    """The first installed engine with dynamics beside `engine`; None: there is none, or `engine` has no dynamics itself."""
+    from asrsim.engines import ENGINES
+
+    if ENGINES.get(engine).prescribed:
+        return None
+    entries = ((name, ENGINES.get(name)) for name in ENGINES.names() if name != engine)
+    return next((name for name, entry in entries if entry.available and not entry.prescribed), None)
+
+
+def require_other_engine(scenario: Scenario) -> None:
+    """Raises SimulationError where a cross-check cannot be."""
+    if other_engine(scenario.engine) is None:
+        raise SimulationError(
+            f"there is no engine to hold '{scenario.engine}' against: a cross-check needs two installed engines whose links "
+            "have dynamics, as bullet (package pybullet) and mujoco (package mujoco-core)"
+        )
+
+
+def cross_check(
+    scenario: Scenario,
+    info: RunInfo,
+    chunks: Iterable[Samples],
+    robot: Robot | None = None,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+) -> CrossCheck:
+    """Run again what gave `info` and `chunks`, in another engine, and compare; memory does not grow with the run.
+
+    chunks: the run's samples in their order, with the quantities of :data:`COMPARED`, asked for once; robot: as read from its
+    file, to read it only once; progress: told which engine and its simulated time. Raises SimulationError where there is no
+    other engine.
+    """
+    require_other_engine(scenario)
+    other = other_engine(scenario.engine) or ""
+    same = scenario
+    if not STEPPINGS.get(scenario.stepping).released:
+        same = replace(scenario, substeps=int(info.metadata["substeps"]), motor_substeps=int(info.metadata["motor_substeps"]))
+    names = [joint.name for joint in info.joints]
+    compared = _Compared(names, chunks)
+    contacts = not scenario.world.empty
+    version, finding, note = other, "", ""
+
+    def sinks(described: RunInfo) -> list[Sink]:
+        nonlocal version
+        version = described.metadata["engine_version"]
+        return [compared]
+
+    try:
+        tell = None if progress is None else lambda time: progress(other, time)
+        simulate(replace(same, engine=other), robot, sinks=sinks, keep=False, progress=tell)
+    except DivergenceError as error:
+        finding = "" if contacts else f"the run diverges with {other}: {error}"
+        note = f"the run diverges with {other}: {error}" if contacts else ""
+    except AsrsimError as error:
+        note = f"{other} cannot run this: {error}"
+    joints = compared.differences()
+    worst = max(names, key=lambda name: _size(joints[name].position_max))
+    if contacts:
+        note = note or (
+            f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
+        )
+    elif _size(joints[worst].position_max) > LIMIT and not finding:
+        finding, note = _verdict(same, robot, other, worst, joints[worst].position_max, progress)
+    return CrossCheck(
+        engine=scenario.engine,
+        other=other,
+        versions=(info.metadata["engine_version"], version),
+        contacts=contacts,
+        joints=joints,
+        finding=finding,
+        note=note,
+    )
+
+
+def _verdict(
+    scenario: Scenario,
+    robot: Robot | None,
+    other: str,
+    worst: str,
+    difference: float,
+    progress: Callable[[str, float], None] | None,
+) -> tuple[str, str]:
+    """Finding and note on a difference: a fault, unless the motion multiplies any difference as much."""
+    sensitivity = _sensitivity(scenario, robot, progress)
+    if difference <= SENSITIVE * sensitivity:
+        return "", (
+            f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from itself by "
+            f"{sensitivity:.2g} rad; what {other} differs by says nothing of either engine"
+        )
+    finding = (
+        f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
+        f"(at most {LIMIT:g} is rounding): one of them is wrong"
+    )
+    return finding, ""
+
+
+def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[str, float], None] | None) -> float:
+    """rad by which the run differs from itself if all joints start :data:`NUDGE` off; infinite if only one of them ends."""
+    from asrsim.scenario import checked_robot
+
+    known = robot if robot is not None else checked_robot(scenario)[0]
+    nudged = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) + NUDGE for joint in known.moving_joints}
+    tell = None if progress is None else lambda time: progress("sensitivity", time)
+    try:
+        # Two whole runs of positions are kept here, of those few runs whose difference asks for it.
+        plain = simulate(scenario, known, progress=tell).samples
+        moved = simulate(replace(scenario, initial_positions=nudged), known, progress=tell).samples
+    except DivergenceError:
+        return math.inf
+    if plain is None or moved is None:
+        return 0.0
+    return float(np.max(np.abs(plain.values["link_position"] - moved.values["link_position"]), initial=0.0))
+
+
+class _Compared:
+    """A sink that holds what it takes against samples that come from elsewhere."""
+
+    full_rate = False
+
+    def __init__(self, joints: list[str], chunks: Iterable[Samples]) -> None:
+        self._joints = joints
+        self._given = _rows(chunks, joints)
+        self._left: tuple[Array, ...] | None = None
+        self._largest = np.full((len(COMPARED), len(joints)), np.nan)
+        self._squares = np.zeros((len(COMPARED), len(joints)))
+        self._seen = np.zeros((len(COMPARED), len(joints)))
+
+    def write(self, samples: Samples) -> None:
+        """Compare a chunk, as far as there is something to compare it with."""
+        mine = [samples.values[name][:, [samples.joints.index(joint) for joint in self._joints]] for name in COMPARED]
+        done, total = 0, len(samples.time)
+        while done < total:
+            if self._left is None or not len(self._left[0]):
+                self._left = next(self._given, None)
+                if self._left is None:
+                    return
+            rows = min(total - done, len(self._left[0]))
+            for index, (values, given) in enumerate(zip(mine, self._left, strict=True)):
+                difference = np.abs(values[done : done + rows] - given[:rows])
+                self._largest[index] = np.fmax(self._largest[index], np.fmax.reduce(difference, axis=0, initial=np.nan))
+                self._squares[index] += np.nansum(difference**2, axis=0)
+                self._seen[index] += np.sum(np.isfinite(difference), axis=0)
+            self._left = tuple(array[rows:] for array in self._left)
+            done += rows
+
+    def differences(self) -> dict[str, JointDifference]:
+        """Of every joint; NaN where nothing was compared."""
+        rms = np.sqrt(np.divide(self._squares, self._seen, out=np.full_like(self._squares, np.nan), where=self._seen > 0))
+        return {
+            name: JointDifference(
+                position_max=float(self._largest[0, j]),
+                position_rms=float(rms[0, j]),
+                torque_max=float(self._largest[1, j]),
+                torque_rms=float(rms[1, j]),
+            )
+            for j, name in enumerate(self._joints)
+        }
+
+
+def _rows(chunks: Iterable[Samples], joints: list[str]) -> Iterator[tuple[Array, ...]]:
+    for chunk in chunks:
+        columns = [chunk.joints.index(joint) for joint in joints]
+        yield tuple(chunk.values[name][:, columns] for name in COMPARED)
+
+
+def _size(value: float) -> float:
+    return 0.0 if math.isnan(value) else value

@@ -1,0 +1,237 @@
+"""Small things of the core that must hold, each by a number that is known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_core_truth import INERTIA, INSTALLED, MASS, NEVER, REACH, joint, links, plan, samples, truth
+
+import asrsim
+from asrsim.scenario.data import Effects
+from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
+from asrsim.simulation.certify import certify
+from asrsim.simulation.divergence import FLOOR, SHARE, EnergyGuard
+from asrsim.simulation.effects import through
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import simulate
+from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.substeps import FRICTION_STIFFNESS
+from validation.models import Body, chain, column, run
+
+LIMITS = '<limit lower="{0}" upper="{1}" effort="{2}" velocity="100"/>'
+BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
+TOTAL = INERTIA + MASS * REACH**2
+
+
+# -- energies and their guard ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_what_was_given_to_the_links_is_what_they_have(tmp_path: Path, engine: str) -> None:
+    """Damping takes, a torque from outside gives, a spring of the joint's own does both."""
+    first = joint("j1", start=0.6, damping=0.05)
+    text = links("0 1 0", "0 1 0", damping=0.05).replace(
+        "</robot>", '<gazebo reference="j1"><springStiffness>3</springStiffness></gazebo></robot>'
+    )
+    given = plan(text, (first, joint("j2", start=-0.4, damping=0.05)), 0.5)
+    keys = given.keys() | {"external_torques": {"j2": 0.2}}
+    scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **keys)
+    with Simulation(scenario, record=True, compiled=False) as simulation:
+        before = simulation._engine.mechanical_energy()
+        simulation.advance(500)
+        simulation.flush()
+        after, meter = simulation._engine.mechanical_energy(), simulation.recording.recorder.meter
+        assert before is not None
+        assert after is not None
+        assert abs(after - before) > 0.05
+        assert float(meter.given.sum()) == pytest.approx(after - before, abs=0.02)
+
+
+def test_a_fast_moment_excuses_a_slow_one_later() -> None:
+    """The engine's energy is half a step late: what matters is the fastest that the links have been."""
+    guard = EnergyGuard(0.0)
+    none = {"given": np.zeros(1), "residual": np.zeros(1), "turnover": np.zeros(1), "names": ["a"]}
+    assert guard.fault(0.0, kinetic=8.0, **none) is None
+    assert guard.fault(SHARE * 8.0 + 0.5 * FLOOR, kinetic=0.0, **none) is None
+    assert guard.fault(SHARE * 8.0 + 1.5 * FLOOR, kinetic=0.0, **none) is not None
+
+
+@pytest.mark.parametrize("engine", INSTALLED[:1])
+def test_a_motor_that_comes_to_its_stop_and_leaves_it_closes_its_balance(engine: str) -> None:
+    """In the step in which it comes and in that in which it leaves, the stop takes what is left."""
+    result = run(
+        chain(BODY), mode=4, duration=1.0, engine=engine, substeps=1, motor_substeps=1,
+        references={"motor_1_torque": PulseTrain(high=2.0, low=-2.0, width=0.05, period=0.1)},
+        parameters={"spring_stiffness": 20.0, "motor_1_max_position": 0.1, "motor_1_min_position": -0.1},
+    )  # fmt: skip
+    place = column(result, "motor_1_position")
+    # Logged in the middle of a motor's step, half a drift beyond where the stop holds it.
+    assert place.max() == pytest.approx(0.1, abs=2e-3)
+    work = np.abs(column(result, "motor_work")).max()
+    assert np.abs(column(result, "energy_residual")).max() < 2e-3 * work
+
+
+# -- kicks that inputs cut ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("at", [0.0002, 0.0004, 0.0006, 0.05, 0.0503])
+@pytest.mark.parametrize("mode", [0, 1, 3])
+def test_a_jump_on_a_damped_joint_wherever_it_falls(tmp_path: Path, engine: str, at: float, mode: int) -> None:
+    """In the first half step, in the second, on the grid and off it."""
+    size = 1.0 if mode == 0 else 0.4
+    jump = replace(NEVER, at=at, jump=size)
+    parameters: dict[str, float] = {}
+    if mode == 1:
+        parameters = {"controller_1_proportional": 6.0, "controller_1_integral": 200.0, "controller_1_derivative": 0.3}
+    if mode == 3:
+        parameters = {"spring_stiffness": 5.0, "max_deflection": 1.5}
+    first = joint("j1", damping=0.4, actuator="sea", mode=mode, parameters=parameters, references=(jump,))
+    given = plan(links("0 1 0", "0 1 0", damping=0.4), (first, joint("j2", damping=0.4)), 0.1, (at,))
+    found, exact = [], None
+    for substeps in (2, 8):
+        result = samples(given, tmp_path, engine=engine, substeps=substeps)
+        exact = truth(given, result.time) if exact is None else exact
+        found.append(float(np.abs(result.values["link_position"] - exact).max()))
+    assert found[0] < 2e-4
+    assert found[1] < found[0] / 8.0
+
+
+# -- substeps ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_load_may_deflect_a_spring_twice_as_far_as_it_does_slowly() -> None:
+    """sinh springs: what is foreseen is the stiffness at the torque of twice the weight."""
+    robot = chain(replace(BODY, actuator="qbmove"))
+    references = {"equilibrium_position": 0.0, "stiffness_preset": 0.0}
+    resolved = run(robot, mode=3, duration=0.01, references=references, initial=[0.0]).resolution
+    weight = MASS * 9.81 * REACH
+    # Two springs without pretension carry the load together: each half of it at most, and alone all of it.
+    (stiffness,) = resolved.stiffness
+
+    def at(torque: float) -> float:
+        return float(8.9992 * 0.0019 * np.cosh(np.arcsinh(torque / 0.0019)))
+
+    assert at(2.0 * 0.9 * weight) < stiffness < 2.0 * at(2.0 * 1.1 * weight)
+    assert stiffness > 1.5 * 2.0 * at(weight) * 0.9
+
+
+def test_bristles_count_for_the_motors_substeps() -> None:
+    """1000 N m/rad on 0.0233 kg m^2: 207 rad/s and more."""
+    found = {}
+    for friction in (0.0, 0.1):
+        parameters = {"motor_1_friction_torque": friction, "motor_1_inertia": 1e-3, "spring_stiffness": 1.0}
+        found[friction] = run(chain(BODY), mode=4, duration=0.01, parameters=parameters).resolution
+    assert found[0.1].motor_frequency ** 2 - found[0.0].motor_frequency ** 2 == pytest.approx(FRICTION_STIFFNESS / 1e-3)
+    assert found[0.1].motor_substeps > found[0.0].motor_substeps == 1
+
+
+# -- what is recorded --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
+def test_the_first_velocity_is_the_one_given(tmp_path: Path, stepping: str) -> None:
+    given = plan(links("0 1 0"), (replace(joint("j1", start=0.5), speed=1.25),), 0.02)
+    found = samples(given, tmp_path, stepping=stepping)
+    speed = found.values["link_velocity"][:, 0]
+    assert speed[0] == 1.25
+    # One step of gravity later; centred differences are of second order.
+    exact = -MASS * 9.81 * REACH * np.sin(0.5) / TOTAL
+    assert (speed[1] - speed[0]) / 1e-3 == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.parametrize("place", [0.3, -0.2])
+def test_a_link_that_stands_exactly_on_a_stop_is_counted(place: float) -> None:
+    body = replace(BODY, actuator=None, limits=LIMITS.format(-0.2, 0.3, 100))
+    result = run(chain(body), duration=0.01, gravity=0.0, initial=[place])
+    assert result.counts.stop[0] == 11
+    assert run(chain(body), duration=0.01, gravity=0.0, initial=[0.1]).counts.stop[0] == 0
+
+
+def test_a_torque_at_its_limit_is_not_beyond_it() -> None:
+    body = replace(BODY, limits=LIMITS.format(-30, 30, 0.5))
+    for torque, beyond in ((0.5, 0), (0.5000001, 11), (-0.6, 11)):
+        result = run(chain(body), mode=0, duration=0.01, gravity=0.0, references={"link_torque": torque})
+        assert result.counts.effort[0] == beyond
+
+
+# -- sensors and commands ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("delay", "substeps"), [(0.0026, 3), (0.0024, 2), (0.0004, 0)])
+def test_a_delay_is_the_nearest_number_of_substeps(tmp_path: Path, delay: float, substeps: int) -> None:
+    gains = {"controller_1_proportional": 5.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.0}
+    first = joint("j1", actuator="sea", mode=1, parameters=gains, references=(NEVER,))
+    given = plan(links("0 1 0"), (replace(first, start=0.3, speed=1.0),), 0.05)
+    found = samples(given, tmp_path, effects={"sensors": {"*": {"delay": delay}}}, substeps=1)
+    q, torque = found.values["link_position"][:, 0], found.values["link_torque"][:, 0]
+    np.testing.assert_allclose(torque[10:], -5.0 * q[10 - substeps : len(q) - substeps], atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [0.34, 0.36, -0.34, -0.36])
+def test_quantised_readings_are_the_nearest(tmp_path: Path, start: float) -> None:
+    gains = {"controller_1_proportional": 5.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.0}
+    first = joint("j1", start=start, actuator="sea", mode=1, parameters=gains, references=(NEVER,))
+    given = plan(links("0 1 0"), (first,), 0.01)
+    found = samples(given, tmp_path, effects={"sensors": {"*": {"quantum": 0.1}}})
+    nearest = 0.1 * round(start / 0.1)
+    assert found.values["link_torque"][0, 0] == pytest.approx(-5.0 * nearest)
+
+
+def test_quantised_commands_are_the_nearest() -> None:
+    for value, nearest in ((0.24, 0.2), (0.26, 0.3), (-0.24, -0.2), (-0.26, -0.3)):
+        signal = through(Constant(value=value), Effects(quantum=0.1), step=1e-3, seed=(0,))
+        assert signal.values(np.zeros(1))[0] == pytest.approx(nearest)
+
+
+# -- references from outside -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_reference_set_from_outside_acts_from_the_next_step_on(tmp_path: Path, engine: str) -> None:
+    given = plan(links("0 1 0"), (joint("j1", actuator="sea", mode=0, references=(NEVER,)),), 0.1)
+    scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **(given.keys() | {"gravity": [0, 0, 0]}))
+    prepared = prepare(scenario, ranges={"*": {"link_torque": (-0.5, 0.5)}})
+    with Simulation(prepared, compiled=False) as simulation:
+        simulation.advance(10)
+        assert simulation.observe().link_velocity[0] == 0.0
+        assert simulation.set_reference("j1", "link_torque", 2.0) == 0.5
+        simulation.advance(20)
+        assert simulation.observe().link_position[0] == pytest.approx(0.5 * 0.5 / TOTAL * 0.02**2, rel=0.06)
+        assert simulation.time == 0.03
+        assert simulation.set_reference("j1", "link_torque", -9.0) == -0.5
+        simulation.set_reference("j1", "link_torque", None)
+        before = simulation.observe().link_velocity[0]
+        simulation.advance(5)
+        assert simulation.observe().link_velocity[0] == pytest.approx(before, rel=0.06)
+
+
+# -- certificates ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("stepping", "order"), [("leapfrog", 2.0), ("euler", 1.0)])
+def test_the_certified_order_is_the_measured_one(stepping: str, order: float) -> None:
+    wave: dict[str, Any] = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=2.0)}
+    result = run(
+        chain(replace(BODY, damping=0.05)), mode=3, references=wave, duration=0.3, stepping=stepping,
+        parameters={"spring_stiffness": 5.0},
+    )  # fmt: skip
+    reported = certify(result.scenario, result, result.robot).joints["joint_1"]
+    assert reported.order == pytest.approx(order, abs=0.1)
+    fine = simulate(replace(result.scenario, substeps=64), result.robot)
+    assert fine.samples is not None
+    error = np.abs(column(result, "link_position") - fine.samples.values["link_position"][:, 0]).max()
+    assert reported.position_max == pytest.approx(error, rel=0.1)
+
+
+def test_a_jump_of_a_torque_from_outside_counts_from_its_time() -> None:
+    """Momentum of what a torque gave, to rounding, though it begins and ends between steps."""
+    result = run(
+        chain(replace(BODY, actuator=None)), duration=0.1, gravity=0.0, substeps=1,
+        external={"joint_1": Step(at=0.0203, after=0.3)},
+    )  # fmt: skip
+    assert column(result, "link_velocity")[-2] * TOTAL == pytest.approx(0.3 * (0.099 - 0.0203), rel=1e-9)

@@ -1,0 +1,110 @@
+"""The run in another engine: equal where nothing touches, told where it is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import asrsim
+from asrsim.engines import ENGINES
+from asrsim.engines import mujoco as mujoco_engine
+from asrsim.engines.base import EngineEntry
+from asrsim.errors import SimulationError
+from asrsim.simulation.crosscheck import LIMIT, other_engine
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "scenarios"
+pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
+
+
+def example(name: str, variant: str, **fields: object) -> asrsim.Scenario:
+    (scenario,) = asrsim.load_scenario(EXAMPLES / f"{name}.yaml", variant=variant)
+    return replace(scenario, expect=(), **fields)
+
+
+@pytest.fixture
+def wrong_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A MuJoCo engine that pulls by a millionth too much."""
+
+    def make(scenario, robot):
+        return mujoco_engine.make_mujoco(replace(scenario, gravity=(0.0, -9.81 * (1 + 1e-6), 0.0)), robot)
+
+    monkeypatch.setitem(ENGINES._entries, "mujoco", EngineEntry(make=make, doc="wrong", module="mujoco"))
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_engines_agree_where_nothing_touches(engine: str, tmp_path: Path) -> None:
+    result = asrsim.run(example("step_2dof", "soft", engine=engine, duration=1.0), out=tmp_path, cross_check=True)
+    check = result.summary.cross_check
+    assert result.ok
+    assert check["agrees"]
+    assert not check["note"]
+    assert {check["engine"], check["other"]} == {"bullet", "mujoco"}
+    assert check["engine"] == engine
+    assert all(word in version for word, version in zip((engine, check["other"]), check["versions"], strict=True))
+    for joint in check["joints"].values():
+        assert 0.0 <= joint["position_rms"] <= joint["position_max"] < LIMIT
+        assert 0.0 <= joint["torque_rms"] <= joint["torque_max"] < 1e-6
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert written["cross_check"] == json.loads(json.dumps(check))
+    assert written["engine"] == engine
+    assert written["loop"] in ("plain", "compiled")
+
+
+@pytest.mark.usefixtures("wrong_mujoco")
+@pytest.mark.parametrize("out", [True, False])
+def test_an_engine_that_is_wrong_by_a_millionth_is_found(out: bool, tmp_path: Path) -> None:
+    scenario = example("step_2dof", "soft", engine="bullet", duration=1.0, gravity=(0.0, -9.81, 0.0))
+    result = asrsim.run(scenario, out=tmp_path if out else None, certify=True)
+    check = result.summary.cross_check
+    assert "one of them is wrong" in check["finding"]
+    assert not check["agrees"]
+    assert not result.ok
+    assert max(joint["position_max"] for joint in check["joints"].values()) > LIMIT
+    assert result.summary.certificate
+
+
+def test_a_motion_that_multiplies_differences_accuses_no_engine(tmp_path: Path) -> None:
+    """Three free links fall over and over: what is 1e-12 rad at the start is 1e-3 at the end, in one engine too."""
+    links = "".join(
+        f'<joint name="j{i}" type="continuous"><origin xyz="0 0 {-0.2 if i > 1 else 0}"/><parent link="l{i - 1}"/>'
+        f'<child link="l{i}"/><axis xyz="0 1 0"/></joint><link name="l{i}"><inertial><origin xyz="0 0 -0.1"/>'
+        '<mass value="1"/><inertia ixx="3e-3" iyy="3e-3" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for i in (1, 2, 3)
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="l0"/>{links}</robot>')
+    (tmp_path / "s.yaml").write_text("robot: r.urdf\nduration: 12\ninitial: {j1: 2.5, j2: 1.0, j3: 0.5}\n")
+    check = asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check
+    assert max(joint["position_max"] for joint in check["joints"].values()) > LIMIT
+    assert check["agrees"]
+    assert "multiplies differences" in check["note"]
+
+
+def test_contacts_may_differ_and_it_is_said() -> None:
+    check = asrsim.run(example("box_push_5dof", "soft", duration=0.2, task=None), cross_check=True).summary.cross_check
+    assert check["contacts"]
+    assert check["agrees"]
+    assert "legitimate" in check["note"]
+
+
+def test_what_the_other_engine_cannot_run_is_no_finding(tmp_path: Path) -> None:
+    scenario = example("box_push_5dof", "soft", duration=0.1, task=None, engine="bullet")
+    box = replace(scenario.world.objects[0], restitution=0.5)
+    result = asrsim.run(replace(scenario, world=replace(scenario.world, objects=(box,))), cross_check=True)
+    assert result.ok
+    assert "restitution" in result.summary.cross_check["note"]
+
+
+def test_without_another_engine_the_check_is_refused_and_certify_goes_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = replace(ENGINES.get("mujoco"), module="no_such_module_here")
+    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
+    assert other_engine("bullet") is None
+    assert other_engine("bench") is None
+    scenario = example("step_2dof", "soft", engine="bullet", duration=0.1)
+    with pytest.raises(SimulationError, match="no engine to hold 'bullet' against"):
+        asrsim.run(scenario, cross_check=True)
+    assert not asrsim.run(scenario, certify=True).summary.cross_check
+    with pytest.raises(SimulationError, match="needs 'no_such_module_here', which is not installed; here are: bullet"):
+        asrsim.run(replace(scenario, engine="mujoco"))

@@ -1,0 +1,79 @@
+"""Recorded facts that the project carries with it: the released toolbox's own outputs, and its runs in Gazebo.
+
+`facts/recorded.npz`: first 60 steps of twelve cases of the released plugin classes (each actuator in modes 3, 4 and 6), and
+positions over 0.4 s of six runs of the paper's one-joint step in Gazebo 11 at 1 ms; `facts/recorded.json` describes the former.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from skips import unexpected
+
+from validation.models import SETTINGS, Body, chain, column, run
+from validation.released import distance
+
+FACTS = Path(__file__).parent / "facts"
+DESCRIPTION = json.loads((FACTS / "recorded.json").read_text(encoding="utf-8"))
+GAZEBO = {"awas_s0.005": "AwAS-II .005", "qbmove_p0.2": "qbMove .2", "bavs_p0.001": "BAVS .001"}
+BOUNDS = {"awas_s0.005": 5e-5, "qbmove_p0.2": 1e-4, "bavs_p0.001": 4e-3}
+"""rad; links that turn by more than 0.05 rad a step show Gazebo's own quaternions (BAVS)."""
+
+
+@pytest.mark.parametrize("case", DESCRIPTION["cases"], ids=lambda case: case["key"])
+def test_the_released_codes_own_numbers(case: Mapping[str, Any]) -> None:
+    with np.load(FACTS / "recorded.npz") as tables:
+        assert distance(case, tables[case["key"]], DESCRIPTION["columns"]) < 1e-12
+
+
+@pytest.mark.parametrize("kind", ["", "_ideal"])
+@pytest.mark.parametrize("case", GAZEBO)
+def test_gazebos_own_runs(case: str, kind: str) -> None:
+    """The paper's section 4.1: 0.2 kg at 40 mm, a step to 0.8 rad with ideal motors; ideal: no friction and no limits."""
+    actuator, preset, parameters = SETTINGS[GAZEBO[case]]
+    limits = '<limit lower="-3.14" upper="3.14" effort="300" velocity="100"/>'
+    body = Body(
+        actuator=actuator, mass=0.2, reach=0.04, inertia=1e-6, damping=0.065, friction=0.0 if kind else 0.025,
+        limits="" if kind else limits,
+    )  # fmt: skip
+    result = run(
+        chain(body), mode=3, gravity=9.8, stepping="toolbox", duration=0.4, parameters=parameters,
+        references={"equilibrium_position": 0.8, "stiffness_preset": preset},
+    )  # fmt: skip
+    with np.load(FACTS / "recorded.npz") as tables:
+        recorded = tables[f"gazebo_{case}{kind}"]
+    assert np.abs(recorded).max() > 0.5
+    assert np.abs(column(result, "link_position")[:400] - recorded).max() < BOUNDS[case]
+
+
+def test_ci_fails_where_a_test_is_skipped_that_should_not_be(tmp_path: Path) -> None:
+    assert unexpected(["Skipped: no chromium", "Skipped: the shared robots are not here"], shared=False) == []
+    assert unexpected(["Skipped: the shared robots are not here"], shared=True) == ["Skipped: the shared robots are not here"]
+    assert unexpected(["could not import 'numba'"], shared=False) == ["could not import 'numba'"]
+    assert unexpected(["PyBullet has no wheel here"], wheels=False, shared=True) == []
+    assert unexpected(["PyBullet has no wheel here"], wheels=True, shared=True) != []
+
+
+@pytest.mark.parametrize(("reason", "code"), [("no chromium", 0), ("somebody was lazy", 1)])
+def test_the_whole_run_fails(tmp_path: Path, reason: str, code: int) -> None:
+    folder = Path(__file__).parent
+    shutil.copy(folder / "conftest.py", tmp_path)
+    shutil.copy(folder / "skips.py", tmp_path)
+    (tmp_path / "test_one.py").write_text(
+        f"import pytest\n\ndef test_it():\n    pytest.skip({reason!r})\n\ndef test_other(): pass\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", str(tmp_path)], cwd=tmp_path, capture_output=True, text=True,
+        env=os.environ | {"ASRSIM_CI": "1"}, check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stdout
+    assert ("skipped where nothing may be: Skipped: somebody was lazy" in done.stdout) == bool(code)

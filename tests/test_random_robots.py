@@ -1,0 +1,108 @@
+"""Random robots against an independent solution: Pinocchio and DOP853, laws written anew, engines, bases, jumps, modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from independent_ode import solve
+from random_runs import RandomRun, random_run
+
+import asrsim
+from asrsim.engines import ENGINES
+from asrsim.samples import Samples
+from asrsim.simulation.run import simulate
+
+Array = np.ndarray
+INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
+ROUNDING = 1e-9
+"""rad (m): below it no order can be measured."""
+
+
+def errors(run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False) -> Array:
+    """Largest errors of links, motors and base at the step h, h/2 and h/4: (3, 3) rad (m)."""
+    base = asrsim.make_scenario(run.write(folder), engine=engine, compiled=compiled, log_rate=100, **run.keys())
+    found, scenario = [], base
+    for finer in (1, 2, 4):
+        result = simulate(scenario)
+        assert result.samples is not None
+        found.append(distances(run, result.samples, truth))
+        scenario = replace(
+            base, substeps=result.resolution.substeps * 2 if finer == 1 else (scenario.substeps or 1) * 2,
+            motor_substeps=result.resolution.motor_substeps,
+        )  # fmt: skip
+    return np.array(found)
+
+
+def distances(run: RandomRun, samples: Samples, truth: dict[str, Array]) -> list[float]:
+    order = [samples.joints.index(joint.name) for joint in run.joints]
+    links = np.abs(samples.values["link_position"][:, order] - truth["positions"]).max()
+    driven = [j for j, joint in enumerate(run.joints) if joint.actuator and joint.mode > 3]
+    motors = 0.0
+    if driven:
+        places = samples.values["motor_1_position"][:, order]
+        motors = np.abs(places - truth["motors"])[:, driven].max()
+    base = 0.0
+    if not run.fixed:
+        (pose,) = samples.bodies.values()
+        turned = truth["base"][:, 3:] * np.sign(np.sum(truth["base"][:, 3:] * pose[:, 3:], axis=1))[:, None]
+        base = max(np.abs(pose[:, :3] - truth["base"][:, :3]).max(), np.abs(pose[:, 3:] - turned).max())
+    return [float(links), float(motors), float(base)]
+
+
+def check(run: RandomRun, folder: Path, engines: list[str], *, compiled: bool = False, order: float = 1.6) -> None:
+    times = np.arange(round(run.duration * 100) + 1) / 100.0
+    truth = solve(run, times)
+    speed = max(1.0, float(np.abs(truth["velocities"]).max()))
+    # Springs that reach their deflection limit and torques their effort limit have corners, which cost a little of it.
+    for engine in engines:
+        found = errors(run, folder, engine, truth, compiled=compiled)
+        assert found[0].max() < 5e-5 * speed, (engine, found)
+        for coarse, fine in zip(found[0], found[2], strict=True):
+            assert coarse < ROUNDING or np.log2(coarse / max(fine, 1e-16)) / 2.0 > order, (engine, found)
+
+
+@pytest.mark.parametrize(("seed", "fixed"), [(2, True), (7, True), (0, False), (3, False)])
+def test_every_actuator_and_mode_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+    check(random_run(seed, fixed=fixed), tmp_path, INSTALLED)
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_passive_trees_at_second_order(tmp_path: Path, fixed: bool) -> None:
+    """Nothing but links, springs and damping: the engines' own part."""
+    check(random_run(901, moving=6, fixed=fixed, passive=1.0, jumps=False), tmp_path, INSTALLED, order=1.9)
+
+
+def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
+    check(random_run(301, friction=True), tmp_path, INSTALLED[:1], order=0.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fixed", [True, False])
+@pytest.mark.parametrize("seed", range(1000, 1030))
+def test_many_random_robots(tmp_path: Path, seed: int, fixed: bool) -> None:
+    # Corners by chance: here what counts is that no error stays.
+    check(random_run(seed, moving=5, fixed=fixed, duration=0.4), tmp_path, INSTALLED, order=1.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2000, 2015))
+def test_many_passive_trees(tmp_path: Path, seed: int) -> None:
+    run = random_run(seed, moving=7, fixed=bool(seed % 2), passive=1.0, jumps=False, duration=0.4)
+    check(run, tmp_path, INSTALLED, order=1.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fixed", [True, False])
+@pytest.mark.parametrize("seed", range(3000, 3003))
+def test_compiled_too(tmp_path: Path, seed: int, fixed: bool) -> None:
+    pytest.importorskip("numba")
+    check(random_run(seed, fixed=fixed), tmp_path, INSTALLED, compiled=True, order=1.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4000, 4010))
+def test_many_with_friction_in_the_motors(tmp_path: Path, seed: int) -> None:
+    check(random_run(seed, friction=True), tmp_path, INSTALLED, order=0.8)

@@ -1,0 +1,112 @@
+"""Toolbox stepping runs what the toolbox runs in Gazebo: nothing valid is stopped; limits and springs of URDFs are Gazebo's."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.engines import ENGINES
+from asrsim.signals import Sinusoid, Step
+from asrsim.simulation.run import simulate
+from validation.models import LOAD, Body, chain, column, run
+
+INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
+STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
+
+
+@pytest.mark.parametrize("mode", [5, 6])
+@pytest.mark.parametrize("omega", [1.0, 1.6, 2.0])
+def test_stiff_springs_with_motors_are_not_stopped(mode: int, omega: float) -> None:
+    """Deflections of a milliradian: the released order of a step makes more energy than they hold."""
+    name = "reference_1" if mode == 5 else "equilibrium_position"
+    result = run(
+        chain(replace(LOAD, actuator="sea", damping=0.065, friction=0.025)), mode=mode, stepping="toolbox", duration=2.0,
+        references={name: Sinusoid(amplitude=0.8, angular_frequency=omega)}, parameters={"spring_stiffness": 200.0},
+    )  # fmt: skip
+    assert result.status == "complete"
+    goal = 0.8 * np.sin(omega * 2.0)
+    assert column(result, "link_position")[-1] == pytest.approx(goal, abs=0.1)
+
+
+def test_a_spring_beyond_the_step_runs_to_the_end_and_is_told() -> None:
+    """AwAS-II at 40 mm and 1 ms, as Gazebo ran it: omega h = 3.3."""
+    result = run(
+        chain(replace(LOAD, actuator="awas_ii", damping=0.065)), mode=3, references=STIFF, duration=1.0, stepping="toolbox"
+    )
+    assert result.status == "complete"
+    (warning,) = [problem for problem in result.warnings if problem.code == "unresolved-spring"]
+    assert "omega h = 3.3" in warning.message
+
+
+@pytest.mark.parametrize("torque", [0.3, -0.4])
+def test_the_adjusters_motor_takes_a_torque_in_mode_4(torque: float) -> None:
+    body = Body(actuator="awas_ii", mass=0.2, reach=0.04, inertia=1e-3, damping=0.065)
+    keys: dict[str, Any] = {"mode": 4, "duration": 0.1, "stepping": "toolbox"}
+    result = run(chain(body), references={"motor_1_torque": 0.1, "motor_2_torque": torque}, **keys)
+    # The class's own motor: J = 0.0233, friction 0.5 N m on bristles of 1000 N m/rad, which hold it.
+    place = column(result, "motor_2_position")
+    assert np.sign(place[-1]) == np.sign(torque)
+    assert 0.2e-3 * abs(torque) < abs(place).max() < 3e-3 * abs(torque)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize(("stepping", "given", "cut"), [
+    ("toolbox", None, True), ("toolbox", False, False), ("leapfrog", None, False), ("leapfrog", True, True),
+    ("euler", True, True),
+])  # fmt: skip
+def test_no_torque_drives_a_joint_beyond_its_velocity_limit(engine: str, stepping: str, given: bool | None, cut: bool) -> None:
+    """Gazebo has it so; a torque that brakes stays."""
+    limits = '<limit lower="-30" upper="30" effort="100" velocity="0.5"/>'
+    result = run(
+        chain(Body(actuator="sea", mass=0.4, reach=0.1, inertia=2e-3, limits=limits)), mode=0, gravity=0.0, duration=0.6,
+        references={"link_torque": Step(at=0.4, before=0.01, after=-0.01)}, stepping=stepping, velocity_cutoff=given,
+        engine=engine,
+    )  # fmt: skip
+    speed, torque = column(result, "link_velocity"), column(result, "link_torque")
+    gained = 0.01 * 1e-3 / (2e-3 + 0.4 * 0.01)
+    if not cut:
+        assert speed[400] == pytest.approx(400 * gained, rel=0.01)
+        return
+    assert np.all(np.abs(speed) < 0.5 + 2.0 * gained)
+    assert speed[390] == pytest.approx(0.5, abs=2.0 * gained)
+    assert torque[390] == 0.0, "the log has what moved the link"
+    assert speed[599] < speed[400] - 190 * gained, "it brakes"
+
+
+SPRUNG = """<robot name="stand"><link name="base"/><link name="leg"><inertial><origin xyz="0 0 -0.1"/><mass value="0.3"/>
+<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="kick" type="revolute"><parent link="base"/><child link="leg"/><axis xyz="0 1 0"/>
+<limit lower="-0.5" upper="0" effort="100" velocity="100"/><dynamics damping="0.5"/></joint>
+<gazebo reference="kick"><springStiffness>200</springStiffness><springReference>-0.26</springReference></gazebo></robot>"""
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
+def test_a_spring_of_gazebos_holds_a_passive_joint(tmp_path: Path, engine: str, stepping: str) -> None:
+    """Rest: 200 (-0.26 - q) = m g l sin q."""
+    path = tmp_path / "stand.urdf"
+    path.write_text(SPRUNG)
+    result = simulate(asrsim.make_scenario(path, duration=1.0, engine=engine, stepping=stepping))
+    assert result.samples is not None
+    q = float(result.samples.values["link_position"][-1, 0])
+    assert 200.0 * (-0.26 - q) == pytest.approx(0.3 * 9.81 * 0.1 * np.sin(q), abs=1e-4)
+
+
+ALTEREGO = Path(__file__).parents[2] / "shared" / "robots" / "alterego" / "alterego_v3_fixedbase-true_fixedhands-true.urdf"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not ALTEREGO.exists(), reason="needs the AlterEgo robot")
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
+def test_the_kick_stands_of_alterego_rest_where_gazebo_has_them(stepping: str) -> None:
+    result = simulate(asrsim.make_scenario(ALTEREGO, duration=1.0, stepping=stepping))
+    assert result.samples is not None
+    stands = [j for j, name in enumerate(result.samples.joints) if re.fullmatch(r"base_link_to_\w+_kick_stand", name)]
+    assert len(stands) == 2
+    np.testing.assert_allclose(result.samples.values["link_position"][-1, stands], -0.255, atol=0.01)
