@@ -23,11 +23,8 @@ if TYPE_CHECKING:
     from asrsim.robot import Robot, load_robot
     from asrsim.runs.repeat import Repetition, repeat
     from asrsim.scenario import Scenario, load_scenario, make_scenario
-<<<<<<< HEAD
-=======
     from asrsim.simulation.observation import Observation
     from asrsim.simulation.prepare import Prepared, prepare
->>>>>>> core
     from asrsim.simulation.simulation import Simulation
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep
@@ -39,11 +36,8 @@ _HOMES = {
     "asrsim.robot": ("Robot", "load_robot"),
     "asrsim.runs.repeat": ("Repetition", "repeat"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
-<<<<<<< HEAD
-=======
     "asrsim.simulation.observation": ("Observation",),
     "asrsim.simulation.prepare": ("Prepared", "prepare"),
->>>>>>> core
     "asrsim.simulation.simulation": ("Simulation",),
     "asrsim.summary": ("RunSummary",),
     "asrsim.sweeps": ("sweep",),

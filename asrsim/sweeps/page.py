@@ -101,7 +101,7 @@ def _lines(study: Table, axes: list[str]) -> str:
     drawn = len(_picked(study, axes))
     left = "" if drawn == len(study) else f" {drawn} of {len(study)} runs are drawn: evenly picked, and extremes."
     return (
-        f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; click a line to "
+        f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; a line to "
         f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
         '<canvas id="lines"></canvas><div id="chosen"></div>'
     )
