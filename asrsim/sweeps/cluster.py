@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ class Cluster:
     def __init__(self, payload: Payload, target: str | Path) -> None:
         """target: address of a scheduler, or a YAML file for dask-jobqueue. Raises SimulationError or InputError."""
         try:
-            import distributed
+            distributed: Any = import_module("distributed")
         except ImportError:
             raise SimulationError("--cluster needs Dask: pip install 'asrsim[cluster]'") from None
         if payload.study.logs:
@@ -102,7 +103,8 @@ class Cluster:
         """Rows as tasks end; a task whose workers die is cut into single runs, and what still kills them is a row."""
         waiting = deque(int(run) for run in runs)
         data = self._client.scatter(self._sent, broadcast=True, hash=True)
-        seconds, chunks = 0.05, {}
+        seconds = 0.05
+        chunks: dict[Any, list[int]] = {}
         done = self._distributed.as_completed(loop=self._client.loop)
         try:
             while True:

@@ -176,7 +176,7 @@ class Workers:
                 worker.send(pickle.dumps(worker.runs))
 
 
-def pickled(payload: Payload) -> bytes:
+def pickled(payload: object) -> bytes:
     """The payload for other processes. Raises SimulationError where it cannot be sent."""
     try:
         return pickle.dumps(payload)

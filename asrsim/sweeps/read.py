@@ -16,7 +16,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
-from asrsim.sweeps.laws import FORMS, Distribution, law_of
+from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
 from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Joint, Study
 
 SAMPLES = 100
@@ -149,7 +149,7 @@ def make_study(
     for item in over.items() if isinstance(over, Mapping) else map(_split, over):
         try:
             key, value = item
-            law = value if isinstance(value, Distribution) or type(value).__name__ == "Values" else law_of(value, key)
+            law = value if isinstance(value, Distribution | Values) else law_of(value, key)
             axes.append(Axis(tuple(part.strip() for part in key.split("&")), law))
         except InputError as error:
             problems += error.problems

@@ -209,8 +209,8 @@ def inputs_digest(payload: Payload) -> str:
     """Of scenarios, robots and the files that they name: what rows follow from, besides the study."""
     digest = sha256()
     for case in payload.cases.values():
-        for part in (repr(case.resolved), case.robot.text, *_files(case)):
-            digest.update(part if isinstance(part, bytes) else part.encode())
+        for part in (repr(case.resolved).encode(), case.robot.text.encode(), *_files(case)):
+            digest.update(part)
     for plugin in payload.study.plugins:
         digest.update(plugin.read_bytes())
     return digest.hexdigest()[:16]

@@ -14,6 +14,7 @@ import numpy as np
 
 from asrsim.errors import AsrsimError, DivergenceError
 from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.metrics import ExpectationResult
 from asrsim.runs.execute import execute, steps_of, write_summary
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.simulation.prepare import Prepared
@@ -120,7 +121,7 @@ class Runner:
             if not isinstance(error.run, Run):
                 raise
             run = error.run
-        claims = ()
+        claims: tuple[ExpectationResult, ...] = ()
         if run.status == "complete":
             claims = claim_results(scenario.expect, run.info.joints, tap.collector.read, file=scenario.path)
         summary = make_summary(run, tap.collector, samples=0, claims=claims)

@@ -18,13 +18,13 @@ def say_summary(table: Table) -> Iterator[str]:
     yield f"{table.manifest['name']}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete" + (
         f", {bad}" if bad else ""
     )
-    rows = [HEADS]
+    rows: list[tuple[str, ...]] = [HEADS]
     for name in told(table):
         found = table.quantiles(name)
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
-            runs = (f"run {found.least_run}", f"run {found.largest_run}")
-            rows.append((name, str(found.count), *(f"{number:.4g}" for number in numbers), *runs))
+            ends = (f"run {found.least_run}", f"run {found.largest_run}")
+            rows.append((name, str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
     if len(rows) > 1:
         for row in rows:

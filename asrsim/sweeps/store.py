@@ -46,7 +46,8 @@ class Store:
     @property
     def missing(self) -> Array:
         """Runs without a row, in order."""
-        return np.flatnonzero(~self.done)
+        runs: Array = np.flatnonzero(~self.done)
+        return runs
 
     def add(self, rows: Sequence[Row]) -> list[Row]:
         """Take rows; gives back those of runs that had none yet. Raises OutputError."""
