@@ -107,7 +107,7 @@ def _lines(study: Table, axes: list[str]) -> str:
     )
 
 
-def _picked(study: Table, axes: list[str]) -> Array:
+def _picked(study: Table, axes: list[str]) -> Any:
     if len(study) <= LINES:
         return np.arange(len(study))
     picked = [np.linspace(0, len(study) - 1, LINES - 4 * len(axes)).astype(int)]

@@ -44,9 +44,9 @@ class Store:
         self._part = 1 + max((int(path.stem.rpartition("-")[2]) for path in parts_of(folder)), default=0)
 
     @property
-    def missing(self) -> Array:
+    def missing(self) -> Any:
         """Runs without a row, in order."""
-        runs: Array = np.flatnonzero(~self.done)
+        runs: Any = np.flatnonzero(~self.done)
         return runs
 
     def add(self, rows: Sequence[Row]) -> list[Row]:

@@ -80,7 +80,7 @@ class Table:
         return int(self.manifest["runs"]) - len(self)
 
     @cached_property
-    def _order(self) -> Array:
+    def _order(self) -> Any:
         return np.unique(self._raw("run"), return_index=True)[1]
 
     def __len__(self) -> int:
