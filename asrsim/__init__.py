@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition, repeat
     from asrsim.scenario import Scenario, load_scenario, make_scenario
     from asrsim.simulation.observation import Observation
-    from asrsim.simulation.prepare import Prepared, prepare
+    from asrsim.simulation.prepare import prepare
+    from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.simulation import Simulation
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep

@@ -68,6 +68,18 @@ def fixed_tuple(count: int, place: int) -> Any:
     return as_tuple
 
 
+def tuple_reader(start: int, count: int) -> Any:
+    """A function that compiled code may call: `count` numbers of a row from `start` on, as a tuple."""
+    import numba.np.unsafe.ndarray as arrays
+
+    to_fixed_tuple: Any = arrays.to_fixed_tuple
+
+    def read(row: Any) -> Any:
+        return to_fixed_tuple(row[start : start + count], count)
+
+    return read
+
+
 @cache
 def borrow() -> Any:
     """What compiled code may call: arrays, in nested tuples, without their count of references.
@@ -79,16 +91,18 @@ def borrow() -> Any:
     from numba.core import cgutils
     from numba.extending import intrinsic
 
+    helpers: Any = cgutils
+
     def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         if isinstance(kind, types.Array):
             array = context.make_array(kind)(context, builder, value)
-            array.meminfo = cgutils.get_null_value(array.meminfo.type)
-            array.parent = cgutils.get_null_value(array.parent.type)
+            array.meminfo = helpers.get_null_value(array.meminfo.type)
+            array.parent = helpers.get_null_value(array.parent.type)
             return array._getvalue()
         if isinstance(kind, types.BaseTuple):
-            parts = [
-                uncounted(context, builder, part, v) for part, v in zip(kind, cgutils.unpack_tuple(builder, value), strict=True)
-            ]
+            whole: Any = kind
+            members: Any = zip(tuple(whole), helpers.unpack_tuple(builder, value), strict=True)
+            parts = [uncounted(context, builder, part, member) for part, member in members]
             return context.make_tuple(builder, kind, parts)
         return value
 

@@ -18,6 +18,7 @@ from asrsim.engines.bullet_coriolis import Coriolis, FixedBase, FloatingBase
 from asrsim.engines.bullet_friction import ExactFriction, without_stops
 from asrsim.engines.bullet_loading import load_body
 from asrsim.engines.bullet_model import BulletModel
+from asrsim.engines.bullet_saved import SavedState
 from asrsim.engines.bullet_world import BulletWorld
 from asrsim.engines.foreign import quiet
 from asrsim.errors import Problem
@@ -239,7 +240,7 @@ class BulletEngine:
         """The engine's whole state."""
         state = self._p.saveState(physicsClientId=self._client)
         parts = [part and part.snapshot() for part in (self._coriolis, self._hold)]
-        return _Saved(self._p, self._client, state, self._alive), parts
+        return SavedState(self._p, self._client, state, self._alive), parts
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
@@ -280,18 +281,6 @@ class BulletEngine:
         self._alive[0] = False
         with suppress(self._p.error), quiet():
             self._p.disconnect(self._client)
-
-
-class _Saved:
-    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
-
-    def __init__(self, p: Any, client: int, number: int, alive: list[bool]) -> None:
-        self._p, self._client, self.number, self._alive = p, client, number, alive
-
-    def __del__(self) -> None:
-        if self._alive[0]:
-            with suppress(Exception):
-                self._p.removeState(self.number, physicsClientId=self._client)
 
 
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:

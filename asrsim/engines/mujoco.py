@@ -31,6 +31,10 @@ def _unpack(states: tuple[Array, Array], j: int) -> tuple[float, float]:
     return float(states[0][j]), float(states[1][j])
 
 
+PATIENCE = 300
+"""Steps from Python in a compiled run after which its stages are compiled too; below, compiling would take longer."""
+
+
 class MujocoEngine:
     """One robot and its world."""
 
@@ -62,6 +66,7 @@ class MujocoEngine:
         self._wrenches = [places[wrench.link] for wrench in scenario.wrenches]
         self._contacts = MujocoContacts(mujoco, self._m, self._d, scenario.world) if contacts else None
         self._world = self.state = self._make_world(robot)
+        self._patience = -1
         self._look, self._move = plain_stage(stages.look), plain_stage(stages.move)
         positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
         self.prepare(scenario.step, staggered=True)
@@ -170,6 +175,11 @@ class MujocoEngine:
         """One step under mean torques."""
         world = self._world
         world.forces[:] = forces
+        if self._patience > 0:
+            self._patience -= 1
+            if not self._patience:
+                self._look = compile_stage(stages.look, world, self.version)
+                self._move = compile_stage(stages.move, world, self.version)
         start = None
         if fraction != 1.0:
             start = world.qvel.copy()
@@ -193,10 +203,8 @@ class MujocoEngine:
         self._world.wrench[index] = values
 
     def accelerate(self) -> None:
-        """Compile what is not compiled with the loop."""
-        if self._contacts is None:
-            self._look = compile_stage(stages.look, self._world, self.version)
-            self._move = compile_stage(stages.move, self._world, self.version)
+        """Compile what is not compiled with the loop, once it is called often: most runs step seldom from Python."""
+        self._patience = PATIENCE if self._contacts is None else -1
 
     def kernel(self) -> EngineKernel | None:
         """The step for compiled loops; with contacts there is none."""

@@ -21,7 +21,7 @@ from asrsim.signals.sampled import Sampled
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.signals.base import Signal
-    from asrsim.simulation.prepare import Prepared
+    from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.run import Run, Sink
 
 

@@ -115,17 +115,11 @@ class Loop:
             drive, substeps = self.drives[places[0]], self._motor_substeps[places[0]]
             steps.append(
                 make_group(
-                    tuple(places),
-                    make_substepped(drive.advance, substeps) if substeps > 1 else drive.advance,
-                    self._memories[places[0]],
-                    unpack,
-                    now=self._now,
-                    before=self._before,
-                    sensing=self._sensings[places[0]],
-                    damping=make_damping_law(drive),
-                    cut=cut,
+                    tuple(places), make_substepped(drive.advance, substeps) if substeps > 1 else drive.advance,
+                    self._memories[places[0]], unpack, now=self._now, before=self._before,
+                    sensing=self._sensings[places[0]], damping=make_damping_law(drive), cut=cut,
                 )
-            )
+            )  # fmt: skip
         return steps
 
     def _compile(self, laws: Step) -> Any:

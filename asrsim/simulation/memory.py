@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from asrsim.compiling import tuple_reader
 from asrsim.simulation.substep import LAWS, STATE, Memory
 
 RINGS = STATE + 2
@@ -34,7 +35,7 @@ def plain_memory() -> Memory:
 def compiled_memory(state: Sequence[float], constants: Any, ring: int) -> Memory:
     """State, constants and rings of `ring` numbers each are spread over the row."""
     width, start = len(state), STATE + STATE_NUMBERS
-    load, _ = make_reader(tuple(state), STATE)
+    load = LOADS[width]
     read_constants, after = make_reader(constants, start)
 
     def save(joint: Any, values: Any) -> None:
@@ -60,20 +61,41 @@ def compiled_memory(state: Sequence[float], constants: Any, ring: int) -> Memory
     return Memory(load=load, save=save if width else nothing, constants=read_constants, note=note, ring=ring_of)
 
 
-def make_reader(template: Any, start: int) -> tuple[Callable[[Any], Any], int]:
-    """A function of a row that gives its numbers from place `start` on in the nested tuples of `template`; and the place
-    after."""
-    if not isinstance(template, tuple):
-        return _number_at(start), start + 1
-    reader: Callable[[Any], Any] = _empty
-    for part in template:
-        inner, start = make_reader(part, start)
-        reader = _longer(reader, inner)
-    return reader, start
-
-
-def _empty(row: Any) -> Any:
+def _load_none(row: Any) -> Any:
     return ()
+
+
+def _load_one(row: Any) -> Any:
+    return (row[STATE],)
+
+
+def _load_four(row: Any) -> Any:
+    return (row[STATE], row[STATE + 1], row[STATE + 2], row[STATE + 3])
+
+
+def _load_eight(row: Any) -> Any:
+    return (
+        row[STATE], row[STATE + 1], row[STATE + 2], row[STATE + 3],
+        row[STATE + 4], row[STATE + 5], row[STATE + 6], row[STATE + 7],
+    )  # fmt: skip
+
+
+LOADS = {0: _load_none, 1: _load_one, 4: _load_four, 8: _load_eight}
+"""Numbers of a state -> what reads them: of no motor, of a link's controller, of one motor, of two. Run in plain Python too."""
+
+
+def make_reader(constants: Any, start: int) -> tuple[Callable[[Any], Any], int]:
+    """A function of a row that gives the numbers from place `start` on, nested as `constants` are; and the place after them.
+
+    For compiled code only. Every function that is compiled costs time, so numbers that stand together are read together.
+    """
+    if not any(isinstance(part, tuple) for part in constants):
+        return (_load_none if not constants else tuple_reader(start, len(constants))), start + len(constants)
+    reader: Callable[[Any], Any] = _load_none
+    for part in constants:
+        inner, after = make_reader(part, start) if isinstance(part, tuple) else (_number_at(start), start + 1)
+        reader, start = _longer(reader, inner), after
+    return reader, start
 
 
 def _number_at(place: int) -> Callable[[Any], Any]:

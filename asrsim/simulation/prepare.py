@@ -5,114 +5,30 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
+from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
-from asrsim.robot.vary import varied_robot
-from asrsim.samples import Array, RunInfo
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.overrides import Overrides
-from asrsim.signals.base import Signal
 from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import Drive, make_drives
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
-from asrsim.simulation.sensors import Sensor, sensor_of
-from asrsim.simulation.steppings import STEPPINGS, Stepping
+from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.sensors import sensor_of
+from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, its diagonal scaled to 1, that double precision can tell from none."""
 CONFIGURATIONS = 8
 """Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Prepared:
-    """A scenario read, checked and made ready: everything but the running. It does not change, and serves many simulations."""
-
-    scenario: Scenario
-    robot: Robot
-    stepping: Stepping
-    drives: tuple[Drive, ...]
-    resolution: Resolution
-    sensors: tuple[Sensor | None, ...]
-    info: RunInfo
-    warnings: tuple[Problem, ...]
-    initial_positions: tuple[float, ...]
-    """rad (m), of the moving joints."""
-    initial_velocities: tuple[float, ...]
-    """rad/s (m/s)."""
-    ranges: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
-    _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
-    """An engine that the preparation built, for the first who asks."""
-
-    @property
-    def substep(self) -> float:
-        """s."""
-        return self.scenario.step / self.resolution.substeps
-
-    @property
-    def velocity_cutoff(self) -> bool:
-        """Whether torque beyond a joint's velocity limit is zeroed when it drives further, as Gazebo does with URDF files."""
-        given = self.scenario.velocity_cutoff
-        return self.stepping.released if given is None else given
-
-    def make_engine(self) -> Engine:
-        """An engine of this scenario's; the caller closes it."""
-        return self._spare.pop() if self._spare else make_engine(self.scenario, self.robot)[0]
-
-    def range_of(self, joint: str, reference: str) -> tuple[float, float]:
-        """Least and largest value that may be set from outside; everything where none is declared."""
-        given = {**self.ranges.get("*", {}), **self.ranges.get(joint, {})}
-        return given.get(reference, (-math.inf, math.inf))
-
-    def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
-        """Number of the joint, and 0 or 1 for the reference of that name in its mode; raises InputError."""
-        names = tuple(drive.name for drive in self.drives)
-        if joint not in names:
-            hint = did_you_mean(joint, names)
-            raise InputError(Problem(message=f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint"))
-        j = names.index(joint)
-        mode = self.drives[j].mode
-        known = mode.references if mode else ()
-        if reference not in known:
-            message = f"joint '{joint}' has no reference '{reference}'"
-            raise InputError(Problem(message=message, choices=known, code="unknown-reference"))
-        return j, known.index(reference)
-
-    def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:
-        """The same under these references of some joints, by name; nothing is read again, and substeps and start stay.
-
-        An engine that nobody used yet goes along.
-        """
-        changed = {joint: {**self.scenario.references_of(joint), **signals} for joint, signals in references.items()}
-        return replace(self, scenario=replace(self.scenario, references={**self.scenario.references, **changed}))
-
-    def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
-        """The same with other numbers, without reading or checking files again; substeps stay as they are.
-
-        parameters: joint -> name of an actuator's parameter, `damping` or `friction`; link -> `mass`, `x`, `y`, `z` (centre of
-        mass) or `ixx` .. `izz` (about it, in the inertial frame). Raises RobotError naming what is unknown or not physical.
-        """
-        robot = varied_robot(self.robot, parameters)
-        blocks = {block.joint: block for block in robot.actuators}
-        joints = {joint.name: joint for joint in robot.joints}
-        drives = tuple(
-            replace(
-                drive,
-                joint=joints[drive.name],
-                values=blocks[drive.name].values() if drive.name in blocks else drive.values,
-                block=blocks.get(drive.name),
-            )
-            for drive in self.drives
-        )
-        return replace(self, robot=robot, drives=drives, _spare=[])
 
 
 def prepare(
@@ -179,18 +95,6 @@ def prepare(
         ranges=ranges or {},
         _spare=[engine],
     )
-
-
-def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, at its step. Raises SimulationError if it is not installed."""
-    from asrsim.engines import ENGINES
-
-    entry = ENGINES.get(scenario.engine)
-    if not entry.available:
-        here = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
-        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {here}"
-        raise SimulationError(message)
-    return entry.make(scenario, robot)
 
 
 def _resolve(

@@ -14,7 +14,7 @@ from asrsim.errors import DivergenceError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import Block
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import Recorder
 from asrsim.simulation.world import WorldRecorder
 

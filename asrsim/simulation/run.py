@@ -15,7 +15,8 @@ from asrsim.errors import DivergenceError, Problem, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import Counts
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation

@@ -18,7 +18,8 @@ from asrsim.simulation.divergence import blame, not_finite, runaway
 from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.loop import Loop
 from asrsim.simulation.observation import Observation, Snapshot, observe
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
@@ -61,12 +62,10 @@ class Simulation:
         """
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
-        self.prepared = prepared = scenario
-        self.scenario = prepared.scenario
-        resolution = prepared.resolution
-        self.substeps = resolution.substeps
+        self.prepared, self.scenario = scenario, scenario.scenario
+        self.substeps = scenario.resolution.substeps
         """Of a step."""
-        self._engine = prepared.make_engine()
+        self._engine = scenario.make_engine()
         try:
             self._begin(sinks, record, compiled, expected_substeps)
         except BaseException:
@@ -75,17 +74,15 @@ class Simulation:
 
     def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: int | None) -> None:
         prepared, scenario, engine = self.prepared, self.scenario, self._engine
-        stepping, substep = prepared.stepping, prepared.substep
-        engine.prepare(substep, staggered=stepping.staggered)
+        substep, staggered = prepared.substep, prepared.stepping.staggered
+        engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
         self.last = round(scenario.duration / scenario.step) * self.substeps
         """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
-        self._inputs = Inputs(
-            scenario, prepared.drives, substep=substep, staggered=stepping.staggered, sensors=prepared.sensors
-        )
+        self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
         self._loop = self._make_loop(compiled, expected)
         self._chunk = max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
         self._block: Block | None = None
@@ -108,7 +105,7 @@ class Simulation:
             "watch": self.recording.watch,
         }
         wanted = scenario.compiled if compiled is None else compiled
-        motor_steps = (self.last if expected is None else expected) * prepared.resolution.motor_substeps
+        motor_steps = (expected or self.last) * prepared.resolution.motor_substeps
         self.slow_because = ""
         """Why the plain loop runs where the compiled one would pay; empty where it does not."""
         if wanted or (wanted is None and pays(len(prepared.drives), motor_steps)):
@@ -254,19 +251,13 @@ class Simulation:
         if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
             return
-        self.substep, self._block = 0, None
-        self._inputs.held = {}
+        self.substep, self._block, self._inputs.held = 0, None, {}
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
             # What was kept of the start has other numbers.
             self._start = None
-        positions = [
-            float((initial or {}).get(name, q)) for name, q in zip(self.joints, self.prepared.initial_positions, strict=True)
-        ]
-        speeds = [
-            float((velocities or {}).get(name, v))
-            for name, v in zip(self.joints, self.prepared.initial_velocities, strict=True)
-        ]
+        positions = _given(initial, self.joints, self.prepared.initial_positions)
+        speeds = _given(velocities, self.joints, self.prepared.initial_velocities)
         self._engine.set_state(positions, speeds)
         self.recording.renew()
         if initial:
@@ -295,3 +286,7 @@ class Simulation:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def _given(values: Mapping[str, float] | None, joints: Sequence[str], others: Sequence[float]) -> list[float]:
+    return [float((values or {}).get(name, other)) for name, other in zip(joints, others, strict=True)]

@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.robot import Robot, engine_urdf, load_robot
 from asrsim.samples import Array
 from asrsim.scenario import Scenario
-from asrsim.simulation.prepare import make_engine
+from asrsim.simulation.prepared import make_engine
 from validation.check import Check
 from validation.check import engine as current
 from validation.models import Body, chain, run
