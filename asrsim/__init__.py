@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.simulation import Simulation
     from asrsim.summary import RunSummary
+    from asrsim.sweeps import sweep
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
@@ -40,6 +41,7 @@ _HOMES = {
     "asrsim.simulation.prepare": ("Prepared", "prepare"),
     "asrsim.simulation.simulation": ("Simulation",),
     "asrsim.summary": ("RunSummary",),
+    "asrsim.sweeps": ("sweep",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -69,6 +71,7 @@ __all__ = [
     "repeat",
     "run",
     "run_variants",
+    "sweep",
 ]
 
 

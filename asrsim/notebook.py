@@ -78,7 +78,7 @@ def columns_of(result: Result) -> dict[tuple[str, str], Array]:
 
 def as_pandas(result: Result) -> Any:
     """A DataFrame: a row a sample, indexed by time in s, columns by joint and quantity."""
-    pandas = _library("pandas")
+    pandas = library("pandas")
     table = columns_of(result)
     index = pandas.Index(result.time, name="time")
     columns = pandas.MultiIndex.from_tuples(list(table), names=("joint", "quantity"))
@@ -87,7 +87,7 @@ def as_pandas(result: Result) -> Any:
 
 def as_xarray(result: Result) -> Any:
     """A Dataset: a variable a quantity over time and joint, with its unit; NaN where a joint does not have it."""
-    xarray = _library("xarray")
+    xarray = library("xarray")
     table = columns_of(result)
     prismatic = [joint.prismatic for joint in result.run.info.joints]
     variables = {}
@@ -99,7 +99,8 @@ def as_xarray(result: Result) -> Any:
     return xarray.Dataset(variables, coords={"time": ("time", result.time, {"units": "s"}), "joint": list(result.joints)})
 
 
-def _library(name: str) -> Any:
+def library(name: str) -> Any:
+    """A library that not everybody has. Raises InputError with how to get it."""
     from importlib import import_module
 
     try:

@@ -16,6 +16,7 @@ COMMANDS = {
     "render": "asrsim.cli.render",
     "report": "asrsim.cli.report_page",
     "rerun": "asrsim.cli.rerun",
+    "sweep": "asrsim.cli.sweep",
     "ilc": "asrsim.cli.ilc",
     "reproduce": "asrsim.cli.reproduce",
     "check": "asrsim.cli.check",

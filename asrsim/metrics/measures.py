@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -36,12 +37,17 @@ class Measure:
     @property
     def options(self) -> dict[str, object]:
         """Names and defaults of the options; `inspect.Parameter.empty` where one must be given."""
-        parameters = inspect.signature(self.function).parameters.values()
-        return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
+        return dict(_options_of(self.function))
 
     def unit_of(self, series_unit: str) -> str:
         """Unit of the result for a series in that unit; "" for a pure number."""
         return {"series": series_unit, "1": ""}.get(self.unit, self.unit)
+
+
+@lru_cache
+def _options_of(function: Callable[..., float]) -> dict[str, object]:
+    parameters = inspect.signature(function).parameters.values()
+    return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
 
 
 MEASURES: Registry[Measure] = Registry("measure", "asrsim.measures")

@@ -55,6 +55,7 @@ class Recording:
         self.every = substeps * self._look_every
         """Substeps between looks at the world."""
         self._world = WorldRecorder(engine, last)
+        self._first_world = copy.deepcopy(self._world.kept())
         watched = self.active and not (scenario.world.empty and scenario.fixed_base)
         self.watch: Callable[[int], None] | None = self._world.look if watched else None
         """Told of a substep where the world is looked at, before it."""
@@ -135,6 +136,16 @@ class Recording:
         self._prepared, self._engine = varied, engine
         self._world.engine = engine
         self._tip = _tip_of(varied) if self.active else None
+
+    def renew(self) -> None:
+        """A fresh start, with the numbers that were taken over last; the engine is at its start."""
+        prepared, engine = self._prepared, self._engine
+        substeps = prepared.resolution.substeps
+        self.recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=self._last)
+        energy = engine.mechanical_energy()
+        self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
+        self._raw, self._sides = [], {}
+        self._world.put_back(copy.deepcopy(self._first_world))
 
     def state(self) -> Any:
         """A copy of what decides how the recording goes on; None where nothing is recorded."""

@@ -71,7 +71,7 @@ def simulate(
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
         _keep_freed_memory()
         with Simulation(prepared, sinks=sinks, record=keep) as simulation:
-            return _finish(simulation, progress=progress, stop=stop)
+            return run_to_end(simulation, progress=progress, stop=stop)
 
 
 @contextmanager
@@ -97,8 +97,10 @@ def _keep_freed_memory() -> None:
     np.empty(1 << 21)
 
 
-def _finish(simulation: Simulation, *, progress: Callable[[float], None] | None, stop: Callable[[], bool] | None) -> Run:
-    """Run to the end of the scenario's duration."""
+def run_to_end(
+    simulation: Simulation, *, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None
+) -> Run:
+    """Run a simulation to the end of its scenario's duration; arguments and errors as for :func:`simulate`."""
     prepared = simulation.prepared
     status, error = "complete", None
     began = clock.perf_counter()

@@ -89,7 +89,7 @@ class Simulation:
         self._first: Block | None = None
         self.substep = 0
         """Substeps done."""
-        self._start = self.snapshot()
+        self._start: Snapshot | None = self.snapshot()
 
     def _make_loop(self, compiled: bool | None, expected: int | None) -> Loop:
         from asrsim.compiling import available
@@ -248,16 +248,18 @@ class Simulation:
         joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay as they were chosen. A recording
         starts anew.
         """
-        if initial is None and velocities is None and parameters is None:
+        if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
             return
-        self.recording.put_back(self._start.record)
         self.substep, self._block, self._inputs.held = 0, None, {}
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
+            # What was kept of the start has other numbers.
+            self._start = None
         positions = _given(initial, self.joints, self.prepared.initial_positions)
         speeds = _given(velocities, self.joints, self.prepared.initial_velocities)
         self._engine.set_state(positions, speeds)
+        self.recording.renew()
         if initial:
             drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
             self._loop.take_drives(drives)

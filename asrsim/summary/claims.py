@@ -88,6 +88,16 @@ def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInf
     return [joint for joint in joints if claim.joint in ("*", joint.name)]
 
 
+def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> list[str]:
+    """What each result of :func:`claim_results` is about, in its order."""
+    found = []
+    for claim in claims:
+        names = [claim.body] if claim.body is not None else []
+        names += [joint.name for joint in _joints_of(claim, joints)]
+        found += [f"{name} {claim.quantity}: {claim.measure} {claim.comparison} {claim.value:g}" for name in names]
+    return found
+
+
 def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
     """(quantity, joint) of every series that :func:`claim_results` reads, and whether it reads bodies and contacts."""
     wanted: dict[tuple[str, str], None] = {}

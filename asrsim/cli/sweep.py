@@ -1,0 +1,173 @@
+"""`asrsim sweep`: many runs of a varied scenario; rows, a table, pictures and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from asrsim.cli.options import Overrides, Plugins, load_plugins
+
+if TYPE_CHECKING:
+    from asrsim.sweeps import Table
+
+
+def sweep(
+    study: Annotated[
+        Path,
+        typer.Argument(help="Scenario, study (a file with `scenario:` and `over:`), or folder of a study.", show_default=False),
+    ],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="KEY=VALUES",
+            help="Vary a key: [A, B], LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, uniform(LOW, HIGH), normal(MEAN, DEVIATION), "
+            "loguniform(LOW, HIGH), lognormal(MEDIAN, SIGMA). 'KEY & KEY' are tied. May be repeated.",
+        ),
+    ] = None,
+    variant: Annotated[list[str] | None, typer.Option(help="This variant only; may be repeated.", show_default="all")] = None,
+    overrides: Overrides = None,
+    design: Annotated[str, typer.Option(help="How draws are placed: random, lhs, sobol, saltelli.")] = "random",
+    samples: Annotated[int | None, typer.Option(min=1, help="Draws.", show_default="100")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    correlate: Annotated[
+        list[str] | None, typer.Option(metavar="KEY,KEY=NUMBER", help="Correlation of two drawn keys; may be repeated.")
+    ] = None,
+    fit: Annotated[
+        Path | None, typer.Option(help="File with keys, mean and covariance: drawn together.", show_default=False)
+    ] = None,
+    signal: Annotated[
+        list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
+    ] = None,
+    rate: Annotated[float, typer.Option(min=1e-6, help="Hz, of kept signals.")] = 100.0,
+    logs: Annotated[bool, typer.Option("--logs", help="Keep a log of every run, too.")] = False,
+    workers: Annotated[int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, or a file for dask-jobqueue.", show_default="none")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/sweep")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in the folder, and nothing else.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew in a folder that holds rows.")] = False,
+    run: Annotated[
+        int | None, typer.Option(min=0, help="Of a folder of a study: do this run again, with a log.", show_default=False)
+    ] = None,
+    plugin: Plugins = None,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Vary anything of a scenario, run all of it on every core, and keep a row a run: what moves what, and how sure it is.
+
+    Rows are in rows.parquet, written as runs end. Ctrl-C keeps what there is; --resume goes on. The same study gives the same
+    rows on one core, on many, and on a cluster. Exit code: 0, 1 if nothing could be run or written, 130 after Ctrl-C; runs that
+    diverge are rows, not failures of the command.
+
+    Example: asrsim sweep examples/scenarios/step_2dof.yaml --variant soft --over references.joint_1.stiffness_preset=0.2:0.6:20
+
+    Example: asrsim sweep study.yaml --cluster tcp://host:8786
+    """
+    from asrsim.cli.console import json_errors
+
+    given: dict[str, Any] = {
+        "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
+        "correlations": [_pair(text) for text in correlate or ()], "fit": fit, "signals": signal or [], "rate": rate,
+        "logs": logs, "plugins": plugin or [],
+    }  # fmt: skip
+    with json_errors(json):
+        load_plugins(plugin)
+        if study.is_dir():
+            table = _opened(study, run, out, quiet=quiet or json)
+            code = 0
+        else:
+            if run is not None:
+                raise typer.BadParameter("goes with the folder of a study", param_hint="--run")
+            table, code = _swept(
+                study, over or [], given, workers, cluster, out, resume=resume, overwrite=overwrite, quiet=quiet or json
+            )
+        if table is not None:
+            _show(table, plot=plot and not code, report=report and not code, quiet=quiet, json=json)
+    if code:
+        raise typer.Exit(code)
+
+
+def _pair(text: str) -> tuple[str, str, float]:
+    keys, _, number = text.rpartition("=")
+    first, comma, second = keys.partition(",")
+    try:
+        value = float(number)
+    except ValueError:
+        comma = ""
+        value = 0.0
+    if not comma:
+        raise typer.BadParameter(f"'{text}' is not KEY,KEY=NUMBER", param_hint="--correlate")
+    return first.strip(), second.strip(), value
+
+
+def _swept(
+    path: Path, over: list[str], given: dict[str, Any], workers: int | None, cluster: str | None, out: Path | None,
+    *, resume: bool, overwrite: bool, quiet: bool,
+) -> tuple[Table, int]:  # fmt: skip
+    from asrsim.cli.interrupt import INTERRUPTED, Interruption
+    from asrsim.cli.sweep_progress import SweepProgress
+    from asrsim.sweeps import make_study, read_study, sweep
+    from asrsim.sweeps.read import is_study
+
+    if is_study(path):
+        defaults = {"design": "random", "seed": 0, "rate": 100.0}
+        said = [name for name, value in given.items() if value and value != defaults.get(name)]
+        if over or said:
+            names = ", ".join((["over"] if over else []) + said)
+            raise typer.BadParameter(f"a study file says itself what is varied; without it: {names}")
+        study = read_study(path)
+    else:
+        study = make_study(path, over, **given)
+    folder = out or Path("out") / study.name / "sweep"
+    with Interruption() as interruption, SweepProgress(study.name, show=not quiet) as progress:
+        table = sweep(
+            study, workers=workers, cluster=cluster, out=folder, resume=resume, overwrite=overwrite,
+            progress=progress.update, stop=interruption.stop,
+        )  # fmt: skip
+    return table, INTERRUPTED if interruption.requested and table.missing else 0
+
+
+def _opened(folder: Path, run: int | None, out: Path | None, *, quiet: bool) -> Table | None:
+    from asrsim.cli.report import print_run
+    from asrsim.sweeps import Table
+    from asrsim.sweeps.again import run_again
+
+    table = Table(folder)
+    if run is None:
+        return table
+    summary = run_again(table, run, out or folder / f"run_{run:06d}")
+    print_run(summary, quiet=quiet, silent=quiet, verbose=False, told=set())
+    return None
+
+
+def _show(table: Table, *, plot: bool, report: bool, quiet: bool, json: bool) -> None:
+    from asrsim.cli.console import say, say_json
+    from asrsim.sweeps.show import as_dict, say_summary
+
+    files: list[Path] = []
+    if len(table):
+        if plot:
+            from asrsim.sweeps.pictures import draw_sweep
+
+            files += draw_sweep(table)
+        if report:
+            from asrsim.sweeps.page import write_page
+
+            files.append(write_page(table))
+    if json:
+        say_json({**as_dict(table), "files": [str(path) for path in (*table.files, *files)]})
+    elif not quiet:
+        for line in say_summary(table):
+            say(line)
+        for path in (*table.files[:1], *files):
+            say(f"  {path}")
+        if table.missing:
+            say(f"{table.missing} runs are missing; --resume does them")

@@ -1,0 +1,163 @@
+"""What becomes of a varied key: numbers that a prepared scenario takes as it stands, or keys for which it is read again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.robot.model import Robot
+from asrsim.robot.tags import parameter_name
+from asrsim.robot.vary import names_of
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.overrides import split_path
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The keys of one variant, by what they need."""
+
+    parameters: Mapping[str, tuple[tuple[str, str], ...]]
+    """Key -> (joint or link, name) pairs that :meth:`asrsim.simulation.prepare.Prepared.vary` takes."""
+    references: Mapping[str, tuple[tuple[str, str], ...]]
+    """Key -> (joint, reference) pairs that are constant in every run."""
+    inertials: Mapping[str, tuple[tuple[str, str], ...]]
+    """Key -> (joint or link, name) of the robot itself, which no key of a scenario sets."""
+    texts: Mapping[str, str]
+    """Key -> the key that `--set` takes; keys of a robot are not here."""
+
+    def changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+        """What `vary` takes for a point; a joint's own entry wins over one for all."""
+        return _table({**self.parameters, **self.inertials}, values)
+
+    def robot_changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+        """The same, of keys of the robot only."""
+        return _table(self.inertials, values)
+
+    def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """`--set` key -> value of those for which the scenario is read again."""
+        return {
+            text: values[key] for key, text in self.texts.items() if key not in self.parameters and key not in self.references
+        }
+
+    def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """`--set` key -> value of all."""
+        return {text: values[key] for key, text in self.texts.items()}
+
+
+def _table(pairs: Mapping[str, Sequence[tuple[str, str]]], values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    for key in sorted(pairs, key=lambda key: "*" not in key):
+        for owner, name in pairs[key]:
+            found.setdefault(owner, {})[name] = float(values[key])
+    return found
+
+
+def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> Plan:
+    """How each key is varied. `robot`: the scenario's, with its actuators on it. Raises InputError naming unknown keys.
+
+    numeric: whether all of a key's values are numbers.
+    """
+    problems: list[Problem] = []
+    texts: dict[str, str] = {}
+    inertials: dict[str, tuple[tuple[str, str], ...]] = {}
+    for key in keys:
+        try:
+            pairs, text = _robot_key(key, robot)
+        except InputError as error:
+            problems += error.problems
+            continue
+        if text is not None:
+            texts[key] = text
+        elif not numeric[key]:
+            problems.append(Problem(message="takes numbers only", key=key, code="sweep-values"))
+        else:
+            inertials[key] = pairs
+    if problems:
+        raise InputError(problems)
+    # What is at rest under its load, or planned with the robot's numbers, has to be worked out anew.
+    still = not scenario.initial_equilibrium and scenario.task is None
+    parameters: dict[str, tuple[tuple[str, str], ...]] = {}
+    references: dict[str, tuple[tuple[str, str], ...]] = {}
+    for key, text in texts.items():
+        parts = split_path(text)
+        if not (still and numeric[key] and len(parts) == 3):
+            continue
+        if parts[0] == "parameters" and _known_parameter(parts[2], robot):
+            parameters[key] = tuple(_parameter_places(parts[1], parts[2], scenario, robot))
+        elif parts[0] == "references":
+            found = _reference_places(parts[1], parts[2], scenario, robot)
+            if found is not None:
+                references[key] = tuple(found)
+        if not parameters.get(key, True) or not references.get(key, True):
+            problems.append(_moves_nothing(key, parts[1]))
+    if problems:
+        raise InputError(problems)
+    return Plan(parameters, references, inertials, texts)
+
+
+def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str | None]:
+    """(joint or link, name) pairs of a key of the robot, or the key that `--set` takes."""
+    parts = split_path(key)
+    blocks = {block.joint: block for block in robot.actuators}
+    joints = {joint.name: joint for joint in robot.joints}
+    links = {link.name: link for link in robot.links}
+    owners = [name for name in dict.fromkeys((*joints, *links)) if fnmatchcase(name, parts[0])]
+    if len(parts) == 2 and owners:
+        if parts[0] in blocks and parameter_name(ACTUATORS.get(blocks[parts[0]].actuator), parts[1]) is not None:
+            return (), f'parameters."{parts[0]}".{parts[1]}' if "." in parts[0] else f"parameters.{parts[0]}.{parts[1]}"
+        pairs = tuple((owner, parts[1]) for owner in owners if parts[1] in names_of(owner, {}, joints, links))
+        if pairs:
+            return pairs, None
+    if parts[0] in {known.name for known in SCENARIO.keys}:
+        return (), key
+    if len(parts) == 2 and owners:
+        known = names_of(owners[0], blocks, joints, links)
+        problem = Problem(message="has no such number", key=key, choices=known, hint=did_you_mean(parts[1], known), code="key")
+        raise InputError(problem)
+    names = (*(known.name for known in SCENARIO.keys), *joints, *links)
+    message = f"there is no key, joint or link '{parts[0]}'"
+    raise InputError(Problem(message=message, key=key, hint=did_you_mean(parts[0], names), code="unknown-key"))
+
+
+def _moves_nothing(key: str, joint: str) -> Problem:
+    message = "changes nothing: no joint has it, or each has an entry of its own, which wins over '*'"
+    if joint != "*":
+        message = "changes nothing: the joint has no such number in its mode"
+    return Problem(message=message, key=key, hint="Name the joint", code="sweep-nothing")
+
+
+def _known_parameter(key: str, robot: Robot) -> bool:
+    """Others are told by the scenario's own check, with the choices."""
+    return any(parameter_name(ACTUATORS.get(block.actuator), key) is not None for block in robot.actuators)
+
+
+def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> list[tuple[str, str]]:
+    places = []
+    for block in robot.actuators:
+        actuator = ACTUATORS.get(block.actuator)
+        name = parameter_name(actuator, key)
+        if name is None or joint not in ("*", block.joint):
+            continue
+        own = {parameter_name(actuator, given) for given in scenario.parameters.get(block.joint, {})}
+        if joint == block.joint or name not in own:
+            places.append((block.joint, name))
+    return places
+
+
+def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> list[tuple[str, str]] | None:
+    """Joints whose reference the key sets; None where effects stand between the key and the joint."""
+    places = []
+    for block in robot.actuators:
+        if joint not in ("*", block.joint) or name not in MODES[block.mode].references:
+            continue
+        if joint == "*" and name in scenario.references.get(block.joint, {}):
+            continue
+        if for_joint(scenario.command_effects, block.joint) is not None:
+            return None
+        places.append((block.joint, name))
+    return places

@@ -1,0 +1,149 @@
+"""What a varied key takes: a list of values, or a distribution, which turns numbers of (0, 1) into its own (inverse CDF)."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem
+from asrsim.samples import Array
+
+DISTRIBUTIONS = {
+    "uniform": ("low", "high"),
+    "loguniform": ("low", "high"),
+    "normal": ("mean", "deviation"),
+    "lognormal": ("median", "sigma"),
+}
+"""Names and arguments. lognormal: sigma is the standard deviation of the logarithm."""
+FORMS = (
+    "[A, B, ...]",
+    "LOW:HIGH:COUNT",
+    "log:LOW:HIGH:COUNT",
+    *(f"{name}({', '.join(arguments)})" for name, arguments in DISTRIBUTIONS.items()),
+)
+_CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
+MOST_VALUES = 10_000_000
+
+
+@dataclass(frozen=True)
+class Values:
+    """Values one after the other: of a list, or of a range."""
+
+    values: tuple[Any, ...]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A law of chance with its two numbers, named as in :data:`DISTRIBUTIONS`."""
+
+    name: str
+    first: float
+    second: float
+
+    def quantile(self, share: Array) -> Array:
+        """Values (n,) at shares (n,) of (0, 1)."""
+        from scipy.special import ndtri
+
+        if self.name == "uniform":
+            return self.first + (self.second - self.first) * share
+        if self.name == "loguniform":
+            return np.asarray(self.first * (self.second / self.first) ** share)
+        scores = ndtri(share)
+        return self.from_scores(scores)
+
+    def from_scores(self, scores: Array) -> Array:
+        """Values (n,) at standard normal scores (n,): how correlated draws come."""
+        from scipy.special import ndtr
+
+        if self.name == "normal":
+            return np.asarray(self.first + self.second * scores)
+        if self.name == "lognormal":
+            return np.asarray(self.first * np.exp(self.second * scores))
+        return self.quantile(ndtr(scores))
+
+
+def law_of(value: Any, key: str) -> Values | Distribution:
+    """The law that a text (`--over`) or a value of a study file asks for. Raises InputError."""
+    if isinstance(value, list | tuple):
+        if not value:
+            raise _wrong(key, "the list is empty", value)
+        return Values(tuple(value))
+    if isinstance(value, dict):
+        if len(value) != 1 or next(iter(value)) not in DISTRIBUTIONS:
+            raise _wrong(key, "must name one distribution", value, tuple(DISTRIBUTIONS))
+        name, arguments = next(iter(value.items()))
+        return _distribution(key, str(name), arguments if isinstance(arguments, list | tuple) else [arguments])
+    if isinstance(value, str):
+        return _from_text(value, key)
+    return Values((value,))
+
+
+def _from_text(text: str, key: str) -> Values | Distribution:
+    call = _CALL.fullmatch(text)
+    if call:
+        if call[1] not in DISTRIBUTIONS:
+            raise _wrong(key, f"there is no distribution '{call[1]}'", text, tuple(DISTRIBUTIONS))
+        return _distribution(key, call[1], [part.strip() for part in call[2].split(",")])
+    logarithmic = text.startswith("log:")
+    parts = text.removeprefix("log:").split(":")
+    if len(parts) == 3:
+        return _range(key, text, parts, logarithmic=logarithmic)
+    from asrsim.document.yaml_reader import parse_yaml
+
+    try:
+        read = parse_yaml(text).plain()
+    except InputError as error:
+        raise _wrong(key, f"cannot be read: {error.problems[0].message}", text) from None
+    if isinstance(read, list | dict):
+        return law_of(read, key)
+    raise _wrong(key, "says neither which values nor which distribution", text)
+
+
+def _range(key: str, text: str, parts: Sequence[str], *, logarithmic: bool) -> Values:
+    low, high = _number(key, parts[0]), _number(key, parts[1])
+    count = int(parts[2]) if parts[2].strip().isdigit() else 0
+    if not 1 <= count <= MOST_VALUES:
+        raise _wrong(key, "the count of a range must be a whole number of at least 1", text)
+    if logarithmic and not (low > 0.0 and high > 0.0):
+        raise _wrong(key, "both ends of a logarithmic range must be above 0", text)
+    spaced = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
+    return Values(tuple(spaced.tolist()))
+
+
+def _distribution(key: str, name: str, arguments: Sequence[Any]) -> Distribution:
+    wanted = DISTRIBUTIONS[name]
+    if len(arguments) != len(wanted):
+        raise _wrong(key, f"{name} takes ({', '.join(wanted)})", list(arguments))
+    first, second = (_number(key, argument) for argument in arguments)
+    if name.endswith("uniform") and not second > first:
+        raise _wrong(key, f"the high end of a {name} distribution must be above the low one", [first, second])
+    if name == "loguniform" and not first > 0.0:
+        raise _wrong(key, "the low end of a loguniform distribution must be above 0", first)
+    if name.endswith("normal") and not second > 0.0:
+        raise _wrong(key, f"{wanted[1]} must be above 0", second)
+    if name == "lognormal" and not first > 0.0:
+        raise _wrong(key, "median must be above 0", first)
+    return Distribution(name, first, second)
+
+
+def _number(key: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number) or isinstance(value, bool):
+        raise _wrong(key, "must be a finite number", value)
+    return number
+
+
+def _wrong(key: str, message: str, value: Any, choices: tuple[str, ...] = ()) -> InputError:
+    hint = None if choices else f"Forms are {', '.join(FORMS)}"
+    return InputError(Problem(message=message, key=key, value=value, choices=choices, hint=hint, code="sweep-values"))

@@ -1,0 +1,148 @@
+"""A study as one HTML page with everything in it: table, pictures, parallel coordinates; small whatever the study's size."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shlex
+from html import escape
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.outfile import write_text
+from asrsim.plots.output import styled
+from asrsim.report.html import bullets, number, section, table
+from asrsim.samples import Array
+from asrsim.sweeps.pictures import MOST, figures
+from asrsim.sweeps.sensitivity import influences, numeric_keys
+from asrsim.sweeps.show import told
+from asrsim.sweeps.table import Table, shares
+
+LINES = 4000
+"""Runs that are drawn as lines; of more, some evenly, and those at the ends of every result."""
+AXES = 12
+DPI = 110
+
+
+def write_page(study: Table, path: Path | None = None) -> Path:
+    """Write `report.html` into the study's folder. Raises OutputError."""
+    path = path or study.folder / "report.html"
+    write_text(path, make_page(study), "page")
+    return path
+
+
+def make_page(study: Table) -> str:
+    """The page as text."""
+    results = told(study)
+    shown = results[:MOST]
+    with styled():
+        pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
+    title = f"{study.manifest['name']}: {len(study)} runs"
+    css = files("asrsim.report").joinpath("assets/page.css").read_text(encoding="utf-8")
+    script = files("asrsim.sweeps").joinpath("assets/sweep.js").read_text(encoding="utf-8")
+    body = f"<h1>{escape(title)}</h1>{_head(study)}"
+    body += section("Results", _results(study, results))
+    if study.claims():
+        body += section("Claims", bullets(f"{100 * share:.1f} % meet {title}" for title, share in study.claims().items()))
+    keys = numeric_keys(study)
+    axes = [*keys, *shown][:AXES]
+    if len(axes) > 1:
+        body += section("Runs", _lines(study, axes))
+    body += section("What moves the results", _influences(study, shown)) + section("Pictures", pictures)
+    if len(axes) > 1:
+        data = json.dumps(_data(study, axes)).replace("<", "\\u003c")
+        body += f'<script id="data" type="application/json">{data}</script><script>{script}</script>'
+    generator = escape(str(study.manifest["generator"]))
+    return (
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="generator" content="{generator}">'
+        f"<title>{escape(title)}</title><style>{css} canvas {{width: 100%; height: 420px; cursor: crosshair}}"
+        f" pre {{white-space: pre-wrap}} img {{max-width: 100%}}</style></head><body><main>{body}</main></body></html>\n"
+    )
+
+
+def _head(study: Table) -> str:
+    manifest, statuses = study.manifest, study.statuses()
+    items = [
+        f"scenario {manifest['scenario']}, variants {', '.join(manifest['variants'])}",
+        f"varied: {', '.join(study.keys)}; design {manifest['design']}, seed {manifest['seed']}",
+        f"{statuses.get('complete', 0)} runs complete" + (f", {shares(statuses)}" if shares(statuses) else ""),
+    ]
+    if study.missing:
+        items.append(f"{study.missing} runs are missing: asrsim sweep --resume does them")
+    return bullets(items)
+
+
+def _results(study: Table, results: list[str]) -> str:
+    rows = []
+    for name in results:
+        found = study.quantiles(name)
+        if found is not None:
+            numbers = (found.least, found.low, found.median, found.high, found.largest)
+            rows.append((name, found.count, *map(number, numbers), f"run {found.least_run}", f"run {found.largest_run}"))
+    heads = ("result", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
+    return table(heads, rows) if rows else "<p>No result differs between the runs.</p>"
+
+
+def _influences(study: Table, results: list[str]) -> str:
+    rows = [
+        (name, one.key, number(one.rank), number(one.low), number(one.high), number(one.first), number(one.total))
+        for name in results
+        for one in influences(study, name)[:8]
+    ]
+    heads = ("result", "key", "rank correlation", "mean, key low", "mean, key high", "Sobol, first", "Sobol, total")
+    return table(heads, rows) if rows else "<p>Too few runs to say.</p>"
+
+
+def _lines(study: Table, axes: list[str]) -> str:
+    drawn = len(_picked(study, axes))
+    left = "" if drawn == len(study) else f" {drawn} of {len(study)} runs are drawn: evenly picked, and extremes."
+    return (
+        f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; a line to "
+        f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
+        '<canvas id="lines"></canvas><div id="chosen"></div>'
+    )
+
+
+def _picked(study: Table, axes: list[str]) -> Any:
+    if len(study) <= LINES:
+        return np.arange(len(study))
+    picked = [np.linspace(0, len(study) - 1, LINES - 4 * len(axes)).astype(int)]
+    for name in axes:
+        order = np.argsort(study[name], kind="stable")
+        order = order[: int(np.isfinite(study[name]).sum())]
+        picked += [order[:2], order[-2:]]
+    return np.unique(np.concatenate(picked))
+
+
+def _data(study: Table, axes: list[str]) -> dict[str, Any]:
+    picked = _picked(study, axes)
+    manifest = study.manifest
+    data: dict[str, Any] = {
+        "axes": [{"name": name, "values": _packed(study[name][picked])} for name in axes],
+        "runs": _packed(study["run"][picked]),
+        "again": shlex.join(["asrsim", "sweep", str(study.folder)]),
+        "command": "",
+    }
+    variants, kinds = manifest["variants"], study.kinds
+    texts = manifest["settings"][variants[0]]
+    if len(variants) == 1 and set(texts) == set(study.keys) and all(kinds[key] == "float" for key in study.keys):
+        command = ["asrsim", "run", manifest["scenario"], "--variant", variants[0]]
+        fixed = [*manifest["overrides"], *(f"{name}={value}" for name, value in manifest["substeps"][variants[0]].items())]
+        data["command"] = shlex.join([*command, *(word for plugin in manifest["plugins"] for word in ("--plugin", plugin))])
+        data["settings"] = [{"key": texts[key], "values": _packed(study[key][picked])} for key in study.keys]
+        data["rest"] = shlex.join([word for setting in fixed for word in ("--set", setting)])
+    return data
+
+
+def _packed(values: Array) -> str:
+    return base64.b64encode(np.asarray(values, "<f8").tobytes()).decode()
+
+
+def _picture(figure: Any) -> str:
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI)
+    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}">'

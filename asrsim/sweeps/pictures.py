@@ -1,0 +1,155 @@
+"""Pictures of a study: results over one or two keys, distributions, what moves them, and bands of kept signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asrsim.plots.output import save_figure, styled
+from asrsim.samples import Array
+from asrsim.sweeps.sensitivity import influences, numeric_keys
+from asrsim.sweeps.show import told
+from asrsim.sweeps.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST = 6
+"""Results in a picture: others by name, from Python."""
+CELL = 4.4, 3.1
+"""inches of a panel."""
+LINES = 8
+"""Lines in a panel, at most."""
+
+
+def draw_sweep(table: Table, *, results: Sequence[str] = (), formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Write the study's pictures into its folder. results: columns; none: the first that differ. Raises OutputError."""
+    chosen = list(results) or told(table)[:MOST]
+    paths: list[Path] = []
+    with styled():
+        for name, figure in figures(table, chosen).items():
+            paths += save_figure(figure, table.folder, name, formats)
+    return paths
+
+
+def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
+    """Name -> figure; call it inside :func:`asrsim.plots.output.styled`."""
+    found: dict[str, Any] = {}
+    if results and numeric_keys(table):
+        found["results"] = _panels(table, results, _over_keys)
+        moved = [name for name in results if influences(table, name)]
+        if moved and len(numeric_keys(table)) > 1:
+            found["sensitivity"] = _panels(table, moved, _tornado)
+    if results and len(table) > 2:
+        found["distributions"] = _panels(table, results, _distribution)
+    signals = [name for name in table.columns if name.startswith("signal:")]
+    if signals:
+        found["signals"] = _panels(table, signals, _band)
+    return found
+
+
+def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
+    from matplotlib.figure import Figure
+
+    columns = min(len(names), 2)
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(CELL[0] * columns + 1.0, CELL[1] * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis, name in zip(axes, names, strict=False):
+        draw(table, name, axis)
+    for axis in axes[len(names) :]:
+        axis.remove()
+    return figure
+
+
+def _over_keys(table: Table, result: str, axes: Axes) -> None:
+    """Lines over the key with most values, or a heat map of two long ones; points where keys are drawn."""
+    listed = [group[0] for group in table.manifest["listed"] if group[0] in numeric_keys(table)]
+    moved = influences(table, result)
+    if table.manifest["drawn"] or not listed:
+        key = moved[0].key if moved else numeric_keys(table)[0]
+        shown = np.linspace(0, len(table) - 1, min(len(table), 5000)).astype(int)
+        axes.plot(table[key][shown], table[result][shown], ".", markersize=3, alpha=0.5)
+        axes.set(xlabel=key, ylabel=result)
+        return
+    listed.sort(key=lambda key: -len(np.unique(table[key])))
+    if len(listed) > 1 and len(np.unique(table[listed[1]])) > LINES:
+        _heat(table, result, listed[0], listed[1], axes)
+        return
+    over, others = listed[0], listed[1:]
+    several = len(table.manifest["variants"]) > 1
+    labels = [
+        ", ".join(([str(variant)] if several else []) + [f"{key.rpartition('.')[2]} = {table[key][i]:.4g}" for key in others])
+        for i, variant in enumerate(table["variant"])
+    ]
+    names = list(dict.fromkeys(labels))
+    for name in names[:LINES]:
+        mine = np.array([label == name for label in labels])
+        order = np.argsort(table[over][mine], kind="stable")
+        axes.plot(table[over][mine][order], table[result][mine][order], ".-", label=name)
+    if len(names) > 1:
+        title = f"{LINES} of {len(names)}" if len(names) > LINES else None
+        axes.legend(fontsize="x-small", title=title, title_fontsize="x-small")
+    axes.set(xlabel=over, ylabel=result)
+
+
+def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> None:
+    """The mean over whatever else varies."""
+    x, i = np.unique(table[first], return_inverse=True)
+    y, j = np.unique(table[second], return_inverse=True)
+    values = table[result]
+    there = np.isfinite(values)
+    sums, counts = np.zeros((len(y), len(x))), np.zeros((len(y), len(x)))
+    np.add.at(sums, (j[there], i[there]), values[there])
+    np.add.at(counts, (j[there], i[there]), 1.0)
+    mean = np.where(counts > 0, sums / np.maximum(counts, 1.0), np.nan)
+    mesh = axes.pcolormesh(x, y, mean, shading="nearest", cmap="viridis", rasterized=True)
+    axes.figure.colorbar(mesh, ax=axes, label=result)
+    axes.set(xlabel=first, ylabel=second)
+
+
+def _distribution(table: Table, result: str, axes: Axes) -> None:
+    values = table[result]
+    there = values[np.isfinite(values)]
+    axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))))
+    for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
+        axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style)
+    lacking = len(values) - len(there)
+    axes.set(xlabel=result, ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
+
+
+def _tornado(table: Table, result: str, axes: Axes) -> None:
+    found = influences(table, result)[:10][::-1]
+    middle = float(np.nanmean(table[result]))
+    for place, one in enumerate(found):
+        axes.barh(
+            place, one.low - middle, left=middle, height=0.6, color="C0", label="key in its lowest fifth" if not place else None
+        )
+        axes.barh(place, one.high - middle, left=middle, height=0.6, color="C1", label="in its highest" if not place else None)
+    sobol = [f"{one.key}\nS = {one.first:.2f}, total {one.total:.2f}" for one in found]
+    labels = [text if np.isfinite(one.total) else one.key for text, one in zip(sobol, found, strict=True)]
+    axes.set_yticks(range(len(found)), labels, fontsize="x-small")
+    axes.axvline(middle, color="black", linewidth=0.8)
+    axes.set(xlabel=f"mean of {result}")
+    axes.legend(fontsize="x-small")
+
+
+def _band(table: Table, name: str, axes: Axes) -> None:
+    """Median, and bands that hold 50 and 90 % of the runs."""
+    runs = [np.asarray(values) for values in table[name] if values is not None and len(values)]
+    longest = max((len(run) for run in runs), default=0)
+    rows: Array = np.full((len(runs), longest), np.nan)
+    for row, values in zip(rows, runs, strict=True):
+        row[: len(values)] = values
+    time = np.arange(longest) / float(table.manifest["rate"])
+    if longest:
+        low, quarter, middle, upper, high = np.nanquantile(rows, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
+        axes.fill_between(time, low, high, alpha=0.2, color="C0", label="90 %")
+        axes.fill_between(time, quarter, upper, alpha=0.35, color="C0", label="50 %")
+        axes.plot(time, middle, color="C0", label="median")
+        axes.legend(fontsize="x-small")
+    axes.set(xlabel="time [s]", ylabel=name.removeprefix("signal:"))

@@ -1,0 +1,254 @@
+"""Studies from files, from `--over` texts, and from Python."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from asrsim.document.block import block_of, declare
+from asrsim.document.composite import ListOf, MapOf
+from asrsim.document.kinds import Boolean, Choice, File, Integer, Kind, Number, Optional, Schema, Text
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.yaml_reader import read_yaml
+from asrsim.errors import InputError, Problem
+from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
+from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Joint, Study
+
+SAMPLES = 100
+"""Draws where a study with distributions names no number."""
+
+
+class AnyValue(Kind[Any]):
+    """A plain value, its meaning settled later."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+        return node.plain()
+
+    def schema(self) -> Schema:
+        return {}
+
+    @property
+    def text(self) -> str:
+        return "value"
+
+
+class Law(Kind[Any]):
+    """What a key takes; see :mod:`asrsim.sweeps.laws`."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+        try:
+            return law_of(node.plain(), path[-1])
+        except InputError as error:
+            problem = error.problems[0]
+            raise reading.fault(node, path, problem.message, choices=problem.choices, hint=problem.hint) from None
+
+    def schema(self) -> Schema:
+        return {}
+
+    @property
+    def text(self) -> str:
+        return ", ".join(f"`{form}`" for form in FORMS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyFile:
+    """Keys of a study file."""
+
+    scenario: Path = declare(File(noun="scenario"), doc="scenario file that is varied")
+    over: Mapping[str, Any] = declare(
+        MapOf(of=Law(), noun="key", star=False), default={}, doc="key (`a & b`: tied) -> what it takes"
+    )
+    variants: tuple[str, ...] = declare(ListOf(of=Text()), default=(), shown="all", doc="of the scenario")
+    overrides: Mapping[str, Any] = declare(
+        MapOf(of=AnyValue(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
+    )
+    design: str = declare(Choice(DESIGNS), default="random", doc="how draws are placed")
+    samples: int | None = declare(Optional(Integer(minimum=1)), default=None, shown=str(SAMPLES), doc="draws")
+    seed: int = declare(Integer(minimum=0), default=0, doc="of the draws")
+    correlations: tuple[tuple[Any, ...], ...] = declare(
+        ListOf(of=ListOf(of=AnyValue(), length=3, names=("key", "key", "correlation"))), default=(),
+        doc="rank correlations of drawn keys (Gaussian copula)",
+    )  # fmt: skip
+    fit: Path | None = declare(
+        Optional(File(noun="fit")), default=None,
+        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic: true`): drawn together, normally",
+    )  # fmt: skip
+    signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
+    rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="of the kept signals")
+    logs: bool = declare(Boolean(), default=False, doc="a log of every run")
+    plugins: tuple[Path, ...] = declare(ListOf(of=File(noun="plugin")), default=(), doc="files with your own actuators")
+
+
+STUDY = block_of(StudyFile, "study")
+
+
+def is_study(path: Path) -> bool:
+    """Whether a file is a study, not a scenario. Raises InputError where it cannot be read."""
+    root, _ = read_yaml(path)
+    return isinstance(root.value, dict) and "scenario" in root.value
+
+
+def read_study(path: Path) -> Study:
+    """A study file. Raises InputError with every problem."""
+    faults: list[Problem] = []
+    root, _ = read_yaml(path, faults=faults)
+    reading = Reading(base=path.parent)
+    found: StudyFile | None = None
+    with suppress(Rejected):
+        found = STUDY.read(root, (), reading)
+    if faults or reading.problems or found is None:
+        raise InputError([*faults, *reading.problems])
+    try:
+        return make_study(
+            found.scenario,
+            found.over,
+            variants=found.variants,
+            overrides=[f"{key}={json.dumps(value)}" for key, value in found.overrides.items()],
+            design=found.design,
+            samples=found.samples,
+            seed=found.seed,
+            correlations=[(str(a), str(b), c) for a, b, c in found.correlations],
+            fit=found.fit,
+            signals=found.signals,
+            rate=found.rate,
+            logs=found.logs,
+            plugins=found.plugins,
+            name=path.stem,
+        )
+    except InputError as error:
+        raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
+
+
+def make_study(
+    scenario: str | Path,
+    over: Mapping[str, Any] | Sequence[str] = (),
+    *,
+    variants: Sequence[str] = (),
+    overrides: Sequence[str] | Mapping[str, Any] = (),
+    design: str = "random",
+    samples: int | None = None,
+    seed: int = 0,
+    correlations: Iterable[tuple[str, str, Any]] = (),
+    fit: str | Path | Mapping[str, Any] | None = None,
+    signals: Sequence[str] = (),
+    rate: float = 100.0,
+    logs: bool = False,
+    plugins: Sequence[str | Path] = (),
+    name: str | None = None,
+) -> Study:
+    """A study from plain data: `over` maps dotted keys to lists, texts as `10:200:20`, or distributions, or lists
+    `key=law` texts. Raises InputError with every problem.
+    """
+    problems: list[Problem] = []
+    axes: list[Axis] = []
+    for item in over.items() if isinstance(over, Mapping) else map(_split, over):
+        try:
+            key, value = item
+            law = value if isinstance(value, Distribution | Values) else law_of(value, key)
+            axes.append(Axis(tuple(part.strip() for part in key.split("&")), law))
+        except InputError as error:
+            problems += error.problems
+    joint: Joint | None = None
+    try:
+        joint = None if fit is None else read_fit(fit)
+    except InputError as error:
+        problems += error.problems
+    if design not in DESIGNS:
+        problems.append(Problem(message=f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
+    problems += _twice([key for axis in axes for key in axis.keys] + list(joint.keys if joint else ()))
+    drawn = joint is not None or any(isinstance(axis.law, Distribution) for axis in axes)
+    pairs = []
+    for first, second, value in correlations:
+        number = value if isinstance(value, int | float) and not isinstance(value, bool) else 2.0
+        if not -1.0 < number < 1.0:
+            problems.append(Problem(message="must lie between -1 and 1", key="correlations", value=value, code="range"))
+        pairs.append((first, second, float(number)))
+    if not axes and joint is None:
+        hint = "Give --over KEY=VALUES, or `over:` in a study file"
+        problems.append(Problem(message="nothing is varied", key="over", hint=hint, code="sweep-empty"))
+    if samples is not None and (samples < 1 or not drawn):
+        message = "must be at least 1" if drawn else "has a number, but no key is drawn from a distribution"
+        problems.append(Problem(message=message, key="samples", value=samples, code="sweep-samples"))
+    if design == "saltelli" and (pairs or joint):
+        message = "Sobol indices are of independent numbers: the design saltelli goes without correlations and fit"
+        problems.append(Problem(message=message, key="design", code="sweep-correlation"))
+    if problems:
+        raise InputError(problems)
+    if isinstance(overrides, Mapping):
+        overrides = [f"{key}={json.dumps(value)}" for key, value in overrides.items()]
+    count = (samples or SAMPLES) if drawn else 0
+    if design == "saltelli":
+        # Sobol's sequence is balanced at powers of two only, and the indices need that.
+        count = 1 << max(1, (count - 1).bit_length())
+    study = Study(
+        scenario=Path(scenario),
+        axes=tuple(axes),
+        joint=joint,
+        variants=tuple(variants),
+        overrides=tuple(overrides),
+        design=design,
+        samples=count,
+        seed=seed,
+        correlations=tuple(pairs),
+        signals=tuple(signals),
+        rate=rate,
+        logs=logs,
+        plugins=tuple(Path(path) for path in plugins),
+        name=name or Path(scenario).stem,
+    )
+    if len(study) > MOST_RUNS:
+        raise InputError(Problem(message=f"the study has {len(study)} runs; at most {MOST_RUNS} are possible", code="range"))
+    if pairs:
+        _ = study.correlation_root
+    return study
+
+
+def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
+    """A multivariate normal distribution from a file or plain data. Raises InputError."""
+    import numpy as np
+
+    file = None if isinstance(fit, Mapping) else Path(fit)
+    data = fit if file is None else read_yaml(file)[0].plain()
+    if isinstance(data, Mapping) and isinstance(data.get("parameters"), Mapping) and "keys" not in data:
+        data = {"keys": list(data["parameters"]), "mean": list(data["parameters"].values()), **data}
+
+    def wrong(message: str) -> InputError:
+        hint = "It has `keys` (n names), `mean` (n numbers) and `covariance` (n rows of n numbers)"
+        return InputError(Problem(message=message, file=file, key="fit", hint=hint, code="sweep-fit"))
+
+    if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
+        raise wrong("lacks keys, mean or covariance")
+    keys = tuple(map(str, data["keys"]))
+    try:
+        mean, covariance = np.array(data["mean"], float), np.array(data["covariance"], float)
+    except (TypeError, ValueError):
+        raise wrong("mean and covariance must be numbers") from None
+    n = len(keys)
+    if mean.shape != (n,) or covariance.shape != (n, n):
+        raise wrong(f"{n} keys need {n} means and {n} x {n} covariances")
+    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+        raise wrong("mean and covariance must be finite")
+    scale = float(np.abs(covariance).max(initial=0.0))
+    if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or np.linalg.eigvalsh(covariance)[0] < -1e-9 * scale:
+        raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
+    rows = tuple(tuple(map(float, row)) for row in covariance)
+    return Joint(keys=keys, mean=tuple(map(float, mean)), covariance=rows, logarithmic=bool(data.get("logarithmic", False)))
+
+
+def _split(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        hint = "Write KEY=VALUES, such as references.joint_1.stiffness_preset=[0.2, 0.6]"
+        raise InputError(Problem(message="is no KEY=VALUES", key="over", value=text, hint=hint, code="override"))
+    return key.strip(), value.strip()
+
+
+def _twice(keys: Sequence[str]) -> list[Problem]:
+    seen: set[str] = set()
+    again = [key for key in keys if key in seen or seen.add(key)]  # type: ignore[func-returns-value]
+    return [Problem(message="is varied twice", key=key, code="sweep-twice") for key in dict.fromkeys(again)]

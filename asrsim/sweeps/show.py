@@ -1,0 +1,66 @@
+"""What a study says on the terminal: counts, shares of claims met, quantiles of results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from asrsim.sweeps.table import Table, shares
+
+HEADS = ("result", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
+
+
+def say_summary(table: Table) -> Iterator[str]:
+    """Lines for people."""
+    statuses = table.statuses()
+    bad = shares(statuses)
+    yield f"{table.manifest['name']}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete" + (
+        f", {bad}" if bad else ""
+    )
+    rows: list[tuple[str, ...]] = [HEADS]
+    for name in told(table):
+        found = table.quantiles(name)
+        if found is not None:
+            numbers = (found.least, found.low, found.median, found.high, found.largest)
+            ends = (f"run {found.least_run}", f"run {found.largest_run}")
+            rows.append((name, str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
+    if len(rows) > 1:
+        for row in rows:
+            cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+            yield "  " + "  ".join(cells).rstrip()
+    for title, share in table.claims().items():
+        yield f"  {100 * share:5.1f} % meet {title}"
+    if bad:
+        status, reason, runs = table["status"].astype(str), table["reason"], table["run"]
+        for name in ("crashed", "failed", "diverged"):
+            places = (status == name).nonzero()[0]
+            if len(places):
+                yield f"  {name}, run {runs[places[0]]}: {reason[places[0]]}"
+
+
+def told(table: Table) -> list[str]:
+    """Results that differ between runs: what is the same everywhere says nothing."""
+    found = []
+    for name in table.results:
+        if name.startswith("claim"):
+            continue
+        quantiles = table.quantiles(name)
+        if quantiles is not None and (quantiles.largest > quantiles.least or len(table) == 1):
+            found.append(name)
+    return found
+
+
+def as_dict(table: Table) -> dict[str, Any]:
+    """Plain values for JSON."""
+    quantiles = {name: table.quantiles(name) for name in told(table)}
+    return {
+        "ok": table.missing == 0,
+        "runs": table.manifest["runs"],
+        "rows": len(table),
+        "statuses": table.statuses(),
+        "claims": table.claims(),
+        "results": {name: asdict(found) for name, found in quantiles.items() if found is not None},
+        "folder": str(table.folder),
+    }

@@ -1,0 +1,212 @@
+"""A study as pure data: what is varied, how points are chosen, what is kept. A point follows from its number alone."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem
+from asrsim.samples import Array
+from asrsim.sweeps.laws import Distribution, Values
+
+DESIGNS = ("random", "lhs", "sobol", "saltelli")
+"""How draws are placed. saltelli: rows from which Sobol indices follow, samples x (drawn axes + 2) of them."""
+MOST_RUNS = 100_000_000
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Keys that vary together, and what they take."""
+
+    keys: tuple[str, ...]
+    """Dotted keys; several take the same value, or, where values are lists of as many entries, one each."""
+    law: Values | Distribution
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return " & ".join(self.keys)
+
+    def assign(self, value: Any) -> dict[str, Any]:
+        """Key -> value."""
+        if len(self.keys) > 1 and isinstance(value, list | tuple) and len(value) == len(self.keys):
+            return dict(zip(self.keys, value, strict=True))
+        return dict.fromkeys(self.keys, value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """Keys drawn together from a multivariate normal distribution: the result of a fit."""
+
+    keys: tuple[str, ...]
+    mean: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    logarithmic: bool = False
+    """Mean and covariance are those of the logarithms."""
+
+    @cached_property
+    def root(self) -> Array:
+        """(n, n) with root root' = covariance; semi-definite ones serve too."""
+        values, vectors = np.linalg.eigh(np.array(self.covariance))
+        return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What `asrsim sweep` does."""
+
+    scenario: Path | None
+    axes: tuple[Axis, ...]
+    joint: Joint | None = None
+    variants: tuple[str, ...] = ()
+    """Empty: all of the scenario's, filled in when it is read."""
+    overrides: tuple[str, ...] = ()
+    """`key=value` for every run."""
+    design: str = "random"
+    samples: int = 0
+    seed: int = 0
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    signals: tuple[str, ...] = ()
+    """joint.quantity that are kept of every run."""
+    rate: float = 100.0
+    """Hz of the kept signals."""
+    logs: bool = False
+    plugins: tuple[Path, ...] = ()
+    name: str = "sweep"
+
+    @cached_property
+    def listed(self) -> tuple[Axis, ...]:
+        """Axes of a grid."""
+        return tuple(axis for axis in self.axes if isinstance(axis.law, Values))
+
+    @cached_property
+    def drawn(self) -> tuple[Axis, ...]:
+        """Axes that are drawn, but those of the fit."""
+        return tuple(axis for axis in self.axes if isinstance(axis.law, Distribution))
+
+    @property
+    def dimensions(self) -> int:
+        """Independent numbers of a draw."""
+        return len(self.drawn) + (len(self.joint.keys) if self.joint else 0)
+
+    @property
+    def draws(self) -> int:
+        """Draws at every point of the grid."""
+        if not self.dimensions:
+            return 1
+        return self.samples * (self.dimensions + 2) if self.design == "saltelli" else self.samples
+
+    @property
+    def grid(self) -> tuple[int, ...]:
+        """Values of each listed axis."""
+        return tuple(len(axis.law) for axis in self.listed if isinstance(axis.law, Values))
+
+    def __len__(self) -> int:
+        return max(1, len(self.variants)) * math.prod(self.grid) * self.draws
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """Every key that varies, in the order of the columns."""
+        found = [key for axis in self.axes for key in axis.keys] + list(self.joint.keys if self.joint else ())
+        return tuple(dict.fromkeys(found))
+
+    def point(self, run: int) -> tuple[str, dict[str, Any]]:
+        """Variant and key -> value of a run, counted from 0: variants outermost, then the grid, then the draws."""
+        variant, rest = divmod(run, math.prod(self.grid) * self.draws)
+        cell, draw = divmod(rest, self.draws)
+        values: dict[str, Any] = {}
+        for axis, index in zip(self.listed, np.unravel_index(cell, self.grid) if self.grid else (), strict=True):
+            values |= axis.assign(axis.law.values[int(index)] if isinstance(axis.law, Values) else None)
+        if self.dimensions:
+            row = self.table[draw]
+            for axis, number in zip(self.drawn, row, strict=False):
+                values |= axis.assign(float(number))
+            if self.joint:
+                values |= dict(zip(self.joint.keys, map(float, row[len(self.drawn) :]), strict=True))
+        return self.variants[variant] if self.variants else "", {key: values[key] for key in self.keys}
+
+    @cached_property
+    def table(self) -> Array:
+        """(draws, dimensions): every draw."""
+        return self.from_unit(unit_points(self.design, self.samples, self.dimensions, self.seed))
+
+    def from_unit(self, unit: Array) -> Array:
+        """Draws (n, dimensions) of points (n, dimensions) in the unit cube: correlated, then through each axis's law."""
+        from scipy.special import ndtri
+
+        # A sequence's first point may stand on the border, where a normal distribution has no value.
+        unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
+        count = len(self.drawn)
+        columns = []
+        scores = ndtri(unit[:, :count]) @ self.correlation_root.T if self.correlations else None
+        for j, axis in enumerate(self.drawn):
+            if isinstance(axis.law, Distribution):
+                columns.append(axis.law.quantile(unit[:, j]) if scores is None else axis.law.from_scores(scores[:, j]))
+        if self.joint:
+            fit = np.array(self.joint.mean) + ndtri(unit[:, count:]) @ self.joint.root.T
+            columns += list((np.exp(fit) if self.joint.logarithmic else fit).T)
+        return np.column_stack(columns)
+
+    @cached_property
+    def correlation_root(self) -> Array:
+        """Lower root of the correlations of the drawn axes' normal scores. Raises InputError where there is none."""
+        place = {key: j for j, axis in enumerate(self.drawn) for key in (*axis.keys, axis.name)}
+        matrix = np.eye(len(self.drawn))
+        for first, second, value in self.correlations:
+            unknown = [key for key in (first, second) if key not in place]
+            if unknown:
+                message = f"'{unknown[0]}' is not drawn from a distribution"
+                raise InputError(Problem(message=message, key="correlations", choices=tuple(place), code="sweep-correlation"))
+            matrix[place[first], place[second]] = matrix[place[second], place[first]] = value
+        try:
+            return np.asarray(np.linalg.cholesky(matrix))
+        except np.linalg.LinAlgError:
+            message = "no numbers have these correlations with each other (the matrix is not positive definite)"
+            raise InputError(Problem(message=message, key="correlations", code="sweep-correlation")) from None
+
+    @cached_property
+    def digest(self) -> str:
+        """What the rows follow from, but for the files: two studies with equal digests have equal points."""
+        parts = [self.variants, self.overrides, self.design, self.samples, self.seed, self.correlations]
+        parts += [self.signals, self.rate if self.signals else 0, self.logs, [path.name for path in self.plugins]]
+        laws = [(axis.keys, repr(axis.law)) for axis in self.axes]
+        fit = repr(self.joint)
+        return sha256(json.dumps([parts, laws, fit], default=str).encode()).hexdigest()[:16]
+
+
+def unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array:
+    """(n, dimensions) in the unit cube; the same for the same arguments.
+
+    saltelli: blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), n = samples (dimensions + 2).
+    """
+    from scipy.stats import qmc
+
+    if design == "random":
+        return np.random.default_rng(seed).random((samples, dimensions))
+    if design == "lhs":
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=seed).random(samples))
+    if design == "sobol":
+        return _sobol(dimensions, samples, seed)
+    both = _sobol(2 * dimensions, samples, seed)
+    first, second = both[:, :dimensions], both[:, dimensions:]
+    blocks = [first, second]
+    for j in range(dimensions):
+        mixed = first.copy()
+        mixed[:, j] = second[:, j]
+        blocks.append(mixed)
+    return np.concatenate(blocks)
+
+
+def _sobol(dimensions: int, samples: int, seed: int) -> Array:
+    from scipy.stats import qmc
+
+    # Drawn up to the next power of two: the sequence says nothing of it, and its first points are the same.
+    power = max(0, math.ceil(math.log2(samples)))
+    return np.asarray(qmc.Sobol(dimensions, rng=seed).random_base2(power))[:samples]

@@ -1,0 +1,187 @@
+"""The rows of a study, read: columns as arrays, quantiles, shares, and how to do a run again."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.samples import Array
+from asrsim.sweeps.store import MANIFEST, ROWS, parts_of
+
+BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """How one result is distributed over the runs that have it."""
+
+    count: int
+    least: float
+    low: float
+    """5 %."""
+    median: float
+    high: float
+    """95 %."""
+    largest: float
+    least_run: int
+    largest_run: int
+
+
+class Table:
+    """Rows of a study in its folder; columns are read when they are asked for."""
+
+    def __init__(self, folder: str | Path, *, keep: Any = None) -> None:
+        """keep: what lives as long as the table (a temporary folder). Raises InputError where there is no study."""
+        self.folder = Path(folder)
+        self._keep = keep
+        try:
+            self.manifest: dict[str, Any] = json.loads((self.folder / MANIFEST).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            hint = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
+            problem = Problem(message="holds no study (study.json)", file=self.folder, hint=hint, code="no-study")
+            raise InputError(problem) from None
+        whole = self.folder / ROWS
+        self.files = ([whole] if whole.exists() else []) + parts_of(self.folder)
+        self._columns: dict[str, Array] = {}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(name for name, _ in self.manifest["columns"])
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Column -> int, float, bool, text or floats."""
+        return dict(self.manifest["columns"])
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What was varied."""
+        return tuple(self.manifest["keys"])
+
+    @property
+    def results(self) -> tuple[str, ...]:
+        """Numbers that came out: measures, the tip's, those of claims."""
+        kinds = self.kinds
+        left = {*BOOKKEEPING, *self.keys}
+        return tuple(name for name in self.columns if name not in left and kinds[name] == "float")
+
+    @property
+    def missing(self) -> int:
+        """Runs of the study without a row."""
+        return int(self.manifest["runs"]) - len(self)
+
+    @cached_property
+    def _order(self) -> Any:
+        return np.unique(self._raw("run"), return_index=True)[1]
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    def __getitem__(self, name: str) -> Array:
+        """A column (n,) in the order of the runs; numbers that are missing are NaN."""
+        if name not in self._columns:
+            self._columns[name] = self._raw(name)[self._order]
+        return self._columns[name]
+
+    def _raw(self, name: str) -> Array:
+        import pyarrow.parquet as pq
+
+        if name not in self.columns:
+            hint = did_you_mean(name, self.columns)
+            raise InputError(Problem(message="no column has this name", key=name, hint=hint, code="unknown-column"))
+        if not self.files:
+            return np.empty(0, np.int64 if self.kinds[name] == "int" else float)
+        parts = [pq.read_table(path, columns=[name])[name] for path in self.files]
+        # float64 first: a part in which a number is missing everywhere would else be of objects.
+        if self.kinds[name] == "float" or (self.kinds[name] == "int" and name not in BOOKKEEPING):
+            return np.concatenate([part.cast("float64").to_numpy(zero_copy_only=False).astype(float) for part in parts])
+        return np.concatenate([np.asarray(part.to_numpy(zero_copy_only=False)) for part in parts])
+
+    def to_pandas(self) -> Any:
+        """A DataFrame of all columns, in the order of the runs; needs pandas."""
+        from asrsim.notebook import library
+
+        library("pandas")
+        return self.to_arrow().to_pandas()
+
+    def to_arrow(self) -> Any:
+        """A pyarrow.Table, likewise."""
+        import pyarrow as pa
+        import pyarrow.compute as pc
+        import pyarrow.parquet as pq
+
+        from asrsim.sweeps.store import schema_of
+
+        schema = schema_of([(name, kind) for name, kind in self.manifest["columns"]])
+        tables = [pq.read_table(path) for path in self.files] or [schema.empty_table()]
+        return pc.take(pa.concat_tables(tables), pa.array(self._order))
+
+    def statuses(self) -> dict[str, int]:
+        """Status -> runs."""
+        names, counts = np.unique(self["status"].astype(str), return_counts=True)
+        return dict(zip(names.tolist(), map(int, counts), strict=True))
+
+    def quantiles(self, name: str) -> Quantiles | None:
+        """Of a result; None where no run has it."""
+        values, runs = self[name], self["run"]
+        there = np.isfinite(values)
+        if not there.any():
+            return None
+        values, runs = values[there], runs[there]
+        low, median, high = np.quantile(values, (0.05, 0.5, 0.95))
+        return Quantiles(
+            len(values), float(values.min()), float(low), float(median), float(high), float(values.max()),
+            int(runs[values.argmin()]), int(runs[values.argmax()]),
+        )  # fmt: skip
+
+    def claims(self) -> dict[str, float]:
+        """Claim -> share of the completed runs that meet it; by variant where they differ."""
+        variants, found = self["variant"].astype(str), {}
+        several = len(self.manifest["claims"]) > 1
+        for variant, titles in self.manifest["claims"].items():
+            mine = variants == variant
+            for index, title in enumerate(titles):
+                held = [bool(value) for value in self[f"claim_{index}"][mine] if value is not None]
+                if held:
+                    found[f"{variant}: {title}" if several else title] = sum(held) / len(held)
+        return found
+
+    def repeat_command(self, run: int) -> str:
+        """The command that does a run again, with a log: `asrsim run` where `--set` can say it."""
+        position = int(np.searchsorted(self["run"], run))
+        if position >= len(self) or self["run"][position] != run:
+            raise InputError(Problem(message=f"there is no row of run {run}", file=self.folder, code="no-run"))
+        variant = str(self["variant"][position])
+        texts: Mapping[str, str] = self.manifest["settings"][variant]
+        if set(texts) != set(self.keys):
+            return shlex.join(["asrsim", "sweep", str(self.folder), "--run", str(run)])
+        settings = [*self.manifest["overrides"]]
+        settings += [f"{texts[key]}={_shown(self[key][position])}" for key in self.keys]
+        settings += [f"{name}={value}" for name, value in self.manifest["substeps"][variant].items()]
+        words = ["asrsim", "run", self.manifest["scenario"], "--variant", variant]
+        for plugin in self.manifest["plugins"]:
+            words += ["--plugin", plugin]
+        for setting in settings:
+            words += ["--set", setting]
+        return shlex.join(words)
+
+    def __repr__(self) -> str:
+        return f"Table({self.folder}: {len(self)} of {self.manifest['runs']} runs, {', '.join(self.keys)})"
+
+
+def _shown(value: Any) -> str:
+    return repr(float(value)) if isinstance(value, float | np.floating) else str(value)
+
+
+def shares(statuses: Mapping[str, int], names: Sequence[str] = ("diverged", "failed", "crashed")) -> str:
+    """Statuses for people, those that are no completion."""
+    return ", ".join(f"{statuses[name]} {name}" for name in names if statuses.get(name))

@@ -1,0 +1,327 @@
+"""Sweeps: points of a study, rows that do not depend on who did them, workers that die, resumption, pictures."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import InputError, OutputError, SimulationError
+from asrsim.sweeps import Table, make_study
+from asrsim.sweeps.cases import make_payload
+from asrsim.sweeps.executor import Workers
+from asrsim.sweeps.runner import Runner
+from asrsim.sweeps.store import Store, open_store
+from asrsim.sweeps.study import Study
+
+pytest.importorskip("pyarrow")
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "scenarios"
+TWO_JOINTS = EXAMPLES / "step_2dof.yaml"
+SHORT = ["duration=0.05", "engine=mujoco"]
+
+
+def study_of(over, scenario=TWO_JOINTS, **options) -> Study:
+    options = {"variants": ["soft"] if scenario == TWO_JOINTS else [], "overrides": SHORT, **options}
+    return make_study(scenario, over, **options)
+
+
+def without_time(rows):
+    return sorted(tuple(row[:-1]) for row in rows)
+
+
+# -- points -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_grid_has_every_combination_once():
+    study = study_of({"a.x": "1:3:3", "a.y": [5, 6], "a.z & a.w": [[1, 2], [3, 4]]})
+    points = [tuple(study.point(run)[1].values()) for run in range(len(study))]
+    assert len(study) == 12
+    assert len(set(points)) == 12
+    assert set(points) == {(x, y, *zw) for x in (1.0, 2.0, 3.0) for y in (5, 6) for zw in ((1, 2), (3, 4))}
+
+
+def test_logarithmic_ranges_have_even_ratios():
+    study = study_of({"a.x": "log:1:1000:4"})
+    np.testing.assert_allclose([study.point(run)[1]["a.x"] for run in range(4)], [1, 10, 100, 1000])
+
+
+@pytest.mark.parametrize("design", ["random", "lhs", "sobol"])
+@pytest.mark.parametrize(
+    ("law", "mean", "deviation"),
+    [
+        ("uniform(2, 4)", 3.0, 2 / 12**0.5),
+        ("normal(5, 0.5)", 5.0, 0.5),
+        ("lognormal(2, 0.3)", 2 * np.exp(0.045), 2 * np.exp(0.045) * (np.exp(0.09) - 1) ** 0.5),
+        ("loguniform(1, 10)", 9 / np.log(10), (99 / (2 * np.log(10)) - (9 / np.log(10)) ** 2) ** 0.5),
+    ],
+)
+def test_draws_have_their_distribution(design, law, mean, deviation):
+    values = study_of({"a.x": law, "a.y": "uniform(0, 1)"}, samples=4096, design=design).table[:, 0]
+    assert values.mean() == pytest.approx(mean, abs=4 * deviation / 64)
+    assert values.std() == pytest.approx(deviation, rel=0.06)
+
+
+def test_draws_are_seeded_and_correlated():
+    over = {"a.x": "normal(0, 1)", "a.y": "lognormal(1, 0.5)"}
+    one = study_of(over, samples=4000, seed=3, correlations=[("a.x", "a.y", -0.8)])
+    assert np.array_equal(one.table, study_of(over, samples=4000, seed=3, correlations=[("a.x", "a.y", -0.8)]).table)
+    assert not np.array_equal(one.table, study_of(over, samples=4000, seed=4, correlations=[("a.x", "a.y", -0.8)]).table)
+    assert np.corrcoef(one.table[:, 0], np.log(one.table[:, 1]))[0, 1] == pytest.approx(-0.8, abs=0.03)
+
+
+def test_a_fit_is_drawn_with_its_covariance(tmp_path):
+    covariance = [[0.04, 0.03], [0.03, 0.09]]
+    file = tmp_path / "fit.json"
+    file.write_text(json.dumps({"keys": ["link_1.mass", "joint_1.friction"], "mean": [2, 3], "covariance": covariance}))
+    study = study_of({}, samples=20_000, fit=file)
+    np.testing.assert_allclose(np.cov(study.table.T), covariance, atol=0.003)
+    np.testing.assert_allclose(study.table.mean(axis=0), [2, 3], atol=0.01)
+
+
+def test_a_latin_hypercube_has_one_draw_in_every_slice():
+    values = study_of({"a.x": "uniform(0, 1)"}, samples=50, design="lhs").table[:, 0]
+    assert sorted((values * 50).astype(int)) == list(range(50))
+
+
+@pytest.mark.parametrize(
+    ("over", "options", "word"),
+    [
+        ({"a": "1:2"}, {}, "Forms are"),
+        ({"a": "normal(1, 0)"}, {}, "above 0"),
+        ({"a": "uniform(2, 1)"}, {}, "above the low"),
+        ({"a": "log:0:1:3"}, {}, "above 0"),
+        ({"a": "1:2:0"}, {}, "at least 1"),
+        ({"a": "gauss(1, 2)"}, {}, "no distribution 'gauss'"),
+        ({"a": []}, {}, "empty"),
+        ({}, {}, "nothing is varied"),
+        ({"a": "1:2:3", "b & a": [1]}, {}, "varied twice"),
+        ({"a": "1:2:3"}, {"samples": 5}, "no key is drawn"),
+        ({"a": "normal(1,1)", "b": "normal(1,1)"}, {"correlations": [("a", "c", 0.5)]}, "'c' is not drawn"),
+        ({"a": "normal(1,1)"}, {"correlations": [("a", "a", 1.5)]}, "between -1 and 1"),
+        ({"a": "normal(1,1)"}, {"design": "magic"}, "magic"),
+        ({}, {"fit": {"keys": ["a"], "mean": [1], "covariance": [[-1]]}}, "no covariance"),
+    ],
+)
+def test_what_no_study_is(over, options, word):
+    with pytest.raises(InputError, match=word):
+        make_study(TWO_JOINTS, over, **options)
+
+
+@pytest.mark.parametrize(
+    ("key", "word"),
+    [
+        ("link_1.mas", "Did you mean 'mass'"),
+        ("lnk_1.mass", "link_1"),
+        ("parameters.*.nonsense", "no such parameter"),
+        ("references.*.stiffness_preset", "changes nothing"),
+        ("duratoin", "duration"),
+    ],
+)
+def test_unknown_keys_are_told_before_anything_runs(key, word):
+    with pytest.raises(InputError, match=word):
+        make_payload(study_of({key: [1.0, 2.0]}))
+
+
+# -- rows ---------------------------------------------------------------------------------------------------------------
+
+ARM = {
+    "parameters.*.spring_a_1": "uniform(6, 10)",
+    "references.joint_1.stiffness_preset": "uniform(0.2, 0.6)",
+    "link_1.mass": "uniform(0.3, 0.5)",
+    "joint_2.damping": "uniform(0, 0.01)",
+    "joint_1.friction": "uniform(0, 0.1)",
+}
+ROBOTS = {
+    "step_2dof": (TWO_JOINTS, ARM),
+    "sea": (EXAMPLES / "step_1dof_sea.yaml", {"joint_1.spring_stiffness": "uniform(20, 60)"}),
+    "awas": (EXAMPLES / "step_1dof_awas_ii.yaml", {"parameters.*.motor_1_inertia": "lognormal(0.001, 0.3)"}),
+    "bavs": (EXAMPLES / "step_1dof_bavs.yaml", {"parameters.*.motor_1_damping": "uniform(0.01, 0.02)"}),
+}
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet"])
+@pytest.mark.parametrize("compiled", ["false", pytest.param("true", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
+    if engine == "bullet":
+        pytest.importorskip("pybullet")
+    scenario, over = ROBOTS[name]
+    study = study_of(over, scenario, samples=6, overrides=[f"engine={engine}", "duration=0.1", f"compiled={compiled}"])
+    payload = make_payload(study)
+    runner = Runner(payload)
+    for run in (3, 1, 4, 3):
+        row = dict(zip(payload.names, runner.row(run), strict=True))
+        variant, values = payload.study.point(run)
+        fresh = Runner(payload)._alone(payload.cases[variant], values)
+        assert {key: row[key] for key in fresh} == fresh
+        assert row["status"] == "complete"
+    runner.close()
+
+
+def test_a_row_is_what_run_says(tmp_path):
+    over = {"parameters.*.spring_a_1": [7.0, 9.5], "references.joint_1.stiffness_preset": [0.25, 0.5], "duration": [0.1, 0.2]}
+    table = asrsim.sweep(study_of(over, overrides=["engine=mujoco"]), out=tmp_path / "s", workers=1)
+    for run in (0, 5):
+        words = table.repeat_command(run).split()
+        settings = [words[i + 1].strip("'") for i, word in enumerate(words) if word == "--set"]
+        result = asrsim.run(TWO_JOINTS, variant="soft", overrides=settings)
+        for joint in result.summary.joints:
+            for name, value in joint.measures.as_dict().items():
+                cell = table[f"{joint.name}.{name}"][run]
+                assert (value is None and np.isnan(cell)) or cell == value
+        assert table["claim_0.measured"][run] == result.summary.claims[0].measured
+
+
+def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
+    study = study_of(
+        {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"]
+    )
+    one = asrsim.sweep(study, out=tmp_path / "one", workers=1).to_arrow().drop_columns("seconds")
+    two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
+    assert one.equals(two)
+    for stop_after in (3, 9):
+        seen = []
+        asrsim.sweep(
+            study, out=tmp_path / "three", workers=1, resume=True,
+            progress=seen.append, stop=lambda seen=seen, n=stop_after: bool(seen) and seen[-1].here >= n,
+        )  # fmt: skip
+    assert asrsim.sweep(study, out=tmp_path / "three", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(one)
+
+
+def test_failures_are_rows_with_their_reason(tmp_path):
+    over = {"parameters.*.spring_a_1": [8.0, -1.0], "initial.joint_1": [0.0, "nonsense"]}
+    table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)
+    assert table.statuses() == {"complete": 1, "failed": 3}
+    assert all(reason for status, reason in zip(table["status"], table["reason"], strict=True) if status == "failed")
+
+
+def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
+    with pytest.raises(InputError):
+        asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
+
+
+def test_signals_are_kept_at_their_rate(tmp_path):
+    study = study_of(
+        {"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_position"], rate=200.0, overrides=["duration=0.2", "engine=mujoco"]
+    )
+    table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
+    kept = table["signal:joint_1.link_position"]
+    assert [len(one) for one in kept] == [41, 41]
+    assert not np.array_equal(kept[0], kept[1])
+
+
+def test_logs_on_request_give_the_same_rows(tmp_path):
+    plain = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}), out=tmp_path / "a", workers=1)
+    logged = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}, logs=True), out=tmp_path / "b", workers=1)
+    assert plain.to_arrow().drop_columns("seconds").equals(logged.to_arrow().drop_columns("seconds"))
+    assert asrsim.open_log(tmp_path / "b" / "logs" / "run_000001" / "log.mcap")
+
+
+# -- faults -------------------------------------------------------------------------------------------------------------
+
+
+def kill_study(samples: int):
+    return make_payload(study_of({"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples))
+
+
+def assert_survives(payload, kills: int, pause: float) -> None:
+    rows, killed, generator = [], 0, random.Random(1)
+    with Workers(payload, count=2) as workers:
+        last = time.monotonic()
+        for some in workers.rows(range(len(payload.study))):
+            rows += some
+            if killed < kills and time.monotonic() - last > pause:
+                os.kill(generator.choice(workers.pids), signal.SIGKILL)
+                killed, last = killed + 1, time.monotonic()
+    assert killed == kills
+    assert sorted(row[0] for row in rows) == list(range(len(payload.study)))
+    runner = Runner(payload)
+    expected = [runner.row(run) for run in range(len(payload.study))]
+    assert without_time(rows) == without_time(expected)
+
+
+def test_killed_workers_are_replaced():
+    assert_survives(kill_study(60), kills=2, pause=0.1)
+
+
+@pytest.mark.slow
+def test_twenty_killed_workers_in_a_study_of_500():
+    assert_survives(kill_study(500), kills=20, pause=0.3)
+
+
+def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
+    payload = kill_study(5)
+    code = (
+        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner.row\n"
+        "r.Runner.row = lambda self, run: os._exit(7) if run == 2 else old(self, run)\n"
+    )
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\nclass F:\n def find_spec(self, name, path=None, target=None):\n  if name == 'asrsim.sweeps.worker':\n"
+        f"   exec({code!r}, {{}})\n   sys.meta_path.remove(self)\nsys.meta_path.insert(0, F())\n"
+    )
+    before = os.environ.get("PYTHONPATH", "")
+    os.environ["PYTHONPATH"] = f"{tmp_path}{os.pathsep}{before}"
+    try:
+        with Workers(payload, count=1) as workers:
+            rows = sorted(row for some in workers.rows(range(5)) for row in some)
+    finally:
+        os.environ["PYTHONPATH"] = before
+    assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
+    status, reason = payload.names.index("status"), payload.names.index("reason")
+    assert [row[status] for row in rows] == ["complete", "complete", "crashed", "complete", "complete"]
+    assert "3 workers died" in rows[2][reason]
+    assert "exit code 7" in rows[2][reason]
+
+
+def test_a_study_that_cannot_be_sent_is_refused():
+    payload = kill_study(2)
+    object.__setattr__(payload.study, "name", lambda: None)
+    with pytest.raises(SimulationError, match="cannot be sent"):
+        Workers(payload, count=1)
+
+
+def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
+    study = study_of({"link_1.mass": [0.3, 0.4]})
+    asrsim.sweep(study, out=tmp_path / "s", workers=1)
+    with pytest.raises(InputError, match="holds rows"):
+        asrsim.sweep(study, out=tmp_path / "s", workers=1)
+    with pytest.raises(InputError, match="varies other things"):
+        asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5]}), out=tmp_path / "s", workers=1, resume=True)
+    assert len(asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5, 0.6]}), out=tmp_path / "s", workers=1, overwrite=True)) == 3
+
+
+def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
+    store = Store(tmp_path, [("run", "int")], 10)
+    store.add([(0,), (1,)])
+    store.write()
+    store.add([(2,)])
+    monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(OutputError, match=r"No space left.*2 rows are kept"):
+        store.write()
+    monkeypatch.undo()
+    assert list(Store(tmp_path, [("run", "int")], 10).missing) == list(range(2, 10))
+
+
+def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
+    columns = [("run", "int"), ("value", "float")]
+    manifest = {"generator": "asrsim test", "digest": "x", "columns": columns, "keys": [], "runs": 1000}
+    store = open_store(tmp_path, columns, 1000, manifest, resume=False, overwrite=False)
+    runs = list(range(1000))
+    random.Random(0).shuffle(runs)
+    for first in range(0, 1000, 90):
+        store.add([(run, run / 7) for run in runs[first : first + 90]])
+        store.write()
+        assert store.add([(runs[first], 0.0)]) == []
+    assert store.finish() is not None
+    table = Table(tmp_path)
+    assert list(table["run"]) == list(range(1000))
+    np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
+    assert not list(tmp_path.glob("part-*"))
