@@ -245,8 +245,7 @@ class Simulation:
         """Back to the start, with the bits of a fresh one; references follow the scenario again.
 
         initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
-        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay as they were chosen. A recording
-        starts anew.
+        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay; a recording starts anew.
         """
         if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
@@ -254,8 +253,7 @@ class Simulation:
         self.substep, self._block, self._inputs.held = 0, None, {}
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
-            # What was kept of the start has other numbers.
-            self._start = None
+            self._start = None  # what was kept of the start has other numbers
         positions = _given(initial, self.joints, self.prepared.initial_positions)
         speeds = _given(velocities, self.joints, self.prepared.initial_velocities)
         self._engine.set_state(positions, speeds)

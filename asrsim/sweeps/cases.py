@@ -15,7 +15,8 @@ from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
 from asrsim.scenario import Scenario, apply_to_robot, checked_robot, load_scenario
 from asrsim.scenario.load import scenario_from_data
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import Plan, plan_keys
 from asrsim.sweeps.laws import Values

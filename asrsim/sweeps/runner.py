@@ -17,7 +17,7 @@ from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.metrics import ExpectationResult
 from asrsim.runs.execute import execute, steps_of, write_summary
 from asrsim.samples import Array, RunInfo, Samples
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run, blame_laws, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
