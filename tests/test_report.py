@@ -15,6 +15,7 @@ from plot_example import made_up_log, simulated_log
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
+from asrsim.engines import default_engine
 from asrsim.errors import InputError
 from asrsim.log import read_log
 from asrsim.quantities import QUANTITIES
@@ -86,7 +87,7 @@ def test_the_page_loads_nothing_from_anywhere(page: Path):
 def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
     text = " ".join(" ".join(parsed(page).words).split())
     for wanted in (
-        "dof2_horizontal", "soft", "stiff", "leapfrog", "bullet", "Numerical error", "spring_a_1", "1/rad", "tag <",
+        "dof2_horizontal", "soft", "stiff", "leapfrog", default_engine(), "Numerical error", "spring_a_1", "1/rad", "tag <",
         "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
     ):  # fmt: skip
         assert wanted in text, wanted
