@@ -136,7 +136,7 @@ def test_readme_shows_what_the_first_command_prints(tmp_path, monkeypatch, capsy
     from asrsim.cli.app import main
 
     def fixed(text: str) -> list[str]:
-        varying = r"in [\d.]+ s \([\d.]+ x real time\)|engine \w+"
+        varying = r"in [\d.]+ s \([\d.]+ x real time\)|(bullet|mujoco), (plain|compiled) loop"
         lines = [re.sub(varying, "-", line).rstrip() for line in text.splitlines()]
         return [line for line in lines if line and not line.startswith("wrote")]
 
