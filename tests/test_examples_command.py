@@ -66,7 +66,8 @@ def test_help_by_h_in_every_command(tmp_path):
 def test_examples_are_copied_whole_and_nothing_of_others_is_replaced(tmp_path):
     out = tmp_path / "examples"
     written = copy_examples(out)
-    assert {path.relative_to(out).parts[0] for path in written} == {"plugins", "recordings", "scenarios", "urdf"}
+    shown = {"plugins", "recordings", "scenarios", "tune_gains.py", "urdf"}
+    assert {path.relative_to(out).parts[0] for path in written} == shown
     copy_examples(out)  # the same files again are no conflict
     mine = out / "urdf" / "plain_arm.urdf"
     mine.write_text("mine", encoding="utf-8")

@@ -69,7 +69,7 @@ def sweep(
 
     Example: asrsim sweep examples/scenarios/step_2dof.yaml --variant soft --over references.joint_1.stiffness_preset=0.2:0.6:20
 
-    Example: asrsim sweep study.yaml --cluster tcp://host:8786
+    On a cluster: asrsim sweep study.yaml --cluster tcp://host:8786
     """
     from asrsim.cli.console import json_errors
 
