@@ -16,6 +16,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
+from asrsim.scenario.claim_keys import AnyData
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
 from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Joint, Study
 
@@ -23,14 +24,8 @@ SAMPLES = 100
 """Draws where a study with distributions names no number."""
 
 
-class AnyValue(Kind[Any]):
+class AnyValue(AnyData):
     """A plain value, its meaning settled later."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
-        return node.plain()
-
-    def schema(self) -> Schema:
-        return {}
 
     @property
     def text(self) -> str:
