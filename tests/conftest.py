@@ -50,6 +50,20 @@ references:
 """
 
 
+@pytest.fixture(autouse=True)
+def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a test registers (plugin files do, in this process) ends with it: no test sees another's actuators."""
+    from asrsim.actuators import ACTUATORS
+    from asrsim.engines import ENGINES
+    from asrsim.metrics import MEASURES
+    from asrsim.reproduce import FIGURES
+    from asrsim.signals import SIGNALS
+    from asrsim.simulation.steppings import STEPPINGS
+
+    for registry in (ACTUATORS, ENGINES, MEASURES, FIGURES, SIGNALS, STEPPINGS):
+        monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
+
+
 @dataclass(frozen=True)
 class Tiny:
     """A folder with a robot and a scenario."""
