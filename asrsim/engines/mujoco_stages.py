@@ -22,7 +22,7 @@ mj_rne = mj_solveM = mj_integratePos = mj_applyFT = _unbound  # noqa: N816
 
 ROUTINES = {
     "mj_kinematics": "mm", "mj_comPos": "mm", "mj_makeM": "mm", "mj_factorM": "mm", "mj_comVel": "mm", "mj_rne": "mmim",
-    "mj_solveM": "mmmmi", "mj_integratePos": "mmmd", "mj_applyFT": "mmmmmim",
+    "mj_solveM": "mmmmi", "mj_fullM": "mmm", "mj_integratePos": "mmmd", "mj_applyFT": "mmmmmim",
 }  # fmt: skip
 """Routines of the library with the kinds of their arguments: m address, i int, d double."""
 

@@ -58,8 +58,14 @@ class World(NamedTuple):
     """(n,) velocity that a held joint takes."""
     columns: Numbers
     """(n, v) velocities that a unit impulse at a joint gives, where `known` is 1."""
+    mass: Numbers
+    """(v, v) kg m^2, where the last of `known` is 1."""
     known: Numbers
+    """(n + 1,)"""
     pick: Numbers
+    loose: Numbers
+    """(v,) integers, and numbers: work space for what no friction holds."""
+    rest: Numbers
     square: Numbers
     """(n, n) work space."""
     push: Numbers
@@ -85,6 +91,7 @@ class World(NamedTuple):
     at_change: int
     at_push: int
     at_columns: int
+    at_mass: int
     at_vectors: int
 
 
@@ -109,12 +116,13 @@ def make_world(
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     arrays: dict[str, Any] = {
-        name: np.zeros(size) for name in ("previous", "velocity", "bias", "lag", "impulse", "change", "push")
+        name: np.zeros(size) for name in ("previous", "velocity", "bias", "lag", "impulse", "change", "push", "rest")
     }
-    arrays |= {"columns": np.zeros((n, size)), "vectors": np.zeros((3, 3))}
+    arrays |= {"columns": np.zeros((n, size)), "mass": np.zeros((size, size)), "vectors": np.zeros((3, 3))}
     addresses = {f"at_{name}": array.ctypes.data for name, array in arrays.items() if f"at_{name}" in World._fields}
     arrays |= {name: np.zeros(n) for name in ("positions", "velocities", "forces", "low", "high", "target")}
-    arrays |= {name: np.zeros(n, dtype=np.int64) for name in ("held", "known", "pick")}
+    arrays |= {name: np.zeros(n, dtype=np.int64) for name in ("held", "pick")}
+    arrays |= {"known": np.zeros(n + 1, dtype=np.int64), "loose": np.zeros(size, dtype=np.int64)}
     return World(
         model=model._address, data=data._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]),
         qpos=data.qpos, qvel=data.qvel, joint_q=at_q, joint_v=at_v, free=int(free),

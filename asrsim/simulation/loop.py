@@ -20,7 +20,7 @@ from asrsim.simulation.damping import make_damping_law, mean_response
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.inputs import Block, input_columns
 from asrsim.simulation.kernels import make_substepped
-from asrsim.simulation.memory import compiled_memory, plain_memory, shape_of
+from asrsim.simulation.memory import compiled_memory, flatten, plain_memory, shape_of
 from asrsim.simulation.rows import joint_row
 from asrsim.simulation.splits import Splits, floats
 from asrsim.simulation.steppings import Stepping
@@ -75,7 +75,8 @@ class Loop:
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         count = len(self.drives)
         self._motor_substeps = [motor_substeps if drive.dynamic_motors and not stepping.released else 1 for drive in drives]
-        self._constants = [d.constants(substep / n) for d, n in zip(drives, self._motor_substeps, strict=True)]
+        self._constants = self._constants_of(self.drives)
+        self._flat = [flatten(constants) for constants in self._constants] if compiled else self._constants
         self._rings = [0 if s is None else 2 * (s.delay + 1) + 3 for s in sensings]
         self._memories = [self._memory(j) for j in range(count)]
         self._damped = _is_damped(drives)
@@ -92,6 +93,9 @@ class Loop:
         self._stretch = self._compile(laws) if compiled else plain_stretch(engine, laws, self.joints)
 
     # -- setting up -------------------------------------------------------------------------------------------------
+
+    def _constants_of(self, drives: Sequence[Drive]) -> list[Any]:
+        return [drive.constants(self.substep / n) for drive, n in zip(drives, self._motor_substeps, strict=True)]
 
     def _memory(self, j: int) -> Memory:
         if not self.compiled:
@@ -152,9 +156,7 @@ class Loop:
         count = len(self.drives)
         rows: list[list[Any]] = []
         for j, (drive, sensing) in enumerate(zip(self.drives, self._sensings, strict=True)):
-            row = joint_row(
-                drive, sensing, self._constants[j], positions[j], velocities[j], self.substep, compiled=self.compiled
-            )
+            row = joint_row(drive, sensing, self._flat[j], positions[j], velocities[j], self.substep, compiled=self.compiled)
             rows.append(row)
         if self.compiled:
             width = max(map(len, rows))
@@ -256,8 +258,10 @@ class Loop:
         """Other numbers for the same kinds of joints; :meth:`reset` puts them to use. False: they need a loop of their own."""
         if _is_damped(drives) != self._damped:
             return False
+        if any(drive.values is not before.values for drive, before in zip(drives, self.drives, strict=True)):
+            self._constants = self._constants_of(drives)
+            self._flat = [flatten(constants) for constants in self._constants] if self.compiled else self._constants
         self.drives = tuple(drives)
-        self._constants = [d.constants(self.substep / n) for d, n in zip(drives, self._motor_substeps, strict=True)]
         self._splits.take_drives(drives)
         return True
 

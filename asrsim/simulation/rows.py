@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.memory import STATE_NUMBERS, flatten
+from asrsim.simulation.memory import STATE_NUMBERS
 from asrsim.simulation.substep import (
     BASE,
     BRAKE,
@@ -30,7 +30,8 @@ from asrsim.simulation.substep import (
 def joint_row(
     drive: Drive, sensing: Sensing | None, constants: Any, position: float, velocity: float, substep: float, *, compiled: bool
 ) -> list[Any]:
-    """The row without its response; position (rad) and velocity (rad/s) of the link at the start, substep in s."""
+    """The row without its response; position (rad) and velocity (rad/s) of the link at the start, substep in s. constants: of
+    the law, as plain Python takes them; compiled: in a row."""
     row: list[Any] = [0.0] * len(PLACES)
     gains, law = drive.derivative_gains, drive.link_damping
     given = {
@@ -46,7 +47,7 @@ def joint_row(
     if compiled:
         state = [float(number) for number in drive.initial_state]
         room = [0.0] * (STATE_NUMBERS - len(state))
-        row[STATE:] = [*state, *room, *flatten(constants), *rings[0], *rings[1]]
+        row[STATE:] = [*state, *room, *constants, *rings[0], *rings[1]]
     else:
         row[STATE:] = [drive.initial_state, constants, *rings]
     return row
