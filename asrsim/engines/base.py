@@ -53,9 +53,8 @@ class EngineKernel:
     world: Any
     """A named tuple of arrays and numbers: the engine's live state."""
     compiled: Mapping[str, Any]
-    """Names that the code of look and move mentions -> what stands for them in compiled code."""
-    load: Callable[[], None]
-    """Makes the symbols that compiled code calls known to the process."""
+    """Names that the code of look and move mentions -> what stands for them in compiled code; symbols are known to the
+    process."""
     version: str
     """Of what is called: part of a kept kernel's name."""
     inline: tuple[str, ...] = ()

@@ -6,7 +6,8 @@ for whole stretches; friction of joints and their stops are exact. With contacts
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,10 @@ from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
-from asrsim.engines.mujoco_library import INLINE, compile_stage, load, plain_stage, say_nothing, symbols
+from asrsim.engines.mujoco_library import compiled_stage, plain_stage, say_nothing
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.errors import Problem
+from asrsim.packed import pack
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import MergedRobot, merge_fixed
@@ -29,10 +31,6 @@ from asrsim.scenario.data import Scenario, for_joint
 
 def _unpack(states: tuple[Array, Array], j: int) -> tuple[float, float]:
     return float(states[0][j]), float(states[1][j])
-
-
-PATIENCE = 300
-"""Steps from Python in a compiled run after which its stages are compiled too; below, compiling would take longer."""
 
 
 class MujocoEngine:
@@ -63,8 +61,9 @@ class MujocoEngine:
         self._wrenches = [places[wrench.link] for wrench in scenario.wrenches]
         self._contacts = MujocoContacts(mujoco, self._m, self._d, scenario.world) if contacts else None
         self._world = self.state = self._make_world(robot)
-        self._patience = -1
-        self._look, self._move = plain_stage(stages.look), plain_stage(stages.move)
+        self._packed = pack(self._world)
+        self.stage: Callable[[int], None] = partial(plain_stage(), self._world)
+        """Runs one of the stages of :mod:`asrsim.engines.mujoco_stages`."""
         positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
         self.prepare(scenario.step, staggered=True)
         self.set_state(positions, [0.0] * len(positions))
@@ -107,10 +106,12 @@ class MujocoEngine:
         points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, self._wrenches, strict=True)]
         arrays: dict[str, Any] = {
             "previous": np.zeros(size), "velocity": np.zeros(size), "bias": np.zeros(size), "impulse": np.zeros(size),
+            "lag": np.zeros(size),
             "change": np.zeros(size), "push": np.zeros(size), "columns": np.zeros((n, size)), "vectors": np.zeros((3, 3)),
         }  # fmt: skip
         addresses = {
-            f"at_{name}": arrays[name].ctypes.data for name in ("bias", "impulse", "change", "push", "columns", "vectors")
+            f"at_{name}": arrays[name].ctypes.data
+            for name in ("bias", "lag", "impulse", "change", "push", "columns", "vectors")
         }
         return stages.World(
             model=m._address, data=d._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]),
@@ -151,7 +152,7 @@ class MujocoEngine:
 
     def states(self) -> tuple[Array, Array]:
         """Positions and velocities of the joints, the engine's own arrays."""
-        self._look(self._world)
+        self.stage(stages.LOOK)
         return self._world.positions, self._world.velocities
 
     unpack = staticmethod(_unpack)
@@ -172,11 +173,6 @@ class MujocoEngine:
         """One step under mean torques."""
         world = self._world
         world.forces[:] = forces
-        if self._patience > 0:
-            self._patience -= 1
-            if not self._patience:
-                self._look = compile_stage(stages.look, world, self.version)
-                self._move = compile_stage(stages.move, world, self.version)
         start = None
         if fraction != 1.0:
             start = world.qvel.copy()
@@ -184,7 +180,7 @@ class MujocoEngine:
         if self._contacts is not None:
             self._contacts.move(world)
         else:
-            self._move(world)
+            self.stage(stages.MOVE)
         world.wrench[:] = 0.0
         if start is not None:
             # The velocity half a step before the start, as if the first kick had been a whole one.
@@ -195,26 +191,37 @@ class MujocoEngine:
         """Turn a floating base."""
         self._mujoco.mju_mat2Quat(self._world.qpos[3:7], np.ascontiguousarray(rotation).ravel())
 
+    def velocity_torques(self) -> Array:
+        """(v,) N m, N: Coriolis and centrifugal torques in the state that the stages saw last."""
+        velocity = self._d.qvel.copy()
+        both = np.zeros((2, self._m.nv))
+        for row, speed in zip(both, (velocity, 0.0), strict=True):
+            self._d.qvel[:] = speed
+            self._mujoco.mj_comVel(self._m, self._d)
+            self._mujoco.mj_rne(self._m, self._d, 0, row)
+        self._d.qvel[:] = velocity
+        difference: Array = both[0] - both[1]
+        return difference
+
     def apply_wrench(self, index: int, values: Sequence[float]) -> None:
         """Force and torque of wrench `index` for the next step."""
         self._world.wrench[index] = values
 
     def accelerate(self) -> None:
-        """Compile what is not compiled with the loop, once it is called often: most runs step seldom from Python."""
-        self._patience = PATIENCE if self._contacts is None else -1
+        """Steps from Python through compiled code, too."""
+        self.stage = partial(compiled_stage(self._world, self.version).call, self._packed.ctypes.data)
 
     def kernel(self) -> EngineKernel | None:
         """The step for compiled loops; with contacts there is none."""
         if self._contacts is not None:
             return None
+        from numba import types
+
+        world, packed = self._world, compiled_stage(self._world, self.version)
+        handle = stages.Handle(self._packed.ctypes.data, world.positions, world.velocities, world.forces, world.wrench)
+        symbol = types.ExternalFunction(packed.symbol, types.void(types.intp, types.intp))
         return EngineKernel(
-            look=stages.look,
-            move=stages.move,
-            world=self._world,
-            compiled=symbols(),
-            load=load,
-            version=self.version,
-            inline=INLINE,
+            look=stages.look_at, move=stages.move_at, world=handle, compiled={"compiled_stage": symbol}, version=self.version
         )
 
     def vary(self, robot: Robot) -> bool:

@@ -6,6 +6,7 @@ symbols for compiled code. Coulomb friction and joint stops are exact: impulses 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
@@ -46,6 +47,9 @@ class World(NamedTuple):
     velocity: Numbers
     """(v,) at the whole step."""
     bias: Numbers
+    """(v,) N m: gravity, Coriolis and centrifugal torques at the whole step's velocity."""
+    lag: Numbers
+    """(v,) N m: those at the lagging velocity, less `bias`."""
     impulse: Numbers
     change: Numbers
     positions: Numbers
@@ -91,6 +95,7 @@ class World(NamedTuple):
     """Addresses of arrays above."""
     at_qvel: int
     at_bias: int
+    at_lag: int
     at_impulse: int
     at_change: int
     at_push: int
@@ -98,30 +103,101 @@ class World(NamedTuple):
     at_vectors: int
 
 
-def look(world: World) -> None:
-    """Positions and velocities of the joints, after what of the model depends on positions alone."""
-    mj_kinematics(world.model, world.data)
-    mj_comPos(world.model, world.data)
-    mj_makeM(world.model, world.data)
-    mj_factorM(world.model, world.data)
+LOOK, MOVE, HOLD, CORRECT = range(4)
+"""What :func:`stage` does.
+
+LOOK: positions and velocities of the joints, after what of the model depends on positions alone. MOVE: a step under the forces.
+The others serve another engine in the state of `positions` and `velocities`, which takes velocity torques at the lagging
+velocity: CORRECT adds to the forces, and as `lag` to those on a free base, what they lack to be of the whole step; HOLD adds
+those of friction and stops, too.
+"""
+
+
+def stage(world: World, number: int) -> None:
+    """One of the above. Each part is called from one place: calls of compiled code are inlined, and the whole is compiled."""
+    if number != MOVE:
+        if number != LOOK:
+            _put_joints(world)
+        mj_kinematics(world.model, world.data)
+        mj_comPos(world.model, world.data)
+        if number != CORRECT:
+            mj_makeM(world.model, world.data)
+            mj_factorM(world.model, world.data)
+        if number == LOOK:
+            _read_joints(world)
+            return
+        mj_comVel(world.model, world.data)
+        mj_rne(world.model, world.data, 0, world.at_lag)
+    kick = _push(world)
+    if number != CORRECT:
+        settle(world, kick)
+    if number == MOVE:
+        _drift(world)
+        return
+    if number == HOLD:
+        _add_held(world, kick)
+    for i in range(len(world.lag)):
+        world.lag[i] -= world.bias[i]
+    for j in range(len(world.joint_v)):
+        world.forces[j] += world.lag[world.joint_v[j]]
+
+
+class Handle(NamedTuple):
+    """What compiled loops know of the world: its address, and the arrays that they read and write."""
+
+    address: int
+    positions: Numbers
+    velocities: Numbers
+    forces: Numbers
+    wrench: Numbers
+
+
+compiled_stage: Callable[[int, int], None] = _unbound
+
+
+def look_at(handle: Handle) -> None:
+    """LOOK from a compiled loop."""
+    compiled_stage(handle.address, LOOK)
+
+
+def move_at(handle: Handle) -> None:
+    """MOVE from a compiled loop."""
+    compiled_stage(handle.address, MOVE)
+
+
+def _put_joints(world: World) -> None:
+    for j in range(len(world.joint_q)):
+        world.qpos[world.joint_q[j]] = world.positions[j]
+        world.qvel[world.joint_v[j]] = world.velocities[j]
+
+
+def _read_joints(world: World) -> None:
     for j in range(len(world.joint_q)):
         world.positions[j] = world.qpos[world.joint_q[j]]
         world.velocities[j] = world.qvel[world.joint_v[j]]
 
 
-def move(world: World) -> None:
-    """A step under the forces."""
-    kick = _push(world)
-    qvel = world.qvel
-    settle(world, kick)
+def _drift(world: World) -> None:
+    qvel, step = world.qvel, world.scheme[STEP]
     for i in range(len(qvel)):
         qvel[i] += world.change[i]
-    step = world.scheme[STEP]
     if world.free:
         mj_integratePos(world.model, world.at_qpos, world.at_qvel, step)
     else:
         for i in range(len(qvel)):
             world.qpos[i] += step * qvel[i]
+
+
+def _add_held(world: World, kick: float) -> None:
+    """Mean torques of friction and stops."""
+    count = 0
+    for j in range(len(world.friction)):
+        if world.high[j] > world.low[j]:
+            if world.held[j] == 0:
+                world.forces[j] += world.push[count] / kick
+                count += 1
+            else:
+                world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
 
 
 def _push(world: World) -> float:
@@ -145,27 +221,6 @@ def _push(world: World) -> float:
     if len(world.wrench):
         _add_wrenches(world, world.scheme[STEP])
     return kick
-
-
-def hold(world: World) -> None:
-    """Adds to the forces those of friction and stops, for another engine that is in the world's state.
-
-    Velocity torques are those of the whole step, as in `move`.
-    """
-    mj_kinematics(world.model, world.data)
-    mj_comPos(world.model, world.data)
-    mj_makeM(world.model, world.data)
-    mj_factorM(world.model, world.data)
-    kick = _push(world)
-    settle(world, kick)
-    count = 0
-    for j in range(len(world.friction)):
-        if world.high[j] > world.low[j]:
-            if world.held[j] == 0:
-                world.forces[j] += world.push[count] / kick
-                count += 1
-            else:
-                world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
 
 
 def _add_wrenches(world: World, kick: float) -> None:

@@ -130,7 +130,6 @@ class Loop:
         try:
             kernel = self.engine.kernel()
             if kernel is not None:
-                kernel.load()
                 names = {
                     "laws": laws,
                     "borrow": compiling.borrow(),
