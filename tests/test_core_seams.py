@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_core_truth import INERTIA, MASS, REACH
+from test_core_truth import INERTIA, INSTALLED, MASS, REACH
 
 from asrsim.errors import AsrsimError
 from asrsim.scenario.data import Effects, Scenario, Wrench
@@ -160,3 +160,56 @@ def test_the_bench_s_link_controller_brakes() -> None:
 def test_a_substep_has_an_odd_number_of_motor_steps(asked: int, taken: int) -> None:
     """One of them stands for the substep's own time."""
     assert prepared(motor_substeps=asked).resolution.motor_substeps == taken
+
+
+def test_a_motor_at_its_stop_carries_what_it_can_from_the_start() -> None:
+    """A start at equilibrium with a reference beyond the motor's stop: the link rests on the spring of the stopped motor."""
+    result = run(
+        chain(BODY), mode=6, duration=0.1, initial_equilibrium=True, references={"equilibrium_position": 0.4},
+        parameters={"spring_stiffness": 20.0, "motor_1_max_position": 0.05, "motor_1_min_position": -1.0},
+    )  # fmt: skip
+    q = column(result, "link_position")
+    np.testing.assert_allclose(column(result, "motor_1_position"), 0.05, atol=1e-12)
+    assert np.ptp(q) < 1e-9
+    assert 20.0 * (0.05 - q[0]) == pytest.approx(MASS * 9.81 * REACH * np.sin(q[0]), rel=1e-6)
+
+
+def test_what_is_observed_is_what_is_logged() -> None:
+    given = prepared(references={"*": {"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)}}, substeps=1)
+    with Simulation(given, record=True, compiled=False) as simulation:
+        simulation.advance(40)
+        seen = simulation.observe()
+    result = run(
+        chain(BODY), mode=6, duration=0.05, substeps=1, motor_substeps=given.resolution.motor_substeps,
+        references={"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)},
+    )  # fmt: skip
+    for name in ("link_position", "motor_1_position"):
+        assert getattr(seen, name)[0] == pytest.approx(column(result, name)[40], rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "mode"), [("deflection", 3), ("effort", 3), ("saturation", 6)])
+def test_limits_are_counted_on_both_sides(name: str, mode: int) -> None:
+    found = []
+    limits = '<limit lower="-3" upper="3" effort="1" velocity="100"/>'
+    for goal in (0.8, -0.8):
+        result = run(
+            chain(replace(BODY, inertia=1e-3, limits=limits)), mode=mode, duration=0.1, gravity=0.0, compiled=False,
+            references={"equilibrium_position": Step(at=0.01, after=goal)},
+            parameters={"max_deflection": 0.1, "motor_1_max_torque": 3.0, "spring_stiffness": 80.0},
+        )  # fmt: skip
+        found.append(int(getattr(result.counts, name)[0]))
+    assert found[0] == found[1] > 10
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
+    given = prepared(engine=engine, modes={"*": 3}, substeps=1)
+    inertia = INERTIA + MASS * REACH**2
+    found = []
+    with Simulation(given, compiled=False) as simulation:
+        for q, v in ((0.0, 0.0), (0.0, 3.0), (1.0, 0.0), (1.0, -2.0)):
+            simulation.reset({"joint_1": q}, velocities={"joint_1": v})
+            found.append(simulation._engine.mechanical_energy())
+    height = MASS * 9.81 * REACH * (1.0 - np.cos(1.0))
+    wanted = [0.0, 4.5 * inertia, height, height + 2.0 * inertia]
+    np.testing.assert_allclose(np.array(found) - found[0], wanted, atol=1e-12)

@@ -290,6 +290,13 @@ def test_an_output_that_does_not_move_is_said() -> None:
     assert frequency_response(TIME, u, np.zeros_like(u)).moves is False
 
 
+@pytest.mark.parametrize(("share", "moves"), [(1e-6, True), (1e-8, False)])
+def test_an_output_that_moves_by_millionths_of_its_offset_moves(share: float, moves: bool) -> None:
+    u = excitation("chirp")
+    y = simulate(u)
+    assert frequency_response(TIME, u, 0.3 + 0.3 * share / np.ptp(y) * y).moves is moves
+
+
 @pytest.mark.parametrize(("newtons", "metres"), [(549e3, 1.0), (1.0, 1 / 549e3), (1e-9, 1e-6)])
 def test_input_and_output_are_judged_in_units_of_their_own(newtons: float, metres: float) -> None:
     """A spring of 549 kN/m moves by micrometres, which is a ten millionth of its force and still a motion."""
