@@ -19,6 +19,8 @@ Array = np.ndarray
 INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 ROUNDING = 1e-9
 """rad (m): below it no order can be measured."""
+CHANCE = 0.01
+"""Share of a run's error below which a part of it (links, motors, base) may have come out small by chance."""
 
 
 def errors(run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False) -> Array:
@@ -61,7 +63,8 @@ def check(run: RandomRun, folder: Path, engines: list[str], *, compiled: bool = 
         found = errors(run, folder, engine, truth, compiled=compiled)
         assert found[0].max() < 5e-5 * speed, (engine, found)
         for coarse, fine in zip(found[0], found[2], strict=True):
-            assert coarse < ROUNDING or np.log2(coarse / max(fine, 1e-16)) / 2.0 > order, (engine, found)
+            small = coarse < ROUNDING or (coarse < CHANCE * found[0].max() and fine < coarse)
+            assert small or np.log2(coarse / max(fine, 1e-16)) / 2.0 > order, (engine, found)
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(2, True), (7, True), (0, False), (3, False)])
