@@ -118,18 +118,6 @@ def type_of(value: Any) -> Any:
     return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
 
 
-def fixed_tuple(count: int, place: int) -> Any:
-    """A function that compiled code may call: the numbers at `place` of the first `count` rows, as a tuple."""
-    import numba.np.unsafe.ndarray as arrays
-
-    to_fixed_tuple: Any = arrays.to_fixed_tuple
-
-    def as_tuple(rows: Any) -> Any:
-        return to_fixed_tuple(rows[:count, place], count)
-
-    return as_tuple
-
-
 def tuple_reader(start: int, count: int) -> Any:
     """A function that compiled code may call: `count` numbers of a row from `start` on, as a tuple."""
     import numba.np.unsafe.ndarray as arrays

@@ -85,7 +85,7 @@ def test_motors_that_are_too_weak_are_told_from_springs(tmp_path):
     }
     scenario = scenario_of(robot, **keys)
     applied = apply_to_robot(scenario, checked_robot(scenario)[0])
-    problems = holding_findings(scenario, applied)
+    problems = holding_findings(scenario, applied, propose=True)
     assert problems
     assert all("motors are too weak" in problem.message for problem in problems)
     assert all("motor_1_max_torque" in values for values in judged(scenario).proposal.values())

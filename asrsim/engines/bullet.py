@@ -176,6 +176,10 @@ class BulletEngine:
             return
         if self._companion is not None:
             forces = self._companion.forces(self._seen or self.states(), forces)
+        self._advance(forces)
+
+    def _advance(self, forces: Sequence[float]) -> None:
+        """One step under torques that the companion has completed."""
         self._apply(forces=forces)
         self._simulate()
         self._seen = None
@@ -221,8 +225,8 @@ class BulletEngine:
         p.applyExternalTorque(body, number, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
 
     def kernel(self) -> EngineKernel | None:
-        """None: every step goes through PyBullet's Python functions."""
-        return None
+        """What completes the torques; steps go through PyBullet's Python functions."""
+        return None if self._companion is None else self._companion.kernel(self._advance)
 
     def vary(self, robot: Robot) -> bool:
         """False but for damping and motors, which are not the engine's: changed bodies would differ from loaded ones."""

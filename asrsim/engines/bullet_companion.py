@@ -7,13 +7,14 @@ velocity torques their whole impulse in a kick that is a part of one. The torque
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asrsim.engines import mujoco_stages as stages
+from asrsim.engines.base import EngineKernel
 from asrsim.engines.mujoco import MujocoEngine
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario, World
@@ -44,6 +45,12 @@ class Companion:
         """Through Numba."""
         self._mujoco.accelerate()
 
+    def kernel(self, advance: Callable[[Sequence[float]], None]) -> EngineKernel | None:
+        """The same in a compiled loop; a free base has to be asked and pushed from Python. advance: Bullet's step."""
+        if self._world.free:
+            return None
+        return self._mujoco.kernel_of(stages.hold_at if self._exact else stages.correct_at, advance=advance)
+
     def prepare(self, step: float, *, staggered: bool) -> None:
         """The step in s."""
         self._mujoco.prepare(step, staggered=staggered)
@@ -51,7 +58,6 @@ class Companion:
     def reset(self) -> None:
         """A new start."""
         self._world.held[:] = 0
-        self._fresh = True
 
     def forces(self, states: Sequence[Any], forces: Sequence[float]) -> list[float]:
         """`forces` with what Bullet lacks, mean torques in N m; what acts on a free base is applied. states: positions and
@@ -62,13 +68,7 @@ class Companion:
         world.forces[:] = forces
         if world.free:
             self._take_base()
-        if self._fresh:
-            world.qvel[world.joint_v] = world.velocities
-            world.previous[:] = world.qvel
-            self._fresh = False
         self._mujoco.stage(self._task)
-        if len(world.wrench):
-            world.wrench[:] = 0.0
         if world.free:
             self._engine.push_base(world.lag[:3], self._rotation @ world.lag[3:6])
         return world.forces.tolist()  # type: ignore[no-any-return]
@@ -109,8 +109,8 @@ class Companion:
 
     def snapshot(self) -> Any:
         """State."""
-        return self._world.previous.copy(), self._world.held.copy(), self._fresh
+        return self._world.previous.copy(), self._world.held.copy()
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
-        self._world.previous[:], self._world.held[:], self._fresh = state
+        self._world.previous[:], self._world.held[:] = state

@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim.compiling import PackedFunction, compile_packed, type_of
 from asrsim.engines import mujoco_stages as stages
+from asrsim.engines.mujoco_world import World
 from asrsim.rebind import rebind
 
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
@@ -42,7 +43,7 @@ def plain_stage() -> Any:
     return rebind(stages.stage, names={name: getattr(_library(), name) for name in stages.ROUTINES})
 
 
-def compiled_stage(world: stages.World, version: str) -> PackedFunction:
+def compiled_stage(world: World, version: str) -> PackedFunction:
     """:func:`asrsim.engines.mujoco_stages.stage` through Numba: the same code for all robots."""
     return _compiled_stage(type_of(world), version)
 

@@ -9,14 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numpy.typing import NDArray
-
 from asrsim.engines.exact_friction import settle
-
-STEP, NOW, BEFORE, FRACTION = range(4)
-"""Places in `World.scheme`: s; weights of the last two velocities in that of the whole step; part of the kick."""
-
-Numbers = NDArray[Any]
+from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP, Numbers, World
 
 
 def _unbound(*arguments: Any) -> None:
@@ -31,76 +25,6 @@ ROUTINES = {
     "mj_solveM": "mmmmi", "mj_integratePos": "mmmd", "mj_applyFT": "mmmmmim",
 }  # fmt: skip
 """Routines of the library with the kinds of their arguments: m address, i int, d double."""
-
-
-class World(NamedTuple):
-    """The engine's live state; arrays are views of MuJoCo's own, or work space. n joints, v degrees of freedom."""
-
-    model: int
-    data: int
-    scheme: Numbers
-    """(4,): see STEP, NOW, BEFORE, FRACTION."""
-    qpos: Numbers
-    qvel: Numbers
-    previous: Numbers
-    """(v,) velocities before the last kick."""
-    velocity: Numbers
-    """(v,) at the whole step."""
-    bias: Numbers
-    """(v,) N m: gravity, Coriolis and centrifugal torques at the whole step's velocity."""
-    lag: Numbers
-    """(v,) N m: those at the lagging velocity, less `bias`."""
-    impulse: Numbers
-    change: Numbers
-    positions: Numbers
-    """(n,) of the joints: rad, rad/s, and the mean torques (N m) of the next move."""
-    velocities: Numbers
-    forces: Numbers
-    joint_q: Numbers
-    """(n,) places of the joints in qpos, and in qvel:"""
-    joint_v: Numbers
-    free: int
-    """1 if the base floats."""
-    friction: Numbers
-    """(n,) N m, Coulomb."""
-    lower: Numbers
-    upper: Numbers
-    held: Numbers
-    """(n,) integers: 0 sticking, 1 and -1 sliding under the upper and the lower bound of the impulse."""
-    low: Numbers
-    high: Numbers
-    target: Numbers
-    """(n,) velocity that a held joint takes."""
-    columns: Numbers
-    """(n, v) velocities that a unit impulse at a joint gives, where `known` is 1."""
-    known: Numbers
-    pick: Numbers
-    square: Numbers
-    """(n, n) work space."""
-    push: Numbers
-    xpos: Numbers
-    xmat: Numbers
-    wrench: Numbers
-    """(w, 6) N, N m: the next step's."""
-    wrench_body: Numbers
-    wrench_point: Numbers
-    """(w, 3) m, in the body's frame."""
-    wrench_turn: Numbers
-    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
-    wrench_local: Numbers
-    """(w,) 1 where the wrench is given in the link's frame."""
-    vectors: Numbers
-    """(3, 3) work space: force, torque, point."""
-    at_qpos: int
-    """Addresses of arrays above."""
-    at_qvel: int
-    at_bias: int
-    at_lag: int
-    at_impulse: int
-    at_change: int
-    at_push: int
-    at_columns: int
-    at_vectors: int
 
 
 LOOK, MOVE, HOLD, CORRECT = range(4)
@@ -153,6 +77,16 @@ class Handle(NamedTuple):
 
 
 compiled_stage: Callable[[int, int], None] = _unbound
+
+
+def correct_at(handle: Handle) -> None:
+    """CORRECT from a compiled loop."""
+    compiled_stage(handle.address, CORRECT)
+
+
+def hold_at(handle: Handle) -> None:
+    """HOLD from a compiled loop."""
+    compiled_stage(handle.address, HOLD)
 
 
 def look_at(handle: Handle) -> None:
@@ -247,5 +181,7 @@ def _add_wrenches(world: World, kick: float) -> None:
                     world.vectors[kind, row] = world.wrench[index, 3 * kind + row]
         at = world.at_vectors
         mj_applyFT(world.model, world.data, at, at + 24, at + 48, int(body), world.at_push)
+        for i in range(6):
+            world.wrench[index, i] = 0.0
     for i in range(len(world.qvel)):
         world.impulse[i] += kick * world.push[i]

@@ -24,11 +24,10 @@ from asrsim.simulation.memory import compiled_memory, plain_memory, shape_of
 from asrsim.simulation.rows import joint_row
 from asrsim.simulation.splits import Splits, floats
 from asrsim.simulation.steppings import Stepping
-from asrsim.simulation.stretches import UNDEFINED, NoValueError, plain_stretch, stepped_stretch, whole_stretch
+from asrsim.simulation.stretches import UNDEFINED, NoValueError, no_kernel, plain_stretch, stepped_stretch, whole_stretch
 from asrsim.simulation.substep import (
     BRAKE,
     DAMPING,
-    FORCE,
     LAST_FORCE,
     PREVIOUS,
     RAW,
@@ -125,34 +124,27 @@ class Loop:
     def _compile(self, laws: Step) -> Any:
         """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot
         be."""
-        count = len(self.drives)
+        count, engine = len(self.drives), self.engine
         inputs, rows = np.zeros((1, count, input_columns(self._sensings))), np.zeros((1, count, len(RAW)))
         try:
-            kernel = self.engine.kernel()
-            if kernel is not None:
-                names = {
-                    "laws": laws,
-                    "borrow": compiling.borrow(),
-                    "look": kernel.look,
-                    "move": kernel.move,
-                    **kernel.compiled,
-                }
+            kernel = engine.kernel() or no_kernel(engine)
+            names = {"laws": laws, "borrow": compiling.borrow(), "move": kernel.move, **kernel.compiled}
+            how: dict[str, Any] = {"version": kernel.version, "inline": kernel.inline}
+            engine.accelerate()
+            if kernel.look is not None:
                 wrenches = np.zeros((1, *kernel.world.wrench.shape))
                 arguments: tuple[Any, ...] = (0, 1, self.joints, inputs, rows, wrenches, kernel.world)
-                whole = compiling.compile_function(
-                    stretch.stretch, arguments, names=names, version=kernel.version, inline=kernel.inline
-                )
-                self.engine.accelerate()
+                names["look"] = kernel.look
+                whole = compiling.compile_function(stretch.stretch, arguments, names=names, **how)
                 return whole_stretch(kernel, whole, self.joints)
-            names = {"laws": laws, "borrow": compiling.borrow(), "as_tuple": compiling.fixed_tuple(count, FORCE)}
-            arguments = (0, self.engine.states_type(), self.joints, inputs, rows)
-            one = compiling.compile_function(stretch.substep, arguments, names=names)
-            self.engine.accelerate()
+            names |= {"unpack": engine.unpack, "as_tuple": compiling.tuple_reader(0, count)}
+            arguments = (0, engine.states_type(), self.joints, inputs, rows, kernel.world)
+            one = compiling.compile_function(stretch.substep, arguments, names=names, **how)
         except Exception as error:
             # A law may be any Python, and Numba may fail on it in any way.
             first = (str(error).strip().splitlines() or [type(error).__name__])[0]
             raise SimulationError(f"the joints cannot be compiled: {first}") from error
-        return stepped_stretch(self.engine, one, self.joints)
+        return stepped_stretch(engine, kernel, one, self.joints)
 
     def reset(self) -> None:
         """Joints as at the start of a run; the engine is somebody else's to put there."""
