@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from test_core_truth import INERTIA, INSTALLED, MASS, REACH
 
+from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import AsrsimError
 from asrsim.scenario.data import Effects, Scenario, Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
@@ -213,3 +215,14 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
     height = MASS * 9.81 * REACH * (1.0 - np.cos(1.0))
     wanted = [0.0, 4.5 * inertia, height, height + 2.0 * inertia]
     np.testing.assert_allclose(np.array(found) - found[0], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ACTUATORS.names())
+def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
+    law = ACTUATORS.get(name)
+    bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
+    values = tuple(parameter.default for parameter in law.parameters)
+    q = np.array([-0.1, 0.0, 0.05])
+    second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
+    pair = (q, np.array([0.1, 0.05, -0.1]), second)
+    np.testing.assert_allclose(energy_over_arrays(bare)(*pair, values), energy_over_arrays(law)(*pair, values), rtol=1e-6)
