@@ -145,6 +145,16 @@ def test_masses_stiffnesses_and_delay_are_identified_from_a_trial(seed, tmp_path
     assert np.abs(plant.reference - robot.outputs(again)).max() < 0.1 * before
 
 
+def test_identification_goes_on_while_it_helps(tmp_path):
+    """From a trial without noise the model is found, not only come closer to."""
+    plant = make_plant(random_arm(6).make(tmp_path))
+    robot = perturbed(plant, {"mass.joint_1": 0.2, "mass.joint_2": -0.2, "delay": 0.02})
+    with learning_model(plant) as model:
+        guess = model.inverse(plant.reference).inputs_at(plant.time)
+    found = identify(plant, replace(trial(0, 1.0), inputs=guess, outputs=robot.outputs(guess)))
+    assert found.residual < 0.02 * found.before
+
+
 def record(path, plant, robot, inputs, generator, late=0.0):
     """What a lab would record of the robot at 200 Hz, with 1 mrad of noise; late: s that it began before the motion."""
     outputs = robot.outputs(inputs)
