@@ -115,8 +115,15 @@ def test_errors_beyond_the_learnable_band_do_not_shrink():
     linear = linear_at(sea(), damping=0.005)
     band = learnable(linear, (0.5,))
     assert 0.0 < band < 20.0
-    assert factors(linear, (0.5,), np.array([0.98 * band])) < 1.0
-    assert factors(linear, (0.5,), np.array([1.1 * band])) >= 1.0
+    above = FREQUENCIES[np.flatnonzero(band < FREQUENCIES)[0]]
+    assert np.all(factors(linear, (0.5,), FREQUENCIES[band >= FREQUENCIES]) < 1.0)
+    assert factors(linear, (0.5,), np.array([above])) >= 1.0
+
+
+@pytest.mark.parametrize("motor", [0.81, 3.0, -3.0])
+def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
+    """At the limit it has no slope, and nothing could be learned from there."""
+    assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("damping", [0.0005, 0.005, 0.05])

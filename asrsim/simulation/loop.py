@@ -77,7 +77,7 @@ class Loop:
         self._motor_substeps = [motor_substeps if drive.dynamic_motors and not stepping.released else 1 for drive in drives]
         self._constants = self._constants_of(self.drives)
         self._flat = [flatten(constants) for constants in self._constants] if compiled else self._constants
-        self._rings = [0 if s is None else 2 * (s.delay + 1) + 3 for s in sensings]
+        self._rings = [0 if s is None else 2 * (s.delay + 2) + 3 for s in sensings]
         self._memories = [self._memory(j) for j in range(count)]
         self._damped = _is_damped(drives)
         self._coupled: bool | None = None

@@ -59,4 +59,4 @@ def _ring(drive: Drive, sensing: Sensing | None, i: int, position: float, veloci
         return []
     state = drive.initial_state
     x, v = (position, velocity) if sensing.on_link or len(state) < 4 * i + 4 else state[4 * i : 4 * i + 2]
-    return [x, v] * (sensing.delay + 1) + [0.0, x, v]
+    return [x, v] * (sensing.delay + 2) + [0.0, x, v]
