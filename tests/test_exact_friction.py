@@ -22,7 +22,8 @@ def chain(folder: Path, random: np.random.Generator) -> Path:
     for i in range(JOINTS):
         axis = " ".join(f"{x:.12g}" for x in random.normal(size=3))
         parts.append(f"""<link name="l{i + 1}"><inertial><origin xyz="0.02 0.01 {random.uniform(0.05, 0.2):.6g}"/>
-<mass value="{random.uniform(0.1, 1):.6g}"/><inertia ixx="2e-3" iyy="3e-3" izz="4e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<mass value="{random.uniform(0.1, 1):.6g}"/>
+<inertia ixx="2e-3" iyy="3e-3" izz="4e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="j{i}" type="revolute"><origin xyz="0 0 0.2"/><parent link="l{i}"/><child link="l{i + 1}"/><axis xyz="{axis}"/>
 <limit lower="-9" upper="9" effort="99" velocity="99"/><dynamics friction="{random.uniform(0, 3):.6g}"/></joint>""")
     path = folder / "chain.urdf"
