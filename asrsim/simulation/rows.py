@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.simulation.drives import Drive
+from asrsim.simulation.kernels import MOTOR_STATE
 from asrsim.simulation.memory import STATE_NUMBERS
 from asrsim.simulation.substep import (
     BASE,
@@ -58,5 +59,5 @@ def _ring(drive: Drive, sensing: Sensing | None, i: int, position: float, veloci
     if sensing is None:
         return []
     state = drive.initial_state
-    x, v = (position, velocity) if sensing.on_link or len(state) < 4 * i + 4 else state[4 * i : 4 * i + 2]
+    x, v = (position, velocity) if sensing.on_link or len(state) < MOTOR_STATE * (i + 1) else state[MOTOR_STATE * i :][:2]
     return [x, v] * (sensing.delay + 2) + [0.0, x, v]

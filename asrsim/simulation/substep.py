@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import floor
 from typing import Any
 
-from asrsim.simulation.kernels import RECORD, Advance
+from asrsim.simulation.kernels import MOTOR_STATE, RECORD, Advance
 
 PLACES = (
     "previous", "speed", "torque", "last_force", "force", "drag", "effort", "fastest", "damping", "brake", "spring", "rest",
@@ -157,8 +157,8 @@ def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
             ring = ring_of(joint, i)
             x, lagging = q, v
             if not on_link:
-                lagging = state[4 * i + 1]
-                x = state[4 * i] + joint[LAG] * lagging
+                lagging = state[MOTOR_STATE * i + 1]
+                x = state[MOTOR_STATE * i] + joint[LAG] * lagging
             # The ring's last three numbers: the place of the present, position and velocity that are held.
             place = int(ring[2 * size])
             speed = now * lagging + before * ring[2 * ((place + size - 1) % size) + 1]
