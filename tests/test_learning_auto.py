@@ -7,19 +7,22 @@ import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from random_arms import differing_draw, random_arm
 
+from asrsim.actuators import QbMove
 from asrsim.errors import InputError, ScenarioError
-from asrsim.kinematics import plan_references
+from asrsim.kinematics import JointDrive, plan_references
+from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.kinematics.inverse import Losses
 from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
 from asrsim.learning.hardware import next_input
 from asrsim.learning.identify import identify
-from asrsim.learning.optimal import stalled_at, standing
+from asrsim.learning.optimal import NormOptimal, stalled_at, standing
 from asrsim.learning.perturb import perturbed
 from asrsim.learning.plant import make_plant, trajectories
 from asrsim.learning.prepared import prepare_learning, turning
@@ -93,6 +96,23 @@ def test_a_desired_motion_beyond_a_stop_is_out_of_reach(tmp_path):
 def test_losses_are_those_of_the_joint(tmp_path):
     robot = make_plant(random_arm(5).make(tmp_path)).robot
     assert Losses.of(robot, "joint_1").damping == robot.joint("joint_1").damping
+    limited = replace(robot.joint("joint_1"), lower=-0.5, upper=0.7, effort=3.0)
+    for kind, stops in (("revolute", (-0.5, 0.7)), ("continuous", (-np.inf, np.inf))):
+        joints = tuple(replace(limited, kind=kind) if joint.name == "joint_1" else joint for joint in robot.joints)
+        found = Losses.of(replace(robot, joints=joints), "joint_1")
+        assert (found.lower, found.upper, found.effort) == (*stops, 3.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_springs_can_hold_is_told_for_both_directions(side):
+    """Two unequal springs: k sinh(a d) with both deflected to their limit."""
+    spring = (6.0, 0.02, 4.0, 0.05, 0.5)
+    drive = JointDrive(joint="one", actuator=QbMove, mode=3, spring=spring)
+    time, still = np.linspace(0.0, 1.0, 101), np.zeros(101)
+    found = drive_backwards(drive, time, still, still, still + 0.05 * side, still + 0.1)
+    most = side * (0.02 * np.sinh(3.0) + 0.05 * np.sinh(2.0))
+    np.testing.assert_allclose(found.holdable, most, rtol=1e-6)
+    np.testing.assert_allclose(sum(QbMove.elastic_torques(0.0, *found.motors[50], spring)), 0.05 * side, rtol=1e-6)
 
 
 def trial(number, total):
@@ -116,6 +136,15 @@ def test_a_worse_trial_goes_back_to_the_best_with_ten_times_the_weight():
     assert rho == pytest.approx(1.0 / 3.0)
     assert stalled_at([trial(0, 1.0), trial(1, 2.0), trial(2, 1.5)]) == 2
     assert standing([trial(0, 1.0), trial(1, float("nan"))])[0].number == 0
+
+
+@pytest.mark.parametrize("patience", [2, 3])
+def test_another_model_gets_as_much_patience_as_the_first(patience):
+    """Learning stalls at trial 2 and is thought over; it ends when so many trials after that brought nothing."""
+    law = NormOptimal(problem=SimpleNamespace(reference=np.ones((2, 1)), joints=("one",), step=1.0), lifted=None, rethink=dict)
+    trials = [trial(0, 1.0), *(trial(number, 2.0) for number in range(1, 9))]
+    ended = [count for count in range(1, 10) if law.verdict(trials[:count], patience) is not None]
+    assert ended[0] == 2 + 1 + patience + 1
 
 
 def test_what_was_learned_does_not_jump_at_the_end(tmp_path):
