@@ -13,6 +13,7 @@ from asrsim.errors import Problem
 from asrsim.kinematics.holding import Holding, holdings
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.scenario.check import made_elsewhere
+from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
@@ -46,13 +47,16 @@ class Sizing:
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
 
-    Nothing is said of floating bases, of modes without spring, of references that are torques or that a task or learning
-    makes, which see to it themselves.
+    Nothing is said of floating bases, of modes without spring, of references that are torques, that a task or learning
+    makes, or beside which a `desired` motion of the link stands: they see to it themselves.
     """
     blocks = [
         block
         for block in robot.actuators
-        if MODES[block.mode].spring and block.mode != 4 and not made_elsewhere(scenario, block.joint)
+        if MODES[block.mode].spring
+        and block.mode != 4
+        and not made_elsewhere(scenario, block.joint)
+        and for_joint(scenario.desired, block.joint) is None
     ]
     if not scenario.fixed_base or not any(scenario.gravity) or not blocks:
         return Sizing(joints=())
