@@ -19,6 +19,7 @@ from asrsim.scenario.joint_keys import (
     MODE,
     MOTION,
     PARAMETERS,
+    RANGES_BY_JOINT,
     Effects,
     GivenActuator,
     JointReferences,
@@ -190,6 +191,13 @@ class Scenario:
         unit="rad",
         shown="the reference",
         doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
+    )
+    reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
+        RANGES_BY_JOINT,
+        default={},
+        doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
+        "library): beyond, they are clamped; substeps are chosen for them",
+        shown="live: the robot's limits",
     )
     external_torques: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"

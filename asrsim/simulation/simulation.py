@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any
 
 from asrsim.errors import InputError, Problem, SimulationError
-from asrsim.samples import RunInfo
+from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.choice import pays
@@ -55,11 +55,13 @@ class Simulation:
         record: bool = False,
         compiled: bool | None = None,
         expected_substeps: int | None = None,
+        duration: float | None = None,
+        chunk: int | None = None,
     ) -> None:
         """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
         take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether the loop is
-        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
-        """
+        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many. duration: s that
+        are recorded, instead of the scenario's; chunk: substeps, at most, between samples handed on."""
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
         self.prepared, self.scenario = scenario, scenario.scenario
@@ -67,24 +69,26 @@ class Simulation:
         """Of a step."""
         self._engine = scenario.make_engine()
         try:
-            self._begin(sinks, record, compiled, expected_substeps)
+            self._begin(sinks, record, compiled, expected_substeps, duration, chunk)
         except BaseException:
             self._engine.close()
             raise
 
-    def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: int | None) -> None:
+    def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: Any, duration: Any, chunk: Any) -> None:
         prepared, scenario, engine = self.prepared, self.scenario, self._engine
         substep, staggered = prepared.substep, prepared.stepping.staggered
         engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
-        self.last = round(scenario.duration / scenario.step) * self.substeps
+        self.last = round((duration or scenario.duration) / scenario.step) * self.substeps
         """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
         self._loop = self._make_loop(compiled, expected)
-        self._chunk = max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
+        self._chunk = chunk or max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
+        self.row: Array | None = None
+        """Raw record (joints, columns) of the last substep, as :data:`asrsim.simulation.substep.RAW`."""
         self._block: Block | None = None
         self._first: Block | None = None
         self.substep = 0
@@ -141,9 +145,7 @@ class Simulation:
             block = self._block
             if block is None or self.substep >= block.first + len(block):
                 block = self._block = self._next_block()
-            start = self.substep - block.first
-            stop = min(end - block.first, len(block))
-            self._run(block, start, stop)
+            self._run(block, self.substep - block.first, min(end - block.first, len(block)))
             if self.substep == block.first + len(block):
                 self.flush()
 
@@ -178,6 +180,7 @@ class Simulation:
         row = not_finite(raw)
         if row is None:
             self.recording.take(block, start, raw)
+            self.row = raw[-1]
             self.substep += stop - start
             return
         self.recording.take(block, start, raw[: max(row, 1)])
@@ -193,7 +196,7 @@ class Simulation:
     # -- from outside -----------------------------------------------------------------------------------------------
 
     def set_reference(self, joint: str, reference: str, value: float | None) -> float | None:
-        """Hold a reference (by its mode's name) at `value` from the next step on, or None: follow the scenario again.
+        """Hold a reference (by its mode's name), or `external_torque`, at `value` from now on, or None: follow the scenario.
 
         Returns what is held: values beyond the declared range are clamped to it. Raises InputError for unknown names and
         values that are not finite.
@@ -254,8 +257,8 @@ class Simulation:
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
             self._start = None  # what was kept of the start has other numbers
-        positions = _given(initial, self.joints, self.prepared.initial_positions)
-        speeds = _given(velocities, self.joints, self.prepared.initial_velocities)
+        starts = (initial, self.prepared.initial_positions), (velocities, self.prepared.initial_velocities)
+        positions, speeds = ([float((a or {}).get(n, b)) for n, b in zip(self.joints, rest, strict=True)] for a, rest in starts)
         self._engine.set_state(positions, speeds)
         self.recording.renew()
         if initial:
@@ -284,7 +287,3 @@ class Simulation:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def _given(values: Mapping[str, float] | None, joints: Sequence[str], others: Sequence[float]) -> list[float]:
-    return [float((values or {}).get(name, other)) for name, other in zip(joints, others, strict=True)]
