@@ -27,7 +27,7 @@ from asrsim.scenario.joint_keys import (
     References,
     Start,
 )
-from asrsim.scenario.kinds import ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
+from asrsim.scenario.kinds import NOT_NEGATIVE, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
 from asrsim.scenario.learning_keys import LEARNING
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
@@ -132,6 +132,9 @@ class Scenario:
         key="log",
         default="full",
         doc="full: the toolbox's topics; compact: one message a joint and `/joint_states`",
+    )
+    tf_rate: float = declare(
+        NOT_NEGATIVE, default=30.0, unit="Hz", doc="of the links' frames on `/tf` in the log, at most; 0: none"
     )
     seed: int = declare(Integer(minimum=0), default=0, doc="of all noise")
     engine: str = declare(

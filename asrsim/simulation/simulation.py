@@ -67,15 +67,15 @@ class Simulation:
         self.prepared, self.scenario = scenario, scenario.scenario
         self.substeps = scenario.resolution.substeps
         """Of a step."""
-        self._engine = scenario.make_engine()
+        self.engine = scenario.make_engine()
         try:
             self._begin(sinks, record, compiled, expected_substeps, duration, chunk)
         except BaseException:
-            self._engine.close()
+            self.engine.close()
             raise
 
     def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: Any, duration: Any, chunk: Any) -> None:
-        prepared, scenario, engine = self.prepared, self.scenario, self._engine
+        prepared, scenario, engine = self.prepared, self.scenario, self.engine
         substep, staggered = prepared.substep, prepared.stepping.staggered
         engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
@@ -87,8 +87,8 @@ class Simulation:
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
         self._loop = self._make_loop(compiled, expected)
         self._chunk = chunk or max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
-        self.row: Array | None = None
-        """Raw record (joints, columns) of the last substep, as :data:`asrsim.simulation.substep.RAW`."""
+        self.row: tuple[Array, list[Array]] | None = None
+        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
         self._block: Block | None = None
         self._first: Block | None = None
         self.substep = 0
@@ -116,12 +116,12 @@ class Simulation:
             try:
                 if not available():
                     raise SimulationError("Numba is not installed")
-                return Loop(self._engine, prepared.drives, prepared.stepping, compiled=True, **options)
+                return Loop(self.engine, prepared.drives, prepared.stepping, compiled=True, **options)
             except SimulationError as error:
                 if wanted:
                     raise
                 self.slow_because = str(error)
-        return Loop(self._engine, prepared.drives, prepared.stepping, compiled=False, **options)
+        return Loop(self.engine, prepared.drives, prepared.stepping, compiled=False, **options)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -180,7 +180,7 @@ class Simulation:
         row = not_finite(raw)
         if row is None:
             self.recording.take(block, start, raw)
-            self.row = raw[-1]
+            self.row = raw[-1], [array[stop - 1] for array in block.arrays]
             self.substep += stop - start
             return
         self.recording.take(block, start, raw[: max(row, 1)])
@@ -223,7 +223,7 @@ class Simulation:
         """The state, to be given to :meth:`restore`; what is recorded, too."""
         return Snapshot(
             substep=self.substep,
-            engine=self._engine.snapshot(),
+            engine=self.engine.snapshot(),
             joints=self._loop.snapshot(),
             held=dict(self._inputs.held),
             record=self.recording.state(),
@@ -231,7 +231,7 @@ class Simulation:
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there."""
-        self._engine.restore(snapshot.engine)
+        self.engine.restore(snapshot.engine)
         self._loop.restore(snapshot.joints)
         self.substep = snapshot.substep
         self._inputs.held = dict(snapshot.held)
@@ -259,7 +259,7 @@ class Simulation:
             self._start = None  # what was kept of the start has other numbers
         starts = (initial, self.prepared.initial_positions), (velocities, self.prepared.initial_velocities)
         positions, speeds = ([float((a or {}).get(n, b)) for n, b in zip(self.joints, rest, strict=True)] for a, rest in starts)
-        self._engine.set_state(positions, speeds)
+        self.engine.set_state(positions, speeds)
         self.recording.renew()
         if initial:
             drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
@@ -268,19 +268,19 @@ class Simulation:
         self._loop.refresh_response(0)
 
     def _take_over(self, varied: Prepared) -> None:
-        same = self._engine.vary(varied.robot)
+        same = self.engine.vary(varied.robot)
         if not same:
-            self._engine.close()
-            self._engine = varied.make_engine()
-            self._engine.prepare(varied.substep, staggered=varied.stepping.staggered)
+            self.engine.close()
+            self.engine = varied.make_engine()
+            self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
-        self.recording.take_over(varied, self._engine)
+        self.recording.take_over(varied, self.engine)
         if not (same and self._loop.take_drives(varied.drives)):
             self._loop = self._make_loop(self._loop.compiled, None)
 
     def close(self) -> None:
         """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
-        self._engine.close()
+        self.engine.close()
 
     def __enter__(self) -> Simulation:
         return self
