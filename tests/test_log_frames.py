@@ -49,17 +49,21 @@ def placed(link, frames):
     return pose
 
 
-@pytest.mark.parametrize(("name", "variant"), [("step_2dof", "soft"), ("box_push_5dof", "soft")])
-def test_links_stand_where_the_engine_has_them(tmp_path, name, variant):
-    changes = {"duration": 0.3, "tf_rate": 20, "base": {"position": [0.1, 0.2, 0.3], "rpy": [0.1, 0.4, -0.2]}, "expect": []}
-    path = EXAMPLES / "scenarios" / f"{name}.yaml"
-    result = asrsim.run(path, variant=variant, overrides=changes, out=tmp_path)
+@pytest.mark.parametrize("robot", ["dof2_vertical", "dof5_arm"])
+def test_links_stand_where_the_engine_has_them(tmp_path, robot):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(
+        f"robot: {EXAMPLES}/urdf/{robot}.urdf\nduration: 0.3\ntf_rate: 20\nsubstep_cap: 1000\ncompiled: false\n"
+        "base: {position: [0.1, 0.2, 0.3], rpy: [0.1, 0.4, -0.2]}\n"
+        "references: {'*': {equilibrium_position: 0.7, stiffness_preset: 0.1}}\nmodes: 6\n"
+    )
+    result = asrsim.run(path, out=tmp_path / "out")
     found = transforms(result.log)
     ((first, still),) = found["/tf_static"]
     assert first == 0.0
     moving = [entry for entry in found["/tf"] if set(entry[1]) & {j.child for j in result.run.robot.moving_joints}]
     assert [round(time, 9) for time, _ in moving] == pytest.approx(np.arange(0.0, 0.301, 0.05))
-    prepared = prepare(path, variant=variant, overrides=changes)
+    prepared = prepare(path)
     engine = prepared.make_engine()
     time, frames = moving[-1]
     row = round(time / result.run.scenario.step)

@@ -1,4 +1,4 @@
-"""Live runs: a simulation in real time whose topics are real ones, and whose commands are recorded so that it can be repeated."""
+"""Live runs: a simulation in real time with real topics, whose commands are recorded so that it can be repeated."""
 
 from __future__ import annotations
 

@@ -196,4 +196,3 @@ def _users(topic: Topic) -> bool:
 
 def _named(topic: Topic, prefix: str) -> Topic:
     return topic if topic.name in ("/clock", "/tf") else replace(topic, name=prefix + topic.name)
-

@@ -44,7 +44,7 @@ def _default(drive: Drive, slot: int) -> Range:
     if mode.number == 0:
         return _torque(drive)
     if mode.number == 4:
-        most = values[f"motor_{slot + 1}_max_torque"] if f"motor_{slot + 1}_max_torque" in values else 0.0
+        most = values.get(f"motor_{slot + 1}_max_torque", 0.0)
         return -most, most
     if slot == 1 and actuator.adjuster:
         return 0.0, LEVER_SHARE * values.get("lever_length", math.inf)
