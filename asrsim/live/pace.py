@@ -32,7 +32,7 @@ class Lateness:
         for place, count in enumerate(self._counts):
             seen += count
             if seen >= wanted and count:
-                return min(_LEAST * 10.0 ** ((place + 1) / _PER_DECADE), self.worst)
+                return min(_LEAST * math.pow(10.0, (place + 1) / _PER_DECADE), self.worst)
         return 0.0
 
 

@@ -42,7 +42,7 @@ class FrameMessages:
             return []
         self._next = int(ticks[-1]) + 1
         columns = [samples.joints.index(frame.joint) for frame in self._moving]
-        poses = self._poses(samples.values["link_position"][np.ix_(due, columns)])
+        poses = self._poses(samples.values["link_position"][due][:, columns])
         messages = _filled(self.topic.template, samples.time[due], poses)
         return list(zip(samples.time[due].tolist(), messages, strict=True))
 
