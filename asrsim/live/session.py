@@ -107,7 +107,7 @@ class Session:
     def interface(self) -> Interface:
         """Topics, services and parameters."""
         return Interface(
-            node="asrsim", outlets=self.board.outlets, inlets=self.gate.inlets, latched=self.board.latched,
+            node=f"{self.board.prefix}/asrsim", outlets=self.board.outlets, inlets=self.gate.inlets, latched=self.board.latched,
             services={
                 "pause": Service("true: pause; false: go on", self._pause, takes_flag=True),
                 "step": Service("one step of a paused run", self._step_once),

@@ -68,7 +68,7 @@ class Interface:
     """All that a run offers to the outside."""
 
     node: str
-    """Name under which services and parameters stand."""
+    """Name under which services and parameters stand, with its namespace."""
     outlets: tuple[Outlet, ...]
     inlets: tuple[Inlet, ...]
     latched: Mapping[str, bytes]
