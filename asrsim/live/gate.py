@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from asrsim.live.board import CONTROL, STIFFNESS_JOINT, reference_names
-from asrsim.live.ranges import Range
 from asrsim.live.transport import Inlet, Received
 from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
 from asrsim.simulation.prepared import EXTERNAL_TORQUE
+from asrsim.simulation.ranges import Range
 
 Target = tuple[str, str]
 """Joint and reference."""

@@ -11,17 +11,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import DivergenceError, InputError, Problem, UnresolvedSpringError
+from asrsim.errors import DivergenceError, InputError, Problem
 from asrsim.live.board import Board
 from asrsim.live.episode import Episode
 from asrsim.live.gate import Gate, Target
 from asrsim.live.pace import Pace
-from asrsim.live.ranges import finite, ranges_of
 from asrsim.live.transport import TRANSPORTS, Access, Interface, Parameter, Service, Transport
 from asrsim.samples import Command
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary.data import RunSummary
 
@@ -52,19 +50,6 @@ class Settings:
     """It begins paused."""
 
 
-def prepare_live(scenario: Scenario) -> tuple[Scenario, Prepared]:
-    """The scenario with the ranges of what may be set, and made ready for them. Raises as :func:`prepare` does."""
-    first = prepare(scenario)
-    first.make_engine().close()
-    ranges = finite(ranges_of(first))
-    scenario = replace(scenario, reference_ranges=ranges)
-    try:
-        return scenario, prepare(scenario)
-    except UnresolvedSpringError as error:
-        error.add_note("The references may be set anywhere within the robot's limits: narrow them by reference_ranges")
-        raise
-
-
 class Session:
     """One live run; :meth:`run` until it ends. Nothing here prints: `tell` takes sentences, `status` what stands now."""
 
@@ -73,7 +58,8 @@ class Session:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:  # fmt: skip
         self.settings, self._tell = settings, tell
-        self.scenario, prepared = prepare_live(scenario)
+        prepared = with_ranges(scenario)
+        self.scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
         self._folder, self._overwrite = folder, overwrite
         step, substeps = prepared.scenario.step, prepared.resolution.substeps
         fast = 1.0 if math.isinf(settings.speed) else settings.speed
@@ -243,7 +229,6 @@ class Session:
         self._reset = False
         self._close(self.pace.busy, None)
         self.simulation.reset()
-        self.simulation.row = None
         self._held.clear()
         self._steps_done = self._single = 0
         self.board.begin_again()
@@ -312,4 +297,4 @@ def available(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-__all__ = ["Session", "Settings", "available", "prepare_live"]
+__all__ = ["Session", "Settings", "available"]

@@ -85,7 +85,7 @@ class Simulation:
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
-        self._loop = self._make_loop(compiled, expected)
+        self.loop = self._make_loop(compiled, expected)
         self._chunk = chunk or max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
         self.row: tuple[Array, list[Array]] | None = None
         """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
@@ -133,7 +133,7 @@ class Simulation:
     @property
     def compiled(self) -> bool:
         """Whether the loop runs compiled."""
-        return self._loop.compiled
+        return self.loop.compiled
 
     def advance(self, steps: int = 1) -> None:
         """Go on by a number of steps. Raises DivergenceError; what was recorded by then has gone to the sinks."""
@@ -173,7 +173,7 @@ class Simulation:
     def _run(self, block: Block, start: int, stop: int) -> None:
         h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
         try:
-            raw = self._loop.run(block, start, stop)
+            raw = self.loop.run(block, start, stop)
         except NoValueError as fault:
             self.recording.flush(self.substep, check=False)
             raise runaway(fault.joint, fault.substep * h, str(fault), omega_h) from fault
@@ -217,14 +217,14 @@ class Simulation:
 
     def observe(self) -> Observation:
         """The state now."""
-        return observe(self.time, self.prepared.drives, self._loop, self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self.loop, self.prepared.substep)
 
     def snapshot(self) -> Snapshot:
         """The state, to be given to :meth:`restore`; what is recorded, too."""
         return Snapshot(
             substep=self.substep,
             engine=self.engine.snapshot(),
-            joints=self._loop.snapshot(),
+            joints=self.loop.snapshot(),
             held=dict(self._inputs.held),
             record=self.recording.state(),
         )
@@ -232,10 +232,10 @@ class Simulation:
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there."""
         self.engine.restore(snapshot.engine)
-        self._loop.restore(snapshot.joints)
+        self.loop.restore(snapshot.joints)
         self.substep = snapshot.substep
         self._inputs.held = dict(snapshot.held)
-        self._block = None
+        self._block = self.row = None
         self.recording.put_back(snapshot.record)
 
     def reset(
@@ -253,7 +253,7 @@ class Simulation:
         if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
             return
-        self.substep, self._block, self._inputs.held = 0, None, {}
+        self.substep, self._block, self.row, self._inputs.held = 0, None, None, {}
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
             self._start = None  # what was kept of the start has other numbers
@@ -263,9 +263,9 @@ class Simulation:
         self.recording.renew()
         if initial:
             drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
-            self._loop.take_drives(drives)
-        self._loop.reset()
-        self._loop.refresh_response(0)
+            self.loop.take_drives(drives)
+        self.loop.reset()
+        self.loop.refresh_response(0)
 
     def _take_over(self, varied: Prepared) -> None:
         same = self.engine.vary(varied.robot)
@@ -275,8 +275,8 @@ class Simulation:
             self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
         self.recording.take_over(varied, self.engine)
-        if not (same and self._loop.take_drives(varied.drives)):
-            self._loop = self._make_loop(self._loop.compiled, None)
+        if not (same and self.loop.take_drives(varied.drives)):
+            self.loop = self._make_loop(self.loop.compiled, None)
 
     def close(self) -> None:
         """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""

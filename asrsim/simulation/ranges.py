@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
+from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import Drive
+from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
 
 TURN = math.pi
@@ -66,6 +69,18 @@ def _default(drive: Drive, slot: int) -> Range:
 def _torque(drive: Drive) -> Range:
     most = drive.joint.effort
     return (-math.inf, math.inf) if most is None else (-most, most)
+
+
+def with_ranges(scenario: Scenario) -> Prepared:
+    """A scenario made ready for all that may be set from outside. Raises as :func:`asrsim.simulation.prepare.prepare` does."""
+    first = prepare(scenario)
+    first.make_engine().close()
+    ranges = finite(ranges_of(first))
+    try:
+        return prepare(replace(scenario, reference_ranges=ranges))
+    except UnresolvedSpringError as error:
+        error.add_note("The references may be set anywhere within the robot's limits: narrow them by reference_ranges")
+        raise
 
 
 def finite(ranges: Mapping[str, Mapping[str, Range]]) -> dict[str, dict[str, Range]]:
