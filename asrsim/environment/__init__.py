@@ -67,12 +67,16 @@ def make_env(
 
 
 def register() -> None:
-    """Make our environments known to Gymnasium; its plugin mechanism calls this where asrsim is installed."""
-    import gymnasium
-
+    """Make our environments known to Gymnasium; importing this module does so. Without Gymnasium there is nothing to do."""
+    try:
+        import gymnasium
+    except ImportError:
+        return
     for name, entry in (("Scenario", "asrsim.environment:make_env"), ("Reach", "asrsim.environment.reach:make_reach")):
         if f"asrsim/{name}-v0" not in gymnasium.registry:
             gymnasium.register(id=f"asrsim/{name}-v0", entry_point=entry)
 
+
+register()
 
 __all__ = ["OBSERVED", "make_env", "register"]
