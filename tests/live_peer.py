@@ -133,7 +133,7 @@ def main():
     print(json.dumps({
         "topics": topics, "outlets": outlets, "inlets": inlets, "hashes": hashes, "counts": counts, "gaps": gaps,
         "best_effort": best, "late": came_late is not None, "description": latched, "answers": answers,
-        "positions": dict(zip(state.name, state.position)) if state is not None else {},
+        "positions": dict(zip(state.name, state.position, strict=True)) if state is not None else {},
         "echo_ms": [echoes[len(echoes) // 2], echoes[int(0.99 * len(echoes))], len(echoes)] if echoes else None,
         "preset": {name: message.data for name, message in last.items() if name.endswith("applied/stiffness_preset")},
     }))  # fmt: skip

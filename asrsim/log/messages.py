@@ -48,6 +48,9 @@ _FIELDS: dict[str, str] = {
     "asrsim_msgs/JointDetails": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in DETAIL_FIELDS)]),
 }
 
+OWN_MESSAGES = {name.split("/")[1]: text + "\n" for name, text in _FIELDS.items() if name.startswith("asrsim_msgs/")}
+"""Name -> definition of our own messages: what the ROS package `asrsim_msgs` holds."""
+
 _SEPARATOR = "=" * 80
 
 
