@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
+    "asrsim.environment": ("make_env",),
     "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
     "asrsim.log": ("Log", "open_log", "read_log"),
     "asrsim.robot": ("Robot", "load_robot"),
@@ -64,6 +65,7 @@ __all__ = [
     "__version__",
     "load_robot",
     "load_scenario",
+    "make_env",
     "make_scenario",
     "open_log",
     "prepare",

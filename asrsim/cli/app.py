@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 COMMANDS = {
     "run": "asrsim.cli.run",
+    "live": "asrsim.cli.live",
     "plot": "asrsim.cli.plot",
     "render": "asrsim.cli.render",
     "report": "asrsim.cli.report_page",

@@ -40,8 +40,10 @@ def like_an_interruption() -> Iterator[None]:
 class Interruption:
     """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, quiet: bool = False) -> None:
         self.requested = False
+        self._quiet = quiet
+        """The first signal is how one ends the command: there is nothing to say."""
         self._before: dict[int, Any] = {}
         self._pipe = _piped_stdout()
 
@@ -66,7 +68,8 @@ class Interruption:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
-        complain("\nasrsim: stopping; the log will be closed properly (Ctrl-C again to abort)")
+        if not self._quiet:
+            complain("\nasrsim: stopping; the log will be closed properly (Ctrl-C again to abort)")
 
 
 def _piped_stdout() -> Any:

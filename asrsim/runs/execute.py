@@ -120,8 +120,13 @@ def write_summary(executed: Executed) -> Executed:
     """Write `summary.json` beside the log; the summary then lists it. Raises OutputError."""
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
-    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
+    save_summary(summary, path)
     return replace(executed, summary=summary)
+
+
+def save_summary(summary: RunSummary, path: Path) -> None:
+    """A summary as a file. Raises OutputError."""
+    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
 
 
 def steps_of(scenario: Scenario) -> int:
