@@ -73,12 +73,13 @@ MUTANTS = (
     ),
     changed(
         "engines/bullet_companion.py",
-        "world.scheme[1:] = (1.0, 0.0, fraction)",
-        "world.scheme[1:] = (1.5, -0.5, fraction)",
+        "whole = np.array(self.forces(states, forces)) * fraction",
+        "whole = np.array(self.forces(states, forces))",
         "core_truth",
+        "random_robots",
     ),
     changed("engines/bullet_world.py", '(f"{second}/{first}", -1.0)', '(f"{second}/{first}", 1.0)', "two_engines", "truth"),
-    changed("engines/bullet_companion.py", "2.0 * self._start - now", "self._start - now", "core_truth"),
+    changed("engines/bullet_companion.py", "2.0 * self._start - now", "self._start - now", "core_truth", "random_robots"),
     changed(
         "engines/mujoco_model.py",
         "data.xpos[body] + rotation @ (offset + turn @",
