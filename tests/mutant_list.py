@@ -163,4 +163,42 @@ MUTANTS = (
     changed("plots/world.py", "-1.0 if other == name", "1.0 if other == name", "plots_experiment", "plots"),
     changed("plots/curves.py", '(part, joints) + part.values["link', '(part, joints) - part.values["link', "plots"),
     changed("plots/decimate.py", "if gone.any():", "if False:", "plots_decimate"),
+    changed(
+        "simulation/substep.py", "goals[READINGS + 2 * i + 1]", "goals[READINGS + 1]", "core_seams", "core_small", "core_truth"
+    ),
+    changed(
+        "simulation/energy.py",
+        "middle = 0.5 * (raw[POSITION, :, :-1] + raw[POSITION, :, 1:])",
+        "middle = raw[POSITION, :, :-1]",
+        "energy",
+        "core_small",
+    ),
+    changed(
+        "engines/exact_friction.py",
+        "change[place] = world.target[world.pick[a]] - world.qvel[place]",
+        "change[place] = -world.qvel[place]",
+        "two_engines",
+    ),
+    changed("actuators/qbmove.py", "* (d_2 - s_2)", "* (d_1 - s_1)", "actuators"),
+    changed(
+        "robot/inertia.py",
+        "if not link.mass and link.inertia is None",
+        "if not link.mass or link.inertia is None",
+        "robot_physics",
+        "robot_files",
+    ),
+    changed("learning/transfer.py", "< 2 * len(names) + 2", "< len(names)", "learning_transfer"),
+    changed("metrics/step.py", "low: float = 0.1, high", "low: float = 0.2, high", "metrics"),
+    changed("recordings/oddities.py", "edges[1::2] - 1", "edges[1::2]", "recordings_csv", "recordings_field"),
+    changed("log/description.py", 'run["log_every"] < 1', 'run["log_every"] < 0', "log_damage", "edited_files"),
+    changed("scenario/starter.py", "start = min(max(0.0, low), high)", "start = max(0.0, low)", "init"),
+    changed("kinematics/compensation.py", "direction = -math.copysign", "direction = math.copysign", "kinematics_compensation"),
+    changed(
+        "kinematics/drive_forward.py",
+        "* error + sums[i] - torques[i]",
+        "* error - torques[i]",
+        "learning_linear",
+        "learning_auto",
+    ),
+    changed("plots/curves.py", "min(self._end, last)", "last", "plots", "plots_experiment"),
 )

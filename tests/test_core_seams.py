@@ -221,7 +221,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
     with Simulation(given, compiled=False) as simulation:
         for q, v in ((0.0, 0.0), (0.0, 3.0), (1.0, 0.0), (1.0, -2.0)):
             simulation.reset({"joint_1": q}, velocities={"joint_1": v})
-            found.append(simulation._engine.mechanical_energy())
+            found.append(simulation.engine.mechanical_energy())
     height = MASS * 9.81 * REACH * (1.0 - np.cos(1.0))
     wanted = [0.0, 4.5 * inertia, height, height + 2.0 * inertia]
     np.testing.assert_allclose(np.array(found) - found[0], wanted, atol=1e-12)
