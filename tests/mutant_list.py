@@ -164,7 +164,7 @@ MUTANTS = (
     changed("plots/curves.py", '(part, joints) + part.values["link', '(part, joints) - part.values["link', "plots"),
     changed("plots/decimate.py", "if gone.any():", "if False:", "plots_decimate"),
     changed(
-        "simulation/substep.py", "goals[READINGS + 2 * i + 1]", "goals[READINGS + 1]", "core_seams", "core_small", "core_truth"
+        "simulation/substep.py", "goals[READINGS + 2 * i + 1]", "goals[READINGS + 1]", "core_seams"
     ),
     changed(
         "simulation/energy.py",

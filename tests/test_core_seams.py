@@ -236,3 +236,13 @@ def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
     second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
     pair = (q, np.array([0.1, 0.05, -0.1]), second)
     np.testing.assert_allclose(energy_over_arrays(bare)(*pair, values), energy_over_arrays(law)(*pair, values), rtol=1e-6)
+
+
+def test_each_encoder_has_a_noise_of_its_own() -> None:
+    result = run(
+        chain(replace(BODY, actuator="qbmove")), mode=6, duration=0.1, gravity=0.0, compiled=False,
+        references={"equilibrium_position": 0.0, "stiffness_preset": 0.0}, sensor_effects={"*": Effects(noise=0.01)},
+    )  # fmt: skip
+    first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
+    assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
+    assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
