@@ -8,7 +8,7 @@ from asrsim.samples import Array
 
 ORDER = 12
 """Largest order of the autoregressive models."""
-LEVELS = 2000
+LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 
 
