@@ -40,8 +40,10 @@ def like_an_interruption() -> Iterator[None]:
 class Interruption:
     """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt."""
 
-    def __init__(self) -> None:
+    def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
+        """message: what the first signal says."""
         self.requested = False
+        self._message = message
         self._before: dict[int, Any] = {}
         self._pipe = _piped_stdout()
 
@@ -66,7 +68,7 @@ class Interruption:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
-        complain("\nasrsim: stopping; the log will be closed properly (Ctrl-C again to abort)")
+        complain(f"\n{self._message}")
 
 
 def _piped_stdout() -> Any:

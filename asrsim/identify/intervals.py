@@ -75,7 +75,7 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool]) -> Unc
     free = ~np.asarray(at_bound, dtype=bool)
     inner = jacobian[:, free]
     variance = float(left @ left) / max(len(left) - n, 1)
-    _, singular, vectors = np.linalg.svd(inner, full_matrices=False) if inner.size else (None, np.empty(0), np.empty((0, 0)))
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(inner, mode="r")) if inner.size else (None, np.empty(0), np.empty((0, 0)))
     kept = singular > GONE * singular.max(initial=0.0)
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept] if kept.any() else np.zeros((free.sum(), free.sum()))
     # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.

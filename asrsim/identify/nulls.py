@@ -43,7 +43,8 @@ def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
 
 def unknown_directions(jacobian: Array, variance: float) -> tuple[Array, Array]:
     """Directions (k, n) of relative change that stay unknown, and all directions' relative deviations (n,)."""
-    _, singular, vectors = np.linalg.svd(jacobian, full_matrices=True)
+    # The triangle of its factors has the same directions, and is small.
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))
     full = np.zeros(jacobian.shape[1])
     full[: len(singular)] = singular
     deviations = np.sqrt(variance) / np.maximum(full, 1e-300)
@@ -98,7 +99,7 @@ def _margin(exponents: Array, jacobian: Array, directions: Array, variance: floa
     known = exponents - directions.T @ np.linalg.lstsq(directions.T, exponents, rcond=None)[0] if len(directions) else exponents
     if np.linalg.norm(exponents - known) > 0.1 * np.linalg.norm(exponents):
         return np.inf
-    _, singular, vectors = np.linalg.svd(jacobian, full_matrices=False)
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(jacobian, mode="r"), full_matrices=False)
     keep = 1.96 * np.sqrt(variance) / np.maximum(singular, 1e-300) <= UNKNOWN
     projected = vectors[keep] @ known
     return float(1.96 * np.sqrt(variance * np.sum((projected / singular[keep]) ** 2)))
