@@ -70,7 +70,7 @@ class Evaluation(Simulation):
             varied = _started(varied, positions or varied.initial_positions, motors or {})
         self.substep = 0
         self._take_over(varied)
-        self._engine.set_state(varied.initial_positions, velocities or varied.initial_velocities)
+        self.engine.set_state(varied.initial_positions, velocities or varied.initial_velocities)
         self._loop.reset()
         self._loop.refresh_response(0)
         count = (self.steps if steps is None else min(steps, self.steps)) * self.substeps + 2
