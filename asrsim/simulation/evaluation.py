@@ -71,14 +71,14 @@ class Evaluation(Simulation):
         self.substep = 0
         self._take_over(varied)
         self.engine.set_state(varied.initial_positions, velocities or varied.initial_velocities)
-        self._loop.reset()
-        self._loop.refresh_response(0)
+        self.loop.reset()
+        self.loop.refresh_response(0)
         count = (self.steps if steps is None else min(steps, self.steps)) * self.substeps + 2
         if self._first is None or len(self._first) < count or (references is not None and references is not self._signals):
             self._renew_inputs(references or {}, self.steps * self.substeps + 2)
         assert self._first is not None  # it was made just now
         try:
-            raw = self._loop.run(self._first, 0, count)
+            raw = self.loop.run(self._first, 0, count)
         except NoValueError as fault:
             raise DivergenceError(str(fault), joint=fault.joint, time=fault.substep * self.prepared.substep) from fault
         bad = not_finite(raw)
