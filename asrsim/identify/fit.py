@@ -20,6 +20,8 @@ FITS = 1.25
 """Deviations, in those of the noise's fine structure, up to which a fit needs no other start."""
 WHITE = 0.3
 """Correlation of neighbouring residuals below which they may be noise."""
+AGREED = 2
+"""Searches that end alike, of a model that does not fit."""
 ROUNDS = 60
 HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
@@ -104,7 +106,8 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if _fits(residuals, best.x):
+        # Two ways to one end: others would hardly lead elsewhere.
+        if fits_noise(residuals, best.x) or best.successes >= AGREED:
             break
 
 
@@ -133,12 +136,14 @@ def _attempts(
 
 
 def _tails(residuals: Array) -> bool:
-    """Whether outliers weigh more than a normal distribution's."""
+    """Whether single samples are far off: neighbours that are off together are the model's fault."""
     size = np.abs(residuals - np.median(residuals))
-    return float(np.mean(size > 5.0 * np.median(size) / 0.6745)) > 1e-3
+    far = size > 5.0 * np.median(size) / 0.6745
+    alone = far[1:-1] & ~far[:-2] & ~far[2:]
+    return float(np.mean(alone)) > 1e-3
 
 
-def _fits(residuals: Residuals, x: Array) -> bool:
+def fits_noise(residuals: Residuals, x: Array) -> bool:
     """Whether what is left looks like noise in every channel of every recording."""
     for track, one in enumerate(residuals.tracks):
         raw = residuals.raw(x, track, residuals.until(track))

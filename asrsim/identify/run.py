@@ -13,8 +13,9 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.identify.data import Data, read_data
-from asrsim.identify.fit import Best, Stopped, globally, search, solve
+from asrsim.identify.fit import Best, Stopped, cost_of, globally, search, solve
 from asrsim.identify.intervals import correlations, uncertainty, whitened
+from asrsim.identify.inverse import track_of
 from asrsim.identify.judge import ChannelFit, channel_fits, coarse_joints, missing_causes, still_joints, verdict
 from asrsim.identify.keys import Parameter, free_parameters, parameters_of
 from asrsim.identify.layout import Layout, make_layout
@@ -130,7 +131,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     free, ties = free_parameters(task, known)
     tracks = []
     for one in data:
-        track = Track(scenario, given, one)
+        track = track_of(scenario, given, one, robot)
         stack.callback(track.close)
         tracks.append(track)
     free += _unknown_starts(tracks, free, known)
@@ -227,17 +228,31 @@ def _identify(
             status = "interrupted"
             residuals.share = 1.0
     teller.deaf = True
-    return _judged(setup, residuals, best, start, before, status, counter, teller.began)
+    return _judged(setup, residuals, best, start, before, status, teller.began)
+
+
+ALIKE = 1.01
+"""Mean square error that weights by correlated noise may cost: more, and what is correlated is the model's fault."""
 
 
 def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
-    """Once more with each channel's noise and its correlation as they are left over."""
+    """Once more with each channel's noise and its correlation as they are left over.
+
+    Whitening is right for noise that is correlated; where the model is wrong it would give weight to what the model does best.
+    """
     before = residuals.weights
     residuals.weights = whitened(residuals, x)
     there = solve(residuals, x, loss=task.loss, rounds=15)
-    if float(np.mean(residuals(there) ** 2)) <= float(np.mean(residuals(x) ** 2)) * (1.0 + 1e-9):
-        return there
+    better = float(np.mean(residuals(there) ** 2)) <= float(np.mean(residuals(x) ** 2)) * (1.0 + 1e-9)
+    weights = residuals.weights
     residuals.weights = before
+    if better and cost_of(residuals(there), task.loss) <= ALIKE * cost_of(residuals(x), task.loss):
+        residuals.weights = weights
+        return there
+    residuals.weights = [
+        [Weights(float(np.sqrt(np.mean(r**2)))) for r in residuals.raw(x, track, residuals.until(track)) or []]
+        for track in range(len(residuals.tracks))
+    ]  # fmt: skip
     return x
 
 
@@ -248,22 +263,42 @@ def residuals_of(setup: Setup, x: Array, track: int) -> list[Array] | None:
     return None if predicted is None else [a - c.values for a, c in zip(predicted, one.channels, strict=True)]
 
 
+def _whole(setup: Setup, residuals: Residuals, x: Array) -> Array:
+    """The estimate from whole recordings, once the part that was held out has judged."""
+    if all(end >= track.data.duration for track, end in zip(setup.fitted, setup.ends, strict=False)):
+        return x
+    residuals.ends = [track.data.duration for track in setup.tracks]
+    there = solve(residuals, x, loss="linear", rounds=20)
+    return there if np.mean(residuals(there) ** 2) <= np.mean(residuals(x) ** 2) else x
+
+
+def _moved(layout: Layout, trained: Array, x: Array, deviations: Array) -> list[str]:
+    """Parameters that the held-out part makes others by more than chance."""
+    values, others = layout.values(trained), layout.values(x)
+    apart = np.abs(x - trained) > np.maximum(6.0 * deviations, 0.1)
+    return [
+        f"{entry.name} is {b:.4g} from whole recordings, but {a:.4g} without the held-out part: no value holds for all of it"
+        for entry, a, b, off in zip(layout.entries, values, others, apart, strict=True) if off
+    ]  # fmt: skip
+
+
 def _judged(
-    setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, counter: Counter,
-    began: float,
-) -> Result:  # fmt: skip
-    layout, x = setup.layout, best.x
+    setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, began: float
+) -> Result:
+    layout, trained, counter = setup.layout, best.x, residuals.counter
     if status != "complete":
         residuals.weights = [[Weights(w.noise) for w in channel] for channel in residuals.weights]
-    met = bounds_met(layout, x)
-    found = uncertainty(residuals, x, met)
-    told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
-    after = [residuals_of(setup, x, track) for track in range(len(setup.tracks))]
+    after = [residuals_of(setup, trained, track) for track in range(len(setup.tracks))]
     fits = channel_fits(setup.tracks, setup.ends, before, after)
     misfit = verdict(fits) if status == "complete" else []
     plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
-    causes = missing_causes(plain, x, start) if misfit else []
-    remarks = [f"{one.name}: {text}" for one in setup.data for text in one.remarks]
+    causes = missing_causes(plain, trained, start) if misfit else []
+    x = _whole(setup, residuals, trained) if status == "complete" else trained
+    found = uncertainty(residuals, x, bounds_met(layout, x))
+    told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
+    if moved := _moved(layout, trained, x, found.deviation):
+        misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
+    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += [
         f"{track.data.name}: {joint} begins elsewhere than the scenario, or in motion: its start is estimated, too"
         for track in setup.tracks for joint in track.uncertain

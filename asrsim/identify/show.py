@@ -59,6 +59,8 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.status == "interrupted":
         yield "interrupted: the best so far; --resume goes on from it", "yellow"
         return
+    if any(end > 0.0 for end in result.ends) and not result.task.validate and result.task.hold_out:
+        yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
         yield "the model fits: residuals are white, and the held-out error is that of the training part", "green"
         return

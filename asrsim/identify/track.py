@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -23,6 +24,8 @@ from asrsim.simulation.prepare import prepare
 
 FAST = "mujoco"
 """Engine whose runs are compiled as a whole; without contacts all engines agree to rounding."""
+NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
+"""Last parts of keys that are of recordings."""
 JUMP = 8.0
 """A change of a command that is so many times those beside it is a jump, at the later sample."""
 LARGE, MANY = 0.05, 40
@@ -89,20 +92,41 @@ class Played(Signal):
 
     @cached_property
     def _pieces(self) -> tuple[Array, Array]:
-        """Integral up to each sample, and slope after it: 0 where the command is held, as it is before a jump."""
+        """Integral up to each sample (n,), and coefficients (n, 4) of the cubic after it, from the constant on.
+
+        Between jumps a smooth command goes through Akima's cubics: lines would cut off its summits.
+        """
+        from scipy.interpolate import Akima1DInterpolator
+
         known, values = self.command.time, self.command.values
         widths = np.diff(known)
-        slopes = np.where(self.command.hold | self._jumping, 0.0, np.diff(values) / widths)
-        areas = np.cumsum(widths * (values[:-1] + 0.5 * widths * slopes))
-        return np.concatenate([[0.0], areas]), np.concatenate([slopes, [0.0]])
+        cubics = np.zeros((len(known), 4))
+        cubics[:, 0] = values
+        edges = [0, *(np.flatnonzero(self._jumping) + 1).tolist(), len(known)]
+        for first, last in pairwise(edges) if not self.command.hold else ():
+            inner = slice(first, last - 1)
+            if last - first > 4:
+                found = Akima1DInterpolator(known[first:last], values[first:last])
+                cubics[inner] = np.asarray(found.c)[::-1].T
+            elif last - first > 1:
+                cubics[inner, 1] = np.diff(values[first:last]) / widths[inner]
+        areas = np.cumsum(_area(cubics[:-1], widths))
+        return np.concatenate([[0.0], areas]), cubics
 
     def _integral(self, time: Array) -> Array:
         """From the first sample to `time`; the ends hold."""
-        known, values = self.command.time, self.command.values
-        areas, slopes = self._pieces
+        known = self.command.time
+        areas, cubics = self._pieces
         place = np.clip(np.searchsorted(known, time, side="right") - 1, 0, len(known) - 1)
         after = time - known[place]
-        return np.asarray(areas[place] + after * (values[place] + 0.5 * np.maximum(after, 0.0) * slopes[place]))
+        before = after < 0.0
+        return np.asarray(areas[place] + np.where(before, after * cubics[0, 0], _area(cubics[place], after)))
+
+
+def _area(cubics: Array, width: Array) -> Array:
+    """Integrals of cubics (..., 4) over widths (...)."""
+    a, b, c, d = np.moveaxis(cubics, -1, 0)
+    return np.asarray(width * (a + width * (b / 2.0 + width * (c / 3.0 + width * d / 4.0))))
 
 
 class Track:
@@ -214,19 +238,14 @@ class Track:
 
     def _split(self, values: Mapping[str, float]) -> tuple[dict[str, dict[str, float]], list[float], list[float]]:
         """Numbers of the robot, by joint or link, and the start."""
-        robot: dict[str, dict[str, float]] = {}
         positions, velocities = [*self.positions], [*self.velocities]
         for key, value in values.items():
             owner, _, name = key.rpartition(".")
-            if not owner or name in ("offset", "gain", "delay"):
-                continue
             if name == "initial_position":
                 positions[self.evaluation.joints.index(owner)] = value
             elif name == "initial_velocity":
                 velocities[self.evaluation.joints.index(owner)] = value
-            else:
-                robot.setdefault(owner, {})[name] = value
-        return physical(self.prepared.robot, robot), positions, velocities
+        return physical(self.prepared.robot, numbers_of(values)), positions, velocities
 
     def close(self) -> None:
         """Release the engine."""
@@ -252,6 +271,16 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
     return replace(
         scenario, duration=data.duration, modes=modes, engine=engine, references=references, expect=(), desired={}, log_every=1
     )  # fmt: skip
+
+
+def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Those of the robot, by joint or link."""
+    robot: dict[str, dict[str, float]] = {}
+    for key, value in values.items():
+        owner, _, name = key.rpartition(".")
+        if owner and name not in NOT_THE_ROBOTS:
+            robot.setdefault(owner, {})[name] = value
+    return robot
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
