@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.identify.intervals import Uncertainty
-from asrsim.identify.layout import Entry, Layout
-from asrsim.identify.nulls import UNKNOWN, Combination, combinations, relative
-from asrsim.identify.track import Track
+from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.nulls import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND, WITHHELD = (
@@ -73,7 +73,7 @@ def estimates(
     met = bounds_met(layout, x)
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
-    without = [1.96 > NONE * norm for norm in norms]
+    without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
     known = combinations(layout, x, found.jacobian, 1.0, free)
     result = []
@@ -143,5 +143,8 @@ def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[s
         return "the deflection never reaches it"
     if name.startswith(("spring", "lever", "pulley")):
         return "the deflection is too small"
-    moved = f"all it does to what is compared is {norm:.2g} of the noise" if norm > 1e-9 else "nothing that is compared depends on it"
-    return moved
+    return (
+        f"all it does to what is compared is {norm:.2g} of the noise"
+        if norm > 1e-9
+        else "nothing that is compared depends on it"
+    )

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.errors import RobotError
-from asrsim.identify.data import Channel, Data
-from asrsim.identify.noise import fine_noise
-from asrsim.identify.track import Track, numbers_of, physical
+from asrsim.identification.data import Channel, Data
+from asrsim.identification.noise import fine_noise
+from asrsim.identification.track import Track, numbers_of, physical
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
@@ -29,7 +29,7 @@ EDGE = 0.1
 
 
 def is_driven_by_torque(data: Data, robot: Robot) -> bool:
-    """Whether all moving joints get their torque from the recording, in mode 0, without a spring, and their place is recorded."""
+    """Whether all moving joints have a recorded torque, in mode 0, and a recorded place, and no spring."""
     modes = {block.joint: data.modes.get(block.joint, block.mode) for block in robot.actuators}
     torques = {command.joint for command in data.commands if command.quantity == "reference_1"}
     places = {channel.joint for channel in data.channels if channel.quantity == "link_position"}
@@ -89,7 +89,7 @@ class InverseTrack(Track):
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
         """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
-        q, v, a = self._motion
+        _q, v, _a = self._motion
         joints = self.evaluation.joints
         try:
             changes = physical(self.prepared.robot, numbers_of(values))

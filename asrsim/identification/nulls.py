@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identify.layout import Layout
+from asrsim.identification.layout import Layout
 from asrsim.samples import Array
 
 UNKNOWN = 0.3

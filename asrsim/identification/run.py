@@ -1,4 +1,4 @@
-"""A fit from beginning to end: recordings read, parameters searched, intervals, verdicts, and what the model does not explain."""
+"""A fit from beginning to end: parameters searched, weighted by what is left, judged on what was held out, and told."""
 
 from __future__ import annotations
 
@@ -11,36 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem, SimulationError
-from asrsim.identify.data import Data, read_data
-from asrsim.identify.fit import Best, Stopped, cost_of, globally, search, solve
-from asrsim.identify.intervals import correlations, uncertainty, whitened
-from asrsim.identify.inverse import track_of
-from asrsim.identify.judge import ChannelFit, channel_fits, coarse_joints, missing_causes, still_joints, verdict
-from asrsim.identify.keys import Parameter, free_parameters, parameters_of
-from asrsim.identify.layout import Layout, make_layout
-from asrsim.identify.nulls import Combination
-from asrsim.identify.residuals import Counter, Residuals, Weights
-from asrsim.identify.task import Task, Tie, make_task
-from asrsim.identify.track import Track
-from asrsim.identify.verdicts import Estimate, bounds_met, estimates
+from asrsim.errors import SimulationError
+from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
+from asrsim.identification.intervals import correlations, uncertainty, whitened
+from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, missing_causes, still_joints, verdict
+from asrsim.identification.layout import Layout
+from asrsim.identification.nulls import Combination
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.task import Task, make_task
+from asrsim.identification.teller import Progress, Teller
+from asrsim.identification.verdicts import Estimate, bounds_met, estimates
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a fit is."""
-
-    stage: str
-    cost: float
-    """Mean square residual of the best so far, in deviations of the noise."""
-    evaluations: int
-    elapsed: float
-    """s."""
-    remaining: float
-    """s, of the present stage, by what the ones before took; nan: unknown."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,77 +76,6 @@ class Result:
         return self.layout.table(self.x, 0)
 
 
-@dataclass
-class Setup:
-    """A task read and made ready."""
-
-    task: Task
-    scenario: Scenario
-    robot: Robot
-    data: list[Data]
-    tracks: list[Track]
-    free: list[Parameter]
-    ties: list[Tie]
-    layout: Layout
-    ends: list[float]
-    """s; of recordings that are only predicted, 0."""
-
-    @property
-    def fitted(self) -> list[Track]:
-        """Recordings that are fitted."""
-        return [track for track in self.tracks if not track.data.held]
-
-
-def set_up(task: Task, stack: ExitStack) -> Setup:
-    """Read and check everything. Raises InputError with all that is wrong."""
-    from asrsim.actuators.user import load_plugin_file
-    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
-
-    for plugin in task.plugins:
-        load_plugin_file(plugin)
-    scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
-    given, _ = checked_robot(scenario)
-    robot = apply_to_robot(scenario, given)
-    data = read_data(task, scenario, robot)
-    commands = list(dict.fromkeys(command.key for one in data for command in one.commands))
-    channels = {channel.key: channel.unit for one in data for channel in one.channels}
-    units = {command.key: command.unit for one in data for command in one.commands}
-    known = parameters_of(robot, commands, {**units, **channels})
-    free, ties = free_parameters(task, known)
-    tracks = []
-    for one in data:
-        track = track_of(scenario, given, one, robot)
-        stack.callback(track.close)
-        tracks.append(track)
-    free += _unknown_starts(tracks, free, known)
-    layout = make_layout(free, ties, [one.name for one in data], [_starts(track) for track in tracks])
-    # Own values of recordings that are only predicted would be guesses: clocks and starts keep theirs.
-    fitted = [i for i, one in enumerate(data) if not one.held]
-    layout = Layout(tuple(e for e in layout.entries if e.track is None or e.track in fitted), layout.ties, layout.tracks)
-    share = 0.0 if task.validate else task.hold_out
-    ends = [0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks]
-    setup = Setup(task, scenario, robot, data, tracks, free, ties, layout, ends)
-    count = sum(int(np.sum(c.time <= end)) for t, end in zip(tracks, ends, strict=True) if not t.data.held for c in t.channels)
-    if count <= len(layout):
-        message = f"{count} samples are fewer than the {len(layout)} parameters need"
-        raise InputError(Problem(message=message, file=data[0].path, key="experiments", code="few-samples"))
-    return setup
-
-
-def _unknown_starts(tracks: Sequence[Track], free: Sequence[Parameter], known: Mapping[str, Parameter]) -> list[Parameter]:
-    """Starts of links that a recording finds elsewhere than the scenario, or in motion: free, each recording's own."""
-    taken = {parameter.key for parameter in free}
-    joints = dict.fromkeys(joint for track in tracks if not track.data.held for joint in track.uncertain)
-    keys = [f"{joint}.{name}" for joint in joints for name in ("initial_position", "initial_velocity")]
-    return [known[key] for key in keys if key not in taken]
-
-
-def _starts(track: Track) -> dict[str, float]:
-    joints = track.evaluation.joints
-    places = {f"{joint}.initial_position": q for joint, q in zip(joints, track.positions, strict=True)}
-    return places | {f"{joint}.initial_velocity": v for joint, v in zip(joints, track.velocities, strict=True)}
-
-
 def identify(
     scenario: str | Path | Task,
     experiments: Sequence[str | Path] = (),
@@ -199,7 +112,7 @@ def _identify(
     *, check: bool,
 ) -> Result:  # fmt: skip
     task, layout = setup.task, setup.layout
-    teller = _Teller(progress, stop)
+    teller = Teller(progress, stop)
     counter = Counter(tell=teller.tick)
     teller.counter = counter
     weights = [[Weights(max(c.noise, c.quantum / np.sqrt(12.0))) for c in track.channels] for track in setup.tracks]
@@ -219,9 +132,7 @@ def _identify(
         try:
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
-            search(
-                residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage
-            )
+            search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
         except Stopped:
@@ -321,35 +232,3 @@ def _judged(
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
         scenario=setup.scenario, robot=setup.robot,
     )  # fmt: skip
-
-
-class _Teller:
-    """Between the search and who watches it."""
-
-    def __init__(self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None) -> None:
-        self._progress, self._stop = progress, stop
-        self.began = self._told = clock.perf_counter()
-        self._stage, self._stage_began, self._lengths = "start", self.began, [0.0]
-        self.counter: Counter | None = None
-        self.best: Best | None = None
-        self.deaf = False
-        """No more questions: what is there is judged."""
-
-    def stage(self, name: str) -> None:
-        """The search begins anew."""
-        now = clock.perf_counter()
-        self._lengths.append(now - self._stage_began)
-        self._stage, self._stage_began = name, now
-
-    def tick(self) -> None:
-        """An evaluation is done; raises Stopped."""
-        if self.deaf:
-            return
-        if self._stop is not None and self._stop():
-            raise Stopped
-        now = clock.perf_counter()
-        if self._progress is not None and self.counter is not None and self.best is not None and now - self._told > 0.2:
-            self._told = now
-            longest = max(self._lengths)
-            left = longest - (now - self._stage_began) if len(self._lengths) > 2 else float("nan")
-            self._progress(Progress(self._stage, self.best.cost, self.counter.evaluations, now - self.began, max(left, 0.0)))

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.identify.noise import lag_correlation
-from asrsim.identify.residuals import Counter, Residuals, Weights
-from asrsim.identify.run import Result, set_up
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.run import Result
+from asrsim.identification.setup import set_up
 from asrsim.plots.output import save_figure, styled
 from asrsim.samples import Array
 

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from asrsim.identify.keys import Parameter
-from asrsim.identify.task import Tie
+from asrsim.identification.keys import Parameter
+from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
 

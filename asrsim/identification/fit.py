@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identify.layout import Layout
-from asrsim.identify.noise import lag_correlation
-from asrsim.identify.residuals import Residuals
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
@@ -74,8 +74,8 @@ def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, to
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
     found = least_squares(
         lambda move: residuals(inside + move), np.zeros(len(x)), jac=lambda move: residuals.jacobian(inside + move),
-        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance, xtol=tolerance,
-        gtol=1e-12, max_nfev=rounds,
+        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
+        xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)
 
