@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.actuators.vectorised import equilibrium_over_arrays
+from asrsim.engines.base import Engine
 from asrsim.errors import DivergenceError
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.simulation.divergence import not_finite
 from asrsim.simulation.inputs import Inputs
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.recorder import COLUMN
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.stretches import NoValueError
@@ -87,6 +89,13 @@ class Evaluation(Simulation):
             message = f"the motion is no longer finite or sane at {time:.4g} s"
             raise DivergenceError(message, joint=self.joints[0], time=time)
         return np.stack([self._channel(raw, joint, quantity) for joint, quantity in channels])
+
+    def engine_of(self, robot: Robot) -> Engine:
+        """The engine with other inertials: for its model; runs take their own again."""
+        if not self._engine.vary(robot):
+            self._engine.close()
+            self._engine = make_engine(self.home.scenario, robot)[0]
+        return self._engine
 
     def _renew_inputs(self, references: Mapping[str, Mapping[str, Signal]], count: int) -> None:
         own = {joint: {k: v for k, v in table.items() if k != EXTERNAL} for joint, table in references.items()}

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identify.noise import autoregression
-from asrsim.identify.residuals import Residuals, Weights
+from asrsim.identification.noise import autoregression
+from asrsim.identification.residuals import Residuals, Weights
 from asrsim.samples import Array
 
 BLOCKS = 10
@@ -55,7 +55,7 @@ def whitened(residuals: Residuals, x: Array) -> list[list[Weights]]:
 
 def _innovation(left: Array, model: Array) -> float:
     """Standard deviation of the whitened residuals, outliers clipped."""
-    from asrsim.identify.noise import whiten
+    from asrsim.identification.noise import whiten
 
     white = whiten(left, model)[len(model) :]
     scale = float(np.median(np.abs(white - np.median(white)))) / 0.6745

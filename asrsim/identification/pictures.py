@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.identify.noise import lag_correlation
-from asrsim.identify.residuals import Counter, Residuals, Weights
-from asrsim.identify.run import Result, set_up
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.run import Result
+from asrsim.identification.setup import set_up
 from asrsim.plots.output import save_figure, styled
 from asrsim.samples import Array
 
@@ -140,13 +141,13 @@ def _profiles(result: Result) -> Any:
         figure, axes = _grid(len(result.estimates), 2.9, 2.2, 4 if len(result.estimates) > 3 else len(result.estimates))
         for i, (one, axis) in enumerate(zip(result.estimates, axes.ravel(), strict=False)):
             deviation = float(np.sqrt(result.covariance[i, i]))
-            width = min(max(3.0 * deviation, 0.02), 0.5)
+            width = min(3.0 * deviation, 0.5) if deviation > 0.0 else 0.1
             moves = np.linspace(-width, width, PROFILE)
             follow = result.covariance[i] / result.covariance[i, i] if deviation > 0.0 else np.eye(len(result.x))[i]
             alone = _costs(residuals, result.x, moves, np.eye(len(result.x))[i])
             values = [result.layout.entries[i].value(float(result.x[i] + move)) for move in moves]
             axis.plot(values, alone, "--", color="C1", label="others stay")
-            if deviation > 0.0 and np.abs(follow).max() < 20.0:
+            if deviation > 0.0 and np.abs(width * follow).max() < 2.0:
                 axis.plot(values, _costs(residuals, result.x, moves, follow), ".-", color="C0", label="others follow")
             if np.isfinite(one.low):
                 axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
@@ -155,6 +156,7 @@ def _profiles(result: Result) -> Any:
             axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(0.98 * min(alone), 1.05 * top))
             axis.xaxis.label.set_fontsize("x-small")
             axis.tick_params(labelsize="x-small")
+            axis.locator_params(axis="x", nbins=3)
         axes[0, 0].legend(fontsize="xx-small")
         axes[0, 0].set_ylabel("mean square residual", fontsize="x-small")
     return figure

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from asrsim.identify.layout import Layout
-from asrsim.identify.noise import whiten
-from asrsim.identify.track import Track
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import whiten
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 STEP = 1e-6
