@@ -92,10 +92,10 @@ class Evaluation(Simulation):
 
     def engine_of(self, robot: Robot) -> Engine:
         """The engine with other inertials: for its model; runs take their own again."""
-        if not self._engine.vary(robot):
-            self._engine.close()
-            self._engine = make_engine(self.home.scenario, robot)[0]
-        return self._engine
+        if not self.engine.vary(robot):
+            self.engine.close()
+            self.engine = make_engine(self.home.scenario, robot)[0]
+        return self.engine
 
     def _renew_inputs(self, references: Mapping[str, Mapping[str, Signal]], count: int) -> None:
         own = {joint: {k: v for k, v in table.items() if k != EXTERNAL} for joint, table in references.items()}
