@@ -18,6 +18,7 @@ COMMANDS = {
     "report": "asrsim.cli.report_page",
     "rerun": "asrsim.cli.rerun",
     "sweep": "asrsim.cli.sweep",
+    "identify": "asrsim.cli.identify",
     "ilc": "asrsim.cli.ilc",
     "reproduce": "asrsim.cli.reproduce",
     "check": "asrsim.cli.check",
@@ -83,7 +84,9 @@ def main() -> None:
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
+    from asrsim.processes import use_one_thread
 
+    use_one_thread(os.environ)
     clean_streams()
     code = _call()
     try:
