@@ -163,9 +163,7 @@ MUTANTS = (
     changed("plots/world.py", "-1.0 if other == name", "1.0 if other == name", "plots_experiment", "plots"),
     changed("plots/curves.py", '(part, joints) + part.values["link', '(part, joints) - part.values["link', "plots"),
     changed("plots/decimate.py", "if gone.any():", "if False:", "plots_decimate"),
-    changed(
-        "simulation/substep.py", "goals[READINGS + 2 * i + 1]", "goals[READINGS + 1]", "core_seams"
-    ),
+    changed("simulation/substep.py", "goals[READINGS + 2 * i + 1]", "goals[READINGS + 1]", "core_seams"),
     changed(
         "simulation/energy.py",
         "middle = 0.5 * (raw[POSITION, :, :-1] + raw[POSITION, :, 1:])",
@@ -177,7 +175,7 @@ MUTANTS = (
         "engines/exact_friction.py",
         "change[place] = world.target[world.pick[a]] - world.qvel[place]",
         "change[place] = -world.qvel[place]",
-        "two_engines",
+        "core_seams",
     ),
     changed("actuators/qbmove.py", "* (d_2 - s_2)", "* (d_1 - s_1)", "actuators"),
     changed(

@@ -246,3 +246,17 @@ def test_each_encoder_has_a_noise_of_its_own() -> None:
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_joint_beyond_its_stop_comes_back_by_a_fifth(engine: str) -> None:
+    """Of what the last step before the stop overshoots, in the next one."""
+    limits = '<limit lower="-0.2" upper="0.2" effort="100" velocity="100"/>'
+    result = run(
+        chain(replace(BODY, actuator=None, limits=limits)), duration=0.2, gravity=0.0, engine=engine, substeps=1,
+        external={"joint_1": Constant(value=0.5)}, compiled=False,
+    )  # fmt: skip
+    beyond = column(result, "link_position") - 0.2
+    first = int(np.argmax(beyond > 0.0))
+    assert beyond[first] > 1e-4
+    assert beyond[first + 1] == pytest.approx(0.8 * beyond[first], rel=1e-6)

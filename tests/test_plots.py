@@ -293,6 +293,9 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
     run = read_curves(log, start=0.2, end=0.5)
     time = run.get("joint_1", "link_position").time
     assert (time[0], time[-1]) == pytest.approx((0.2, 0.5))
+    for end in (0.5, 99.0):
+        source = CurveSource(log, end=end)
+        assert source.span(0.0) == pytest.approx((0.0, min(end, source.reader.duration)))
     with pytest.raises(LogError, match="in that time"):
         read_curves(log, start=7.0)
 
