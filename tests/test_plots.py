@@ -13,7 +13,7 @@ from plot_example import made_up_log, simulated_log
 from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run, draw_runs, read_curves, style
-from asrsim.plots.curves import distinct_labels
+from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
