@@ -35,6 +35,8 @@ GUESS_KNOTS = 201
 """Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
 FORESEEN = 50
 """Updates that are foreseen at most."""
+GROWTH = 1.05
+"""Factor by which foreseen errors grow before it is said."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,10 +90,10 @@ class Prepared:
         return norms
 
 
-def turning(norms: list[float], tolerance: float) -> int | None:
-    """The trial after which foretold errors grow before they are within the tolerance; None if they do not."""
+def turning(norms: list[float], tolerance: float, growth: float = GROWTH) -> int | None:
+    """The trial after which errors grow before they are within the tolerance; None if they do not, or by a smaller factor."""
     least = int(np.argmin(norms))
-    if min(norms) <= tolerance or least == len(norms) - 1 or max(norms[least:]) < 1.1 * norms[least]:
+    if min(norms) <= tolerance or least == len(norms) - 1 or max(norms[least:]) < growth * norms[least]:
         return None
     return least
 
