@@ -24,7 +24,9 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = {"jazzy": "ros-jazzy-", "kilted": "ros-"}
 DOMAIN = 87
 PEER = ROOT / "tests" / "live_peer.py"
-ALONE = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")}
+# The wheels start Python once more with their libraries' folders, and mark that in the environment: a peer has its own.
+_OURS = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+ALONE = {key: value for key, value in os.environ.items() if key not in _OURS}
 SCENARIO = """\
 robot: {root}/examples/urdf/dof2_horizontal.urdf
 duration: 1.0
