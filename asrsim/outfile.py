@@ -21,6 +21,9 @@ MARKS = {
     "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
     "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
+    "robot": rb"<!-- written by asrsim identify -->\n\Z",
+    "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",
+    "fit file": rb"\A# Fit for `asrsim identify`",
     "schema": rb'"title": "asrsim scenario"',
 }
 """Kind of file -> what is found at the start or the end of one that asrsim wrote, and in no other."""

@@ -191,8 +191,13 @@ def test_a_link_that_is_fixed_to_a_varied_one_varies_with_it(tmp_path):
         '<origin xyz="0 0 -0.1"/></joint>'
     )
     child = plant().robot.joint("joint_1").child
-    path.write_text(CUBE.read_text().replace("</robot>", tool.replace("LINK", child) + "</robot>"))
+    shelf = tool.replace("tool", "shelf").replace("flange", "wall").replace("LINK", plant().robot.root.name)
+    path.write_text(CUBE.read_text().replace("</robot>", tool.replace("LINK", child) + shelf + "</robot>"))
     chosen = plant(path)
+    robots = chosen.robot, perturbed(chosen, {"mass.joint_1": 0.2}).robot
+    masses = [{link.name: link.mass or 0.0 for link in robot.links} for robot in robots]
+    wanted = {name: mass * (1.2 if name in (child, "tool") else 1.0) for name, mass in masses[0].items()}
+    assert masses[1] == pytest.approx(wanted)
     with learning_model(chosen) as model, learning_model(perturbed(chosen, {"mass.joint_1": 0.2})) as heavier:
         postures = [np.array([[0.4]]), np.zeros((1, 1)), np.zeros((1, 1))]
         loads = [item.arm.model.inverse_dynamics(*postures)[0, 0] for item in (model, heavier)]

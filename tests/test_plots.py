@@ -256,6 +256,23 @@ def test_slow_motions_steps_and_noise_stay_lines(tmp_path: Path):
         assert not axes.collections
 
 
+def test_an_encoder_that_flickers_at_rest_between_steps_stays_a_line(tmp_path: Path):
+    time = np.arange(651) * 0.01
+    count = 2 * np.pi / 4096
+    rng = np.random.default_rng(3)
+    values = np.where(time > 3.5, 0.6, 0.0) + count * np.round(rng.random(651))
+    assert not shown("link_torque", values, tmp_path).collections
+
+
+def test_an_envelope_ends_where_a_step_begins(tmp_path: Path):
+    """A step beside a fast stretch is a line of its own: no wedge leads from the one to the other."""
+    time = np.arange(651) * 0.01
+    fast = np.where(time < 3.4, 0.05 * (-1.0) ** np.arange(651), 0.0)
+    axes = shown("link_torque", fast + np.where(time >= 3.45, 1.0, 0.0), tmp_path)
+    for envelope in axes.collections:
+        assert np.abs(envelope.get_paths()[0].vertices[:, 1]).max() < 0.06
+
+
 def test_limits_are_drawn_where_the_motion_comes_near_them(tmp_path: Path):
     log = simulated_log("step_2dof", tmp_path / "log.mcap", variant="stiff", duration=0.3)
     run = read_curves(log)

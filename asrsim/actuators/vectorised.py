@@ -100,6 +100,21 @@ def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array],
     return evaluate
 
 
+def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], Array]:
+    """The position at which an unloaded link rests, of motor positions (n,)."""
+    law = actuator.equilibrium_position
+
+    def evaluate(first: Array, second: Array) -> Array:
+        try:
+            # Plain arithmetic, as in all our actuators, works on arrays as on numbers.
+            result = np.asarray(law(first, second), dtype=np.float64)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            return np.array([law(a, b) for a, b in zip(first.tolist(), second.tolist(), strict=True)], dtype=np.float64)
+        return np.broadcast_to(result, first.shape)
+
+    return evaluate
+
+
 def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
     """Energy of the springs in J on arrays: the actuator's own, else integrated from its torques from the undeflected state."""
     if actuator.elastic_energy is not Actuator.elastic_energy:

@@ -18,6 +18,7 @@ COMMANDS = {
     "report": "asrsim.cli.report_page",
     "rerun": "asrsim.cli.rerun",
     "sweep": "asrsim.cli.sweep",
+    "identify": "asrsim.cli.identify",
     "ilc": "asrsim.cli.ilc",
     "reproduce": "asrsim.cli.reproduce",
     "check": "asrsim.cli.check",

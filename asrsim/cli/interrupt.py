@@ -40,10 +40,10 @@ def like_an_interruption() -> Iterator[None]:
 class Interruption:
     """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt."""
 
-    def __init__(self, *, quiet: bool = False) -> None:
+    def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
+        """message: what the first signal says; empty: it is how one ends the command, there is nothing to say."""
         self.requested = False
-        self._quiet = quiet
-        """The first signal is how one ends the command: there is nothing to say."""
+        self._message = message
         self._before: dict[int, Any] = {}
         self._pipe = _piped_stdout()
 
@@ -68,8 +68,8 @@ class Interruption:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
-        if not self._quiet:
-            complain("\nasrsim: stopping; the log will be closed properly (Ctrl-C again to abort)")
+        if self._message:
+            complain(f"\n{self._message}")
 
 
 def _piped_stdout() -> Any:

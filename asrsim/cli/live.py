@@ -73,7 +73,7 @@ def live(
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
             session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
-            with Interruption(quiet=True) as interruption:
+            with Interruption("") as interruption:
                 summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
     if json:
         say_json({"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]})

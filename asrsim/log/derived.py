@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.vectorised import equilibrium_over_arrays
 from asrsim.samples import Array, JointInfo, Samples
 
 _IDEAL_MOTORS = tuple(mode.number for mode in MODES.values() if mode.spring and not mode.motor)
@@ -86,10 +87,4 @@ def _mapped(joint: JointInfo, theta_1: Array, theta_2: Array) -> Array:
     """Equilibrium position of two motor positions; NaN if the actuator is not registered here."""
     if joint.actuator not in ACTUATORS:
         return np.full(len(theta_1), np.nan)
-    law = ACTUATORS.get(joint.actuator).equilibrium_position
-    try:
-        # Plain arithmetic, as in all our actuators, works on arrays as on numbers.
-        result = np.asarray(law(theta_1, theta_2), dtype=np.float64)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return np.array([law(a, b) for a, b in zip(theta_1.tolist(), theta_2.tolist(), strict=True)], dtype=np.float64)
-    return np.broadcast_to(result, theta_1.shape)
+    return equilibrium_over_arrays(ACTUATORS.get(joint.actuator))(theta_1, theta_2)

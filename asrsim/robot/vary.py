@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
-from asrsim.actuators import ACTUATORS
+from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError, did_you_mean
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 
-JOINT_NAMES = ("damping", "friction")
+JOINT_NAMES = {
+    "damping": "damping",
+    "friction": "friction",
+    "passive_stiffness": "spring_stiffness",
+    "passive_reference": "spring_reference",
+}
+"""Name -> field of a joint; the last two are of a joint's own spring (Gazebo's)."""
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 CENTRES = ("x", "y", "z")
 LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
@@ -32,9 +39,9 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
         for name, value in values.items():
             key = f"{owner}.{name}"
             if owner in joints and name in JOINT_NAMES:
-                _check(value >= 0.0, key, value, "must be at least 0", problems)
-                joint = joints[owner]
-                joints[owner] = replace(joint, damping=value) if name == "damping" else replace(joint, friction=value)
+                _check(value >= 0.0 or name == "passive_reference", key, value, "must be at least 0", problems)
+                changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
+                joints[owner] = replace(joints[owner], **changed)
             elif owner in blocks and name in blocks[owner].parameters:
                 blocks[owner] = _with_parameter(blocks[owner], name, value, key, problems)
             elif owner in links and name in LINK_NAMES:
@@ -72,9 +79,14 @@ def _check(fine: bool, key: str, value: Any, message: str, problems: list[Proble
         problems.append(Problem(message=message, key=key, value=f"{value:g}", code="parameter-range"))
 
 
+@cache
+def _declared(actuator: Any) -> dict[str, Parameter]:
+    """Asked for every number of every evaluation of a fit."""
+    return {parameter.name: parameter for parameter in actuator.all_parameters()}
+
+
 def _with_parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ActuatorBlock:
-    declared = {parameter.name: parameter for parameter in ACTUATORS.get(block.actuator).all_parameters()}
-    fault = declared[name].fault(value)
+    fault = _declared(ACTUATORS.get(block.actuator))[name].fault(value)
     _check(fault is None, key, value, fault or "", problems)
     changed = replace(block.parameters[name], value=float(value), origin="scenario")
     return replace(block, parameters={**block.parameters, name: changed})

@@ -17,9 +17,10 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.crosscheck import COMPARED, other_engine, require_other_engine
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
+from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.side_by_side import COMPARED
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
 

@@ -35,10 +35,11 @@ def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot
     return robot, warnings
 
 
-def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem], list[Problem]]:
+def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = False) -> tuple[list[Problem], list[Problem]]:
     """(errors, warnings): names that the robot does not have, values that it cannot take, references that are missing.
 
-    `robot` is the file's; the scenario's modes and parameters are applied here.
+    `robot` is the file's; the scenario's modes and parameters are applied here. propose: parameters that hold an arm that
+    falls, which takes a while.
     """
     errors: list[Problem] = []
     warnings: list[Problem] = []
@@ -63,7 +64,7 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     if not errors:
         from asrsim.kinematics.sizing import holding_findings
 
-        warnings.extend(holding_findings(scenario, changed))
+        warnings.extend(holding_findings(scenario, changed, propose=propose))
     return errors, warnings
 
 

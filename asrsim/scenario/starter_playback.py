@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -70,10 +70,11 @@ class Plan:
     remarks: tuple[str, ...] = ()
 
 
-def make_plan(robot: Robot, recording: Recording, *, step: float) -> Plan:
+def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> Plan:
     """What of the recording is played into the robot, and what is compared.
 
-    Raises RecordingError where no joint is common, or no column is a command, with what there is.
+    strict: only what is a command is played as one, and a recording without commands is fine. Raises RecordingError where no
+    joint is common, or no column is a command, with what there is.
     """
     names = [joint.name for joint in robot.moving_joints]
     pairing, found = match_joints(names, recording)
@@ -86,7 +87,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float) -> Plan:
     modes: dict[str, int] = {}
     played: list[Played] = []
     for block in robot.actuators:
-        command = _command(columns, block, remarks)
+        command = _command(columns, block, remarks, () if strict else FALLBACKS)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
             if second is None and block.mode == 4 and command.quantity == "motor_1_torque":
@@ -100,7 +101,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float) -> Plan:
                 played.append(_played(block.joint, 1, second, recording, lag))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque, recording, lag))
-    if not any(one.slot == 0 for one in played):
+    if not strict and not any(one.slot == 0 for one in played):
         raise _no_command(recording, robot)
     changed = with_overrides(robot, modes=modes) if modes else robot
     commands = {one.column.source for one in played}
@@ -166,10 +167,12 @@ def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[st
         raise RecordingError(condense(replace(problem, file=recording.path) for problem in wrong if problem is not None))
 
 
-def _command(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str]) -> Column | None:
+def _command(
+    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], fallbacks: Sequence[str]
+) -> Column | None:
     torques = TORQUES.get(block.mode, ())
     reference = columns.get((block.joint, "reference_1"))
-    order = ["reference_1", *torques, *FALLBACKS]
+    order = ["reference_1", *torques, *fallbacks]
     if block.mode == 4 and reference is not None and reference.unit not in ("N m", "N"):
         # A motor that is told its torque takes the recorded one before any position.
         order = [*torques, *order]
@@ -181,7 +184,7 @@ def _command(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, re
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
         return column
     recorded = [quantity for joint, quantity in columns if joint == block.joint]
-    if recorded:
+    if recorded and fallbacks:
         remarks.append(f"{block.joint}: no column is its command; it is told to rest where it starts")
     return None
 

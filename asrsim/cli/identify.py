@@ -1,0 +1,190 @@
+"""`asrsim identify`: parameters from recordings, with intervals, verdicts, and the robot written back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from asrsim.cli.options import Overrides, Plugins, load_plugins
+
+if TYPE_CHECKING:
+    from asrsim.identification import Result, Task
+
+
+def identify(
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario of the robot, or a fit file (with `experiments:`).", show_default=False)
+    ],
+    experiment: Annotated[
+        list[Path] | None, typer.Option("--experiment", "-e", metavar="FILE", help="A recording to fit; may be repeated.")
+    ] = None,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="A recording that is only predicted; without one, the last part of each is."),
+    ] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--free",
+            metavar="KEY[=START]",
+            help="A parameter, or a pattern: 'joint_1.spring_*', link_1.izz, "
+            "joint_1.damping=0.1, KEY=LOW:HIGH, KEY=LOW:START:HIGH. May be repeated.",
+        ),
+    ] = None,
+    tie: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--tie", metavar="KEY=[FACTOR*]KEY", help="A parameter that follows another; * stands for the same in both."
+        ),
+    ] = None,
+    own: Annotated[
+        list[str] | None, typer.Option("--own", metavar="KEY", help="Free, with a value of its own in each recording.")
+    ] = None,
+    compare: Annotated[
+        list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Compare only this; may be repeated.", show_default="all")
+    ] = None,
+    mapping: Annotated[
+        list[str] | None, typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recordings is.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Hz, of recordings without time.")] = None,
+    variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
+    overrides: Overrides = None,
+    hold_out: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share at the end of each recording that is only predicted.")
+    ] = 0.25,
+    loss: Annotated[str, typer.Option(help="huber (outliers count little) or linear.")] = "huber",
+    starts: Annotated[int, typer.Option(min=1, help="Starts that are tried, at most, until one fits.")] = 6,
+    seed: Annotated[int, typer.Option(min=0, help="Of scattered starts.")] = 0,
+    search: Annotated[bool, typer.Option("--global", help="Search globally first (slow).")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/fit")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
+    plugin: Plugins = None,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Fit parameters of a robot to recordings: what they are, how sure that is, and what cannot be known.
+
+    Says of each parameter: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound; proves the fit on
+    data that it has not seen; and writes the robot back. Exit code: 0, 1 if nothing could be fitted, 2 if the model does not
+    fit, 130 after Ctrl-C, which keeps the best so far.
+
+    Example: asrsim identify lab.yaml --experiment a.csv --free 'joint_1.spring_*' --free link_1.izz
+
+    A file of all of it, from a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
+    """
+    from asrsim.cli.console import json_errors
+
+    given: dict[str, Any] = {
+        "validate": validate or [], "free": free or [], "ties": tie or [], "own": own or [], "compare": tuple(compare or ()),
+        "mapping": mapping or [], "rate": rate, "variant": variant, "overrides": overrides or [], "hold_out": hold_out,
+        "loss": loss, "starts": starts, "seed": seed, "search": search, "plugins": plugin or [],
+    }  # fmt: skip
+    with json_errors(json):
+        load_plugins(plugin)
+        task = _task(scenario, experiment or [], given)
+        folder = out or Path("out") / task.name / "fit"
+        result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json)
+        files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
+        if json:
+            from asrsim.cli.console import say_json
+            from asrsim.identification.write import as_dict
+
+            say_json({"ok": code == 0, **as_dict(result), "files": [str(path) for path in files]})
+        elif not quiet:
+            _say(result, files, said)
+    if code:
+        raise typer.Exit(code)
+
+
+def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
+    from asrsim.identification import make_task, read_task
+    from asrsim.identification.task import LOSSES, is_task
+
+    if given["loss"] not in LOSSES:
+        raise typer.BadParameter(f"choose from {', '.join(LOSSES)}", param_hint="--loss")
+    if is_task(path):
+        lists = ("validate", "free", "ties", "own", "compare", "mapping", "overrides")
+        said = [name for name in lists if given[name]] + (["experiment"] if experiments else [])
+        if said:
+            raise typer.BadParameter(f"a fit file says itself what is fitted; without it: {', '.join(said)}")
+        return read_task(path)
+    if not experiments:
+        raise typer.BadParameter("name a recording: --experiment FILE", param_hint="--experiment")
+    return make_task(path, experiments, **given)
+
+
+def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool) -> tuple[Result, int]:
+    from asrsim.cli.identify_progress import IdentifyProgress
+    from asrsim.cli.interrupt import INTERRUPTED, Interruption
+    from asrsim.identification import identify
+    from asrsim.identification.write import begin_of
+
+    begin = begin_of(folder) if resume else {}
+    with (
+        Interruption("asrsim: stopping; the best so far is judged and kept (Ctrl-C again to abort)") as interruption,
+        IdentifyProgress(task.name, show=not quiet) as progress,
+    ):
+        result = identify(task, progress=progress.update, stop=interruption.stop, begin=begin, check=check)
+    if result.status == "interrupted":
+        return result, INTERRUPTED
+    return result, 0 if result.fits else 2
+
+
+def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report: bool) -> tuple[list[Path], list[str]]:
+    from asrsim.identification.write import write_fit, write_robot
+    from asrsim.runs.lock import owned
+
+    with owned(folder):
+        files = [write_fit(result, folder)]
+        said: list[str] = []
+        if result.status == "complete" and (result.fits or everything):
+            written, said = write_robot(result, folder, everything=everything)
+            files += written
+        elif result.status == "complete":
+            said.append("no robot is written, since the model does not fit; --all writes it all the same")
+        if plot and result.status == "complete":
+            from asrsim.identification.pictures import draw
+
+            files += draw(result, folder)
+        if report and result.status == "complete":
+            from asrsim.identification.page import write_page
+
+            files.append(write_page(result, folder, pictures=plot))
+    return files, said
+
+
+def _say(result: Result, files: list[Path], said: list[str]) -> None:
+    from asrsim.cli.console import say, say_table
+    from asrsim.identification.show import advice, columns, errors, judgement, remarks
+
+    say_table(columns(result))
+    say()
+    say_table(errors(result))
+    say()
+    for text, style in (*remarks(result), *judgement(result)):
+        say(text, style)
+    if result.status == "checked":
+        say("only looked: these are the intervals that the recordings allow, if the starts are near", "bold")
+    told = list(advice(result))
+    if told:
+        say("to know more:", "bold")
+    for text in (*(f"  {text}" for text in told), *said):
+        say(text)
+    say(
+        f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike",
+        "dim",
+    )
+    for path in files:
+        say(f"  {path}")

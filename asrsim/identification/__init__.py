@@ -1,0 +1,9 @@
+"""Identification: parameters from recordings, with intervals and verdicts (`asrsim identify`)."""
+
+from __future__ import annotations
+
+from asrsim.identification.run import Result, identify
+from asrsim.identification.task import Experiment, Task, Tie, Wish, make_task, read_task
+from asrsim.identification.teller import Progress
+
+__all__ = ["Experiment", "Progress", "Result", "Task", "Tie", "Wish", "identify", "make_task", "read_task"]

@@ -1,0 +1,255 @@
+"""Recordings made ready for a fit: commands that are played, channels that are compared, their noise, and the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.identification.computed import computed_columns
+from asrsim.identification.noise import fine_noise, quantum_of
+from asrsim.identification.task import Experiment, Task
+from asrsim.quantities import unit_of
+from asrsim.recordings import Recording, read_recording
+from asrsim.recordings.data import Column
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.starter_playback import Plan, make_plan
+from asrsim.simulation.evaluation import DERIVED, DIRECT, EXTERNAL
+
+COMPARABLE = (*DIRECT, *DERIVED)
+PLAYED = 2
+"""Mode in which motors stand at their references."""
+OUTLIER = 12.0
+"""Deviations of its neighbourhood beyond which a single sample is a glitch."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Channel:
+    """A measured quantity of a joint."""
+
+    joint: str
+    quantity: str
+    unit: str
+    time: Array
+    """(n,) s on the simulation's clock."""
+    values: Array
+    """(n,) SI, without missing ones and glitches."""
+    noise: float
+    """Standard deviation of its noise: given, or from its fine structure."""
+    given: bool
+    quantum: float
+    """Step of a quantised encoder; 0: none seen."""
+
+    @property
+    def key(self) -> str:
+        """`joint.quantity`."""
+        return f"{self.joint}.{self.quantity}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Command:
+    """A recorded input."""
+
+    joint: str
+    quantity: str
+    """reference_1, reference_2 or external_torque."""
+    name: str
+    """Of the reference in the joint's mode, or `external_torque`."""
+    time: Array
+    values: Array
+    hold: bool
+    source: str
+    """Its column."""
+    unit: str
+
+    @property
+    def key(self) -> str:
+        """`joint.reference_1`."""
+        return f"{self.joint}.{self.quantity}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Data:
+    """One recording."""
+
+    name: str
+    path: Path
+    duration: float
+    """s."""
+    channels: tuple[Channel, ...]
+    commands: tuple[Command, ...]
+    modes: Mapping[str, int]
+    """That replace the robot's, because of the commands."""
+    recording: Recording
+    pairing: Mapping[str, str]
+    remarks: tuple[str, ...] = ()
+    held: bool = False
+    """Only predicted."""
+    located: bool = True
+    """Its clock is that of the commands; else it has to be found."""
+
+
+def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
+    """All recordings, fitted ones first. Raises InputError with what is wrong in any of them."""
+    found: list[Data] = []
+    problems: list[Problem] = []
+    for held, experiments in ((False, task.experiments), (True, task.validate)):
+        for experiment in experiments:
+            try:
+                found.append(_read(task, experiment, scenario, robot, held=held))
+            except InputError as error:
+                problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, *, held: bool) -> Data:
+    joints = [joint.name for joint in robot.moving_joints]
+    recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
+    plan = make_plan(robot, recording, step=scenario.step, strict=True)
+    lag = plan.lag if experiment.lag is None else experiment.lag
+    remarks = [*plan.remarks]
+    modes = dict(plan.modes)
+    commands = [*_commands(plan, lag), *_played_motors(scenario, plan, lag, modes, remarks)]
+    played = {(command.joint, source) for command in commands for source in (command.source,)}
+    channels = tuple(_channels(task, plan, lag, played, modes, remarks))
+    if not channels:
+        known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
+        message = f"nothing that it has is compared; it has {known}"
+        hint = "; ".join(remarks) or None
+        raise RecordingError(Problem(message=message, file=recording.path, key="compare", hint=hint, code="nothing-compared"))
+    if not any(np.ptp(channel.values) > 8.0 * max(channel.noise, channel.quantum) for channel in channels):
+        message = "nothing moves in it beyond its noise: it tells nothing of the robot"
+        raise RecordingError(Problem(message=message, file=recording.path, code="nothing-moves"))
+    end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
+    return Data(
+        name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
+        channels=channels, commands=tuple(commands), modes=modes, recording=recording, pairing=plan.pairing,
+        remarks=tuple(remarks), held=held, located=experiment.lag is not None or bool(commands),
+    )  # fmt: skip
+
+
+def _commands(plan: Plan, lag: float) -> Iterator[Command]:
+    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
+    for one in plan.played:
+        name = EXTERNAL if one.slot is None else modes[one.joint].references[one.slot]
+        quantity = EXTERNAL if one.slot is None else f"reference_{one.slot + 1}"
+        yield _command(one.joint, quantity, name, one.column, lag, hold=one.hold)
+
+
+def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *, hold: bool) -> Command:
+    good = np.isfinite(column.values)
+    return Command(
+        joint=joint, quantity=quantity, name=name, time=column.time[good] - lag, values=column.values[good], hold=hold,
+        source=column.source, unit=column.unit,
+    )  # fmt: skip
+
+
+def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, int], remarks: list[str]) -> Iterator[Command]:
+    """Motors as they were recorded, where no command was and the scenario has none: springs and links are fitted apart from
+    the motors. Raises RecordingError where these are missing too.
+    """
+    commanded = {one.joint for one in plan.played if one.slot == 0}
+    motors = {(joint, str(column.quantity)): column for joint, column in plan.compared}
+    missing = []
+    for block in plan.robot.actuators:
+        actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
+        if block.joint in commanded or scenario.references_of(block.joint):
+            continue
+        wanted = [f"motor_{i}_position" for i in range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)]
+        if not mode.spring or any((block.joint, quantity) not in motors for quantity in wanted):
+            if any(joint == block.joint for joint, _ in motors):
+                missing.append(block.joint)
+            continue
+        modes[block.joint] = PLAYED
+        remarks.append(f"{block.joint}: no command was recorded; its motors are played as recorded (mode {PLAYED})")
+        for slot, quantity in enumerate(wanted):
+            column = motors[block.joint, quantity]
+            name = MODES[PLAYED].references[slot]
+            yield _command(block.joint, f"reference_{slot + 1}", name, column, lag, hold=False)
+    if missing:
+        columns = ", ".join(list(plan.recording.channels)[:30])
+        raise RecordingError(
+            Problem(
+                message=f"the commands of {', '.join(missing)} are missing: no column is one, and the scenario has none; "
+                f"its columns: {columns}", file=plan.recording.path, code="no-command",
+                hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
+            )
+        )  # fmt: skip
+
+
+def _channels(
+    task: Task, plan: Plan, lag: float, played: set[tuple[str, str]], modes: Mapping[str, int], remarks: list[str]
+) -> Iterator[Channel]:
+    wanted = set(task.compare)
+    possible = {
+        f"{joint}.{column.quantity}": (joint, column)
+        for joint, column in plan.compared
+        if column.quantity in COMPARABLE and (joint, column.source) not in played
+    }
+    unknown = [key for key in task.compare if key not in possible]
+    if unknown:
+        problem = Problem(
+            message="is not in the recording, or is its command", key=unknown[0], file=plan.recording.path,
+            choices=tuple(possible), code="unknown-key",
+        )  # fmt: skip
+        raise RecordingError(problem)
+    computed = computed_columns(plan.recording, [column for _, column in possible.values()])
+    ideal = {block.joint for block in plan.robot.actuators if not MODES[modes.get(block.joint, block.mode)].motor}
+    for key, (joint, column) in possible.items():
+        quantity = str(column.quantity)
+        if wanted and key not in wanted:
+            continue
+        if quantity.startswith(("motor", "friction", "equilibrium")) and joint in ideal and key not in wanted:
+            remarks.append(f"{key} is not compared: in this mode motors stand at their references")
+            continue
+        if column.source in computed and key not in wanted:
+            remarks.append(
+                f"{key} is not compared: column '{column.source}' was computed from {computed[column.source]}, not measured; "
+                "a fit to it would be circular"
+            )
+            continue
+        channel = _channel(task, joint, column, lag, remarks)
+        if channel is not None:
+            yield channel
+
+
+def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[str]) -> Channel | None:
+    quantity = str(column.quantity)
+    key = f"{joint}.{quantity}"
+    good = np.isfinite(column.values) & (column.time - lag >= -1e-9)
+    time, values = column.time[good] - lag, column.values[good]
+    glitches = _glitches(values)
+    if glitches.any():
+        remarks.append(f"{key}: {int(glitches.sum())} samples far from both neighbours are left out")
+        time, values = time[~glitches], values[~glitches]
+    if len(values) < 3 or not np.ptp(values) > 0.0:
+        remarks.append(f"{key} is not compared: it never changes")
+        return None
+    quantum = quantum_of(values)
+    noise = task.noise.get(key) or fine_noise(values, quantum)
+    return Channel(
+        joint=joint, quantity=quantity, unit=column.unit or unit_of(quantity), time=time, values=values, noise=noise,
+        given=key in task.noise, quantum=quantum,
+    )  # fmt: skip
+
+
+def _glitches(values: Array) -> Array:
+    """Whether a sample is far from the median of itself and the two samples on each side, measured by its own surroundings.
+
+    Samples of a fast but smooth motion are near to that median, and so are steps.
+    """
+    if len(values) < 9:
+        return np.zeros(len(values), bool)
+    padded = np.concatenate([values[2:0:-1], values, values[-2:-4:-1]])
+    away = np.abs(values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+    typical = float(np.quantile(away, 0.9))
+    scale = max(typical, 1e-3 * float(np.ptp(np.quantile(values, (0.01, 0.99)))))
+    return np.asarray(away > OUTLIER * scale)

@@ -1,0 +1,169 @@
+"""The search: trust-region least squares from several starts, over a growing horizon where one shot does not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Residuals
+from asrsim.samples import Array
+
+SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
+"""Shares of the training part, one after the other: swings stay within half a period of each other."""
+REACH = 0.3
+"""Of the first steps: a third of a parameter's size."""
+FITS = 1.25
+"""Deviations, in those of the noise's fine structure, up to which a fit needs no other start."""
+WHITE = 0.3
+"""Correlation of neighbouring residuals below which they may be noise."""
+AGREED = 2
+"""Searches that end alike, of a model that does not fit."""
+ROUNDS = 60
+HUBER = 3.0
+"""Deviations beyond which a residual counts by its size, not its square."""
+
+
+class Stopped(Exception):  # noqa: N818 - no error: the user has seen enough
+    """Raised between evaluations when the user asks for the end."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a search ended."""
+
+    x: Array
+    cost: float
+    """Mean square of the residuals, Huber's."""
+    how: str
+    """Start and horizon, for people."""
+
+
+@dataclass
+class Best:
+    """What is best so far: kept outside the search, so that it survives its end."""
+
+    x: Array
+    cost: float = np.inf
+    how: str = "start"
+    attempts: int = 0
+    successes: int = 0
+    """Searches that ended as near as the best."""
+
+    def offer(self, found: Found) -> None:
+        """Another end."""
+        self.attempts += 1
+        if found.cost < self.cost * (1.0 - 1e-4):
+            near = np.isfinite(self.cost) and self.cost < found.cost * 1.02
+            self.x, self.cost, self.how = found.x, found.cost, found.how
+            self.successes = self.successes + 1 if near else 1
+        elif found.cost < self.cost * 1.02:
+            self.successes += 1
+
+
+def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
+    """Trust-region reflective least squares from x, within the bounds."""
+    from scipy.optimize import least_squares
+
+    low, high = residuals.layout.bounds
+    # The start must be inside; counted from it, the first trust region is REACH wide.
+    span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
+    inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
+    found = least_squares(
+        lambda move: residuals(inside + move), np.zeros(len(x)), jac=lambda move: residuals.jacobian(inside + move),
+        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
+        xtol=tolerance, gtol=1e-12, max_nfev=rounds,
+    )  # fmt: skip
+    return np.asarray(inside + found.x, dtype=np.float64)
+
+
+def cost_of(residuals: Array, loss: str) -> float:
+    """Mean of squares, beyond :data:`HUBER` of sizes."""
+    size = np.abs(residuals)
+    if loss == "linear":
+        return float(np.mean(size**2))
+    return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
+
+
+def search(
+    residuals: Residuals, best: Best, *, loss: str, starts: int, spread: float, seed: int, tell: Callable[[str], None]
+) -> None:
+    """Try starts until one fits; `best` has the best of them at any time."""
+    user = best.x.copy()
+    for number, (how, x, horizons) in enumerate(_attempts(residuals.layout, user, best, spread, seed)):
+        if number >= starts:
+            break
+        tell(how)
+        for share in horizons:
+            residuals.share = share
+            last = share == 1.0
+            x = solve(residuals, x, loss="linear", tolerance=1e-5 if last else 1e-2, rounds=ROUNDS if last else 12)
+            if last and loss != "linear" and _tails(residuals(x)):
+                x = solve(residuals, x, loss=loss, tolerance=1e-5)
+        residuals.share = 1.0
+        cost = cost_of(residuals(x), loss)
+        best.offer(Found(x, cost, how))
+        # Two ways to one end: others would hardly lead elsewhere.
+        if fits_noise(residuals, best.x) or best.successes >= AGREED:
+            break
+
+
+def _attempts(
+    layout: Layout, start: Array, best: Best, spread: float, seed: int
+) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
+    """Starts, the user's first; then the same with losses divided otherwise, and scattered ones."""
+    generator = np.random.default_rng(seed)
+    yield "the start", start, SHORT
+    yield "the start, horizon growing", start, GROWING
+    losses = [i for i, entry in enumerate(layout.entries) if any(word in entry.name for word in ("friction", "damping"))]
+    number = 1
+    while True:
+        moved = best.x.copy() if number % 2 else start.copy()
+        for i, entry in enumerate(layout.entries):
+            if i in losses:
+                # Friction that sits on the motor may belong to the link, and the other way round.
+                size = max(entry.value(float(moved[i])), 0.3 * entry.parameter.size)
+                moved[i] = entry.place(size * float(np.exp(generator.uniform(-1.0, 1.0) * np.log(2.0 * spread))))
+            elif number % 2 == 0:
+                reach = np.log(spread) if entry.parameter.logarithmic else 1.0
+                moved[i] += generator.uniform(-reach, reach)
+        low, high = layout.bounds
+        yield f"scattered start {number}", np.clip(moved, low, high), SHORT if number % 2 else GROWING
+        number += 1
+
+
+def _tails(residuals: Array) -> bool:
+    """Whether single samples are far off: neighbours that are off together are the model's fault."""
+    size = np.abs(residuals - np.median(residuals))
+    far = size > 5.0 * np.median(size) / 0.6745
+    alone = far[1:-1] & ~far[:-2] & ~far[2:]
+    return float(np.mean(alone)) > 1e-3
+
+
+def fits_noise(residuals: Residuals, x: Array) -> bool:
+    """Whether what is left looks like noise in every channel of every recording."""
+    for track, one in enumerate(residuals.tracks):
+        raw = residuals.raw(x, track, residuals.until(track))
+        if raw is None:
+            return False
+        for channel, left in zip(one.channels, raw, strict=True):
+            noise = max(channel.noise, channel.quantum / np.sqrt(12.0))
+            if float(np.median(np.abs(left - np.median(left)))) / 0.6745 > FITS * noise or abs(lag_correlation(left)) > WHITE:
+                return False
+    return True
+
+
+def globally(residuals: Residuals, best: Best, *, seed: int, tell: Callable[[str], None]) -> None:
+    """Differential evolution over the bounds, or two decades about the start; its end becomes the start."""
+    from scipy.optimize import differential_evolution
+
+    tell("global search")
+    low, high = residuals.layout.bounds
+    box = [(max(a, x - 2.3), min(b, x + 2.3)) for a, b, x in zip(low.tolist(), high.tolist(), best.x.tolist(), strict=True)]
+    found = differential_evolution(
+        lambda x: cost_of(residuals(x), "huber"), box, seed=seed, maxiter=60, popsize=8, tol=1e-3, polish=False, x0=best.x
+    )
+    best.x = np.asarray(found.x, dtype=np.float64)

@@ -1,0 +1,219 @@
+"""What can be free: every number of the robot, and what recordings may have wrong: zeros, gains, delays, clocks, starts."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.identification.task import Task, Tie, Wish
+from asrsim.robot.model import Robot
+from asrsim.robot.vary import INERTIAS
+
+CLOCK = "clock"
+LATEST = 0.25
+"""s, bound of delays and clock offsets."""
+TYPICAL = {
+    "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
+    "kg": 0.1, "kg m^2": 1e-3,
+}  # fmt: skip
+"""Unit -> size of a number that says nothing of its own size, being 0."""
+FACTOR = 1e3
+"""A positive parameter may become so much smaller or larger."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A number that may be free."""
+
+    key: str
+    unit: str
+    start: float
+    low: float = -math.inf
+    high: float = math.inf
+    logarithmic: bool = False
+    """Searched over its logarithm: positive, of unknown size. Friction and damping are not: they may be none."""
+    own: bool = False
+    """Each recording has its own value."""
+
+    @property
+    def size(self) -> float:
+        """Of a change that matters, where it is not searched over its logarithm."""
+        return max(abs(self.start), TYPICAL.get(self.unit, 0.1))
+
+
+def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> dict[str, Parameter]:
+    """Every key. commands: `joint.reference_1`, ... that recordings have; channels: `joint.quantity` -> unit."""
+    found = [*_of_actuators(robot), *_of_joints(robot), *_of_links(robot), *_of_channels(robot, commands, channels)]
+    return {parameter.key: parameter for parameter in found}
+
+
+def _of_actuators(robot: Robot) -> Iterator[Parameter]:
+    for block in robot.actuators:
+        values = block.values()
+        for one in ACTUATORS.get(block.actuator).all_parameters():
+            start = values[one.name]
+            loss = "damping" in one.name or "friction" in one.name
+            low, high = one.minimum, one.maximum
+            logarithmic = low >= 0.0 and start > 0.0 and math.isfinite(start) and not loss
+            if logarithmic:
+                low, high = max(low, start / FACTOR), min(high, start * FACTOR)
+            yield Parameter(
+                key=f"{block.joint}.{one.name}", unit=one.unit, start=start, low=low, high=high, logarithmic=logarithmic
+            )
+
+
+def _of_joints(robot: Robot) -> Iterator[Parameter]:
+    for joint in robot.moving_joints:
+        force, place = ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
+        yield Parameter(key=f"{joint.name}.damping", unit=f"{force} s/{place}", start=joint.damping, low=0.0)
+        yield Parameter(key=f"{joint.name}.friction", unit=force, start=joint.friction, low=0.0)
+        stiff = joint.spring_stiffness
+        bounds = (stiff / FACTOR, stiff * FACTOR) if stiff > 0.0 else (0.0, math.inf)
+        yield Parameter(
+            key=f"{joint.name}.passive_stiffness", unit=f"{force}/{place}", start=stiff, low=bounds[0], high=bounds[1],
+            logarithmic=stiff > 0.0,
+        )  # fmt: skip
+        yield Parameter(key=f"{joint.name}.passive_reference", unit=place, start=joint.spring_reference)
+        yield Parameter(key=f"{joint.name}.initial_position", unit=place, start=math.nan, own=True)
+        yield Parameter(key=f"{joint.name}.initial_velocity", unit=f"{place}/s", start=math.nan, own=True)
+
+
+def _of_links(robot: Robot) -> Iterator[Parameter]:
+    for link in robot.links:
+        if link.mass is None:
+            continue
+        yield _positive(f"{link.name}.mass", "kg", link.mass)
+        for name, value in zip("xyz", link.centre_of_mass, strict=True):
+            yield Parameter(key=f"{link.name}.{name}", unit="m", start=value)
+        for name, value in zip(INERTIAS, link.inertia or (0.0,) * 6, strict=True):
+            key = f"{link.name}.{name}"
+            yield _positive(key, "kg m^2", value) if name[1] == name[2] else Parameter(key=key, unit="kg m^2", start=value)
+
+
+def _positive(key: str, unit: str, start: float) -> Parameter:
+    if start <= 0.0:
+        return Parameter(key=key, unit=unit, start=start, low=0.0)
+    # A point mass's inertia is a stand-in for none: it may grow by more.
+    return Parameter(key=key, unit=unit, start=start, low=start / FACTOR, high=start * FACTOR**2, logarithmic=True)
+
+
+def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[Parameter]:
+    yield Parameter(key=CLOCK, unit="s", start=0.0, low=-LATEST, high=LATEST, own=True)
+    for key in dict.fromkeys((*commands, *channels)):
+        unit = channels.get(key, "")
+        yield Parameter(key=f"{key}.offset", unit=unit or "rad", start=0.0)
+        yield Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1.0 / FACTOR, high=FACTOR, logarithmic=True)
+        low = 0.0 if key in commands else -LATEST
+        yield Parameter(key=f"{key}.delay", unit="s", start=0.0, low=low, high=LATEST)
+
+
+def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Parameter], list[Tie]]:
+    """The free ones in the order of the wishes, and ties of single keys. Raises InputError with every problem."""
+    problems: list[Problem] = []
+    free: dict[str, Parameter] = {}
+    for pattern, wish in task.free.items():
+        keys = [key for key in known if fnmatchcase(key, pattern)]
+        if not keys:
+            problems.append(_unknown(pattern, known, "free"))
+        for key in keys:
+            parameter = _wished(known[key], wish)
+            problems += _faults(parameter, wish)
+            free[key] = parameter
+    ties: list[Tie] = []
+    for tie in task.ties:
+        pairs = list(_tied(tie, known))
+        if not pairs:
+            problems.append(_unknown(tie.key, known, "tie"))
+        elif "*" in tie.key and not any(to in free for _, to in pairs):
+            problems.append(Problem(message=f"nothing of {tie.to}, to which it is tied, is free", key=tie.key, code="tie"))
+        for key, to in pairs:
+            if key == to:
+                problems.append(Problem(message="is tied to itself", key=key, code="tie"))
+            elif to not in known:
+                problems.append(_unknown(to, known, "tie"))
+            elif "*" not in tie.key or to in free:
+                ties.append(Tie(key=key, to=to, factor=tie.factor))
+    # A key that is tied is not free any more, though a pattern may have named it.
+    for tie in ties:
+        free.pop(tie.key, None)
+    problems += _tie_faults(ties, free)
+    if not free and not problems:
+        hint = "Name some: --free 'joint_1.spring_*'"
+        problems.append(Problem(message="nothing is free", key="free", hint=hint, choices=_roots(known), code="free"))
+    if problems:
+        raise InputError(problems)
+    return list(free.values()), ties
+
+
+def _wished(known: Parameter, wish: Wish) -> Parameter:
+    start = known.start if wish.start is None else wish.start
+    moved = known.logarithmic and wish.start is not None and wish.start > 0.0
+    ratio = start / known.start if moved else 1.0
+    low = known.low * ratio if wish.low is None else wish.low
+    high = known.high * ratio if wish.high is None else wish.high
+    if wish.start is None and wish.low is not None and wish.high is not None and not low <= start <= high:
+        start = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
+    own = known.own if wish.own is None else wish.own
+    logarithmic = (known.logarithmic or (known.start == 0.0 and known.low == 0.0 and low > 0.0)) and start > 0.0 and low > 0.0
+    return replace(known, start=start, low=low, high=high, own=own, logarithmic=logarithmic)
+
+
+def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
+    key = parameter.key
+    if not parameter.low < parameter.high:
+        yield Problem(message="its lower bound is not below its upper one", key=key, value=parameter.low, code="bounds")
+    elif not math.isnan(parameter.start) and not parameter.low <= parameter.start <= parameter.high:
+        message = f"its start is out of range, {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
+        yield Problem(message=message, key=key, value=f"{parameter.start:g}", code="start-range")
+    elif math.isinf(parameter.start):
+        yield Problem(message="has no finite start", key=key, hint=f"Give one: {key}=START", code="start-range")
+
+
+def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]:
+    """Keys that the pattern matches, with what they are tied to: the parts that `*` stood for go into the other's `*`."""
+    pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
+    for key in known:
+        if (match := pattern.fullmatch(key)) is not None:
+            to = tie.to
+            for part in match.groups():
+                to = to.replace("*", part, 1)
+            yield key, to
+
+
+def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[Problem]:
+    targets = {tie.key: tie.to for tie in ties}
+    if len(targets) < len(ties):
+        seen: set[str] = set()
+        for tie in ties:
+            if tie.key in seen:
+                yield Problem(message="is tied twice", key=tie.key, code="tie")
+            seen.add(tie.key)
+    for key in targets:
+        way = [key]
+        while way[-1] in targets and len(way) <= len(targets):
+            way.append(targets[way[-1]])
+        if len(way) > len(targets) and way[-1] in targets:
+            yield Problem(message="is tied to itself over others", key=key, code="tie")
+    for tie in ties:
+        if tie.to not in free and tie.to not in targets:
+            hint = f"Free it: --free {tie.to}"
+            yield Problem(message=f"is tied to {tie.to}, which is not free", key=tie.key, hint=hint, code="tie")
+
+
+def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Problem:
+    owner = pattern.partition(".")[0]
+    same = tuple(key for key in known if key.partition(".")[0] == owner)
+    message = "no key is called so" if "*" not in pattern and "?" not in pattern else "no key fits this pattern"
+    return Problem(
+        message=f"{message} ({where})", key=pattern, hint=did_you_mean(pattern, tuple(known)), choices=same or _roots(known),
+        code="unknown-key",
+    )  # fmt: skip
+
+
+def _roots(known: Mapping[str, Parameter]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(f"{key.rpartition('.')[0]}.*" if "." in key else key for key in known))

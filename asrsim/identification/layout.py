@@ -1,0 +1,106 @@
+"""Free parameters as a vector: logarithms or multiples of a size, shared or a recording's own, with ties."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from asrsim.identification.keys import Parameter
+from asrsim.identification.task import Tie
+from asrsim.samples import Array
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A number of the vector."""
+
+    parameter: Parameter
+    track: int | None
+    """Recording whose own it is; None: of all."""
+    name: str
+    """For people: the key, with the recording's name where it is its own."""
+    start: float
+
+    def value(self, x: float) -> float:
+        """In the parameter's unit."""
+        parameter = self.parameter
+        if parameter.logarithmic:
+            return min(max(parameter.start * math.exp(min(max(x, -50.0), 50.0)), parameter.low), parameter.high)
+        return min(max(self.start + parameter.size * x, parameter.low), parameter.high)
+
+    def slope(self, x: float) -> float:
+        """Of the value in x."""
+        return self.value(x) if self.parameter.logarithmic else self.parameter.size
+
+    def place(self, value: float) -> float:
+        """x of a value."""
+        parameter = self.parameter
+        if parameter.logarithmic:
+            return math.log(value / parameter.start) if value > 0.0 else -math.inf
+        return (value - self.start) / parameter.size
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The vector's entries, and what is tied to them."""
+
+    entries: tuple[Entry, ...]
+    ties: tuple[Tie, ...]
+    tracks: int
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper, (n,) each."""
+        low = np.array([entry.place(entry.parameter.low) for entry in self.entries])
+        high = np.array([entry.place(entry.parameter.high) for entry in self.entries])
+        return low, high
+
+    def values(self, x: Array) -> Array:
+        """(n,) in the parameters' units."""
+        return np.array([entry.value(float(v)) for entry, v in zip(self.entries, x, strict=True)])
+
+    def slopes(self, x: Array) -> Array:
+        """(n,) of the values."""
+        return np.array([entry.slope(float(v)) for entry, v in zip(self.entries, x, strict=True)])
+
+    def table(self, x: Array, track: int) -> dict[str, float]:
+        """Key -> value for a recording, ties followed."""
+        found = {
+            entry.parameter.key: entry.value(float(v))
+            for entry, v in zip(self.entries, x, strict=True)
+            if entry.track in (None, track)
+        }
+        waiting = list(self.ties)
+        for _ in range(len(waiting)):
+            for tie in waiting:
+                if tie.to in found:
+                    found[tie.key] = tie.factor * found[tie.to]
+        return found
+
+    def touched(self, index: int) -> range:
+        """Recordings that an entry acts on."""
+        track = self.entries[index].track
+        return range(self.tracks) if track is None else range(track, track + 1)
+
+
+def make_layout(
+    free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
+) -> Layout:
+    """names: of the recordings; starts: of each, key -> start of what begins in every recording where it does."""
+    entries: list[Entry] = []
+    for parameter in free:
+        if not parameter.own:
+            entries.append(Entry(parameter, None, parameter.key, parameter.start))
+            continue
+        for i, name in enumerate(names):
+            start = starts[i].get(parameter.key, parameter.start)
+            shown = parameter.key if len(names) == 1 else f"{parameter.key} ({name})"
+            entries.append(Entry(replace(parameter, start=start), i, shown, start))
+    return Layout(tuple(entries), tuple(ties), len(names))

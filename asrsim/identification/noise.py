@@ -1,0 +1,83 @@
+"""Noise: its size from the fine structure of a record, an encoder's quantum, and autoregressive models that whiten it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asrsim.samples import Array
+
+ORDER = 12
+"""Largest order of the autoregressive models."""
+LEVELS = 20_000
+"""Different numbers in a record, at most, of an encoder whose steps count."""
+
+
+def fine_noise(values: Array, quantum: float = 0.0) -> float:
+    """Standard deviation of white noise on a smooth record (n,), from its third differences, by their median.
+
+    At least what rounding to `quantum` makes, and a millionth of the range: a noiseless record has rounding of its own.
+    """
+    third = np.diff(values, 3)
+    sigma = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
+    least = max(quantum / np.sqrt(12.0), 1e-6 * float(np.ptp(values)))
+    return float(max(sigma, least))
+
+
+def quantum_of(values: Array) -> float:
+    """The step of which all changes of a record (n,) are multiples; 0 where there is none, or steps are too fine to count."""
+    steps = np.abs(np.diff(np.unique(values)))
+    if len(steps) < 2 or len(steps) > LEVELS:
+        return 0.0
+    least = float(np.median(steps[steps <= 1.5 * steps.min()]))
+    multiples = steps / least
+    whole = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, np.round(multiples))
+    # Every record is quantised by its file's digits; it counts where the record stands still on its steps.
+    still = float(np.mean(np.diff(values) == 0.0))
+    return least if whole.mean() > 0.98 and still > 0.15 else 0.0
+
+
+def lag_correlation(residuals: Array, lag: int = 1) -> float:
+    """Autocorrelation of residuals (n,) at a lag."""
+    centred = residuals - residuals.mean()
+    size = float(np.dot(centred, centred))
+    return float(np.dot(centred[lag:], centred[:-lag]) / size) if size > 0.0 and len(centred) > lag + 2 else 0.0
+
+
+def autoregression(residuals: Array) -> Array:
+    """Coefficients (p,) of the model e_k = sum c_i e_(k-i) + white noise that Akaike's criterion, corrected, chooses; (0,) for
+    white residuals.
+
+    By Burg's recursion, which is stable for every order.
+    """
+    n = len(residuals)
+    limit = min(ORDER, n // 20)
+    if limit < 1 or abs(lag_correlation(residuals)) < 2.5 / np.sqrt(n):
+        return np.empty(0)
+    forward, backward = residuals[1:].copy(), residuals[:-1].copy()
+    power = float(np.mean(residuals**2))
+    chosen, coefficients = np.empty(0), np.empty(0)
+    best = n * np.log(power)
+    for order in range(1, limit + 1):
+        scale = float(np.dot(forward, forward) + np.dot(backward, backward))
+        if scale <= 0.0:
+            break
+        k = 2.0 * float(np.dot(forward, backward)) / scale
+        coefficients = np.append(coefficients - k * coefficients[::-1], k)
+        power *= 1.0 - k * k
+        forward, backward = (forward - k * backward)[1:], (backward - k * forward)[:-1]
+        criterion = n * np.log(max(power, 1e-300)) + np.log(n) * order
+        if criterion < best:
+            best, chosen = criterion, coefficients.copy()
+    return chosen
+
+
+def whiten(values: Array, coefficients: Array) -> Array:
+    """Values (n,) or (n, m) through the model's inverse; the first p rows, of which the past is not known, are 0."""
+    p = len(coefficients)
+    if not p:
+        return values
+    result = values.copy()
+    for i, c in enumerate(coefficients, start=1):
+        result[p:] -= c * values[p - i : len(values) - i]
+    result[:p] = 0.0
+    return result

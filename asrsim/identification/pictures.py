@@ -1,0 +1,171 @@
+"""Pictures of a fit: overlays before and after, residuals with their correlation, profiles, and the correlation matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.run import Result
+from asrsim.identification.setup import set_up
+from asrsim.plots.output import save_figure, styled
+from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST = 8
+"""Channels of a picture."""
+POINTS = 4000
+"""Of a line."""
+PROFILE = 9
+"""Values of a profile."""
+
+
+def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",), *, profiles: bool = True) -> list[Path]:
+    """Write all pictures. Raises OutputError."""
+    paths: list[Path] = []
+    with styled():
+        for name, figure in figures(result, profiles=profiles).items():
+            paths += save_figure(figure, folder, name, formats)
+    return paths
+
+
+def figures(result: Result, *, profiles: bool = True) -> dict[str, Figure]:
+    """Name -> figure; call it inside :func:`asrsim.plots.output.styled`."""
+    found: dict[str, Any] = {}
+    for track, channels in enumerate(result.series):
+        name = result.channels[sum(len(one) for one in result.series[:track])].recording
+        suffix = f"_{Path(name).stem}" if len(result.series) > 1 else ""
+        found[f"overlay{suffix}"] = _overlay(channels[:MOST], result.ends[track], name)
+        found[f"residuals{suffix}"] = _residuals(channels[:MOST], result.ends[track], name)
+    if len(result.estimates) > 1:
+        found["correlation"] = _matrix(result)
+    if profiles and result.status == "complete":
+        found["profiles"] = _profiles(result)
+    return found
+
+
+def _grid(count: int, width: float, height: float, columns: int) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    rows = -(-count // columns)
+    figure = Figure(figsize=(width * columns, height * rows + 0.4), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for axis in axes.ravel()[count:]:
+        axis.remove()
+    return figure, axes
+
+
+def _overlay(channels: Sequence[Any], end: float, name: str) -> Any:
+    figure, axes = _grid(len(channels), 8.5, 2.3, 1)
+    for one, axis in zip(channels, axes.ravel(), strict=False):
+        every = max(1, len(one["time"]) // POINTS)
+        time = one["time"][::every]
+        axis.plot(time, one["recorded"][::every], color="0.6", linewidth=2.2, label="recorded")
+        if one["before"] is not None:
+            axis.plot(time, one["before"][::every], "--", color="C1", linewidth=0.9, label="before")
+        if one["after"] is not None:
+            axis.plot(time, one["after"][::every], color="C0", linewidth=1.0, label="after")
+        low, high = float(np.min(one["recorded"])), float(np.max(one["recorded"]))
+        axis.set_ylim(low - 0.35 * (high - low), high + 0.35 * (high - low))
+        _held(axis, end, one["time"])
+        axis.set(ylabel=f"{one['key']}\n[{one['unit']}]")
+    axes[0, 0].set_title(name, fontsize="medium")
+    axes[0, 0].legend(fontsize="x-small", ncols=4, loc="upper right")
+    axes[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def _held(axis: Any, end: float, time: Array) -> None:
+    """Shade what was only predicted."""
+    if end < time[-1] - 1e-9:
+        axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
+
+
+def _residuals(channels: Sequence[Any], end: float, name: str) -> Any:
+    figure, axes = _grid(2 * len(channels), 5.0, 2.2, 2)
+    for one, (left, right) in zip(channels, axes, strict=False):
+        if one["after"] is None:
+            continue
+        rest = one["after"] - one["recorded"]
+        every = max(1, len(rest) // POINTS)
+        left.plot(one["time"][::every], rest[::every], color="C0", linewidth=0.5)
+        _held(left, end, one["time"])
+        left.set(ylabel=f"{one['key']}\n[{one['unit']}]")
+        inside = rest[one["time"] <= end] if end > 0.0 else rest
+        lags = np.arange(1, min(60, len(inside) // 4) + 1)
+        if len(lags):
+            right.bar(lags, [lag_correlation(inside, int(lag)) for lag in lags], width=0.8, color="C0")
+            bound = 1.96 / np.sqrt(max(len(inside), 1))
+            right.axhspan(-bound, bound, color="0.8", linewidth=0, zorder=0)
+        right.set(ylim=(-1.05, 1.05), ylabel="correlation")
+    axes[0, 0].set_title(f"{name}: predicted less recorded", fontsize="medium")
+    axes[0, 1].set_title("of residuals, by lag", fontsize="medium")
+    axes[-1, 0].set_xlabel("time [s]")
+    axes[-1, 1].set_xlabel("samples")
+    return figure
+
+
+def _matrix(result: Result) -> Any:
+    from matplotlib.figure import Figure
+
+    names = [one.name for one in result.estimates]
+    size = max(4.0, 0.5 * len(names) + 2.5)
+    figure = Figure(figsize=(size + 1.0, size), layout="constrained")
+    axes = figure.subplots()
+    mesh = axes.imshow(result.correlation, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
+    if len(names) <= 16:
+        for i, row in enumerate(result.correlation):
+            for j, value in enumerate(row):
+                colour = "white" if abs(value) > 0.6 else "black"
+                axes.text(j, i, f"{value:.2f}".replace("0.", "."), ha="center", va="center", fontsize="xx-small", color=colour)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize="x-small")
+    axes.set_yticks(range(len(names)), names, fontsize="x-small")
+    axes.grid(visible=False)
+    figure.colorbar(mesh, ax=axes, label="correlation of estimates", shrink=0.8)
+    return figure
+
+
+def _profiles(result: Result) -> Any:
+    """Cost over each parameter with the others as they are, and where they follow by their correlation."""
+    with ExitStack() as stack:
+        setup = set_up(result.task, stack)
+        weights = [[Weights(max(one.after, 1e-12)) for one in _of(result, track)] for track in range(len(setup.fitted))]
+        residuals = Residuals(setup.fitted, result.layout, weights, setup.ends, Counter())
+        figure, axes = _grid(len(result.estimates), 2.9, 2.2, 4 if len(result.estimates) > 3 else len(result.estimates))
+        for i, (one, axis) in enumerate(zip(result.estimates, axes.ravel(), strict=False)):
+            deviation = float(np.sqrt(result.covariance[i, i]))
+            width = min(3.0 * deviation, 0.5) if deviation > 0.0 else 0.1
+            moves = np.linspace(-width, width, PROFILE)
+            follow = result.covariance[i] / result.covariance[i, i] if deviation > 0.0 else np.eye(len(result.x))[i]
+            alone = _costs(residuals, result.x, moves, np.eye(len(result.x))[i])
+            values = [result.layout.entries[i].value(float(result.x[i] + move)) for move in moves]
+            axis.plot(values, alone, "--", color="C1", label="others stay")
+            if deviation > 0.0 and np.abs(width * follow).max() < 2.0:
+                axis.plot(values, _costs(residuals, result.x, moves, follow), ".-", color="C0", label="others follow")
+            if np.isfinite(one.low):
+                axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
+            axis.axvline(one.value, color="0.3", linewidth=0.7)
+            top = min(max(*alone, 1.05), 10.0 * min(alone))
+            axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(0.98 * min(alone), 1.05 * top))
+            axis.xaxis.label.set_fontsize("x-small")
+            axis.tick_params(labelsize="x-small")
+            axis.locator_params(axis="x", nbins=3)
+        axes[0, 0].legend(fontsize="xx-small")
+        axes[0, 0].set_ylabel("mean square residual", fontsize="x-small")
+    return figure
+
+
+def _of(result: Result, track: int) -> list[Any]:
+    first = sum(len(one) for one in result.series[:track])
+    return list(result.channels[first : first + len(result.series[track])])
+
+
+def _costs(residuals: Callable[[Array], Array], x: Array, moves: Array, direction: Array) -> list[float]:
+    return [min(float(np.mean(residuals(x + move * direction) ** 2)), 1e6) for move in moves]

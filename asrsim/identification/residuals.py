@@ -1,0 +1,117 @@
+"""Residuals of a vector of parameters over all recordings, and their derivatives by differences, in parallel if that pays."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import whiten
+from asrsim.identification.track import Track
+from asrsim.samples import Array
+
+STEP = 1e-6
+"""Of differences, in the vector's units: logarithms, or typical sizes."""
+FAR = 1e3
+"""Deviations that a motion counts which is not sane."""
+
+
+@dataclass
+class Weights:
+    """How the residuals of a channel count."""
+
+    noise: float
+    """Its standard deviation."""
+    model: Array = field(default_factory=lambda: np.empty(0))
+    """Coefficients of the autoregression that whitens it."""
+
+
+@dataclass
+class Counter:
+    """Of evaluations, and who is told."""
+
+    evaluations: int = 0
+    seconds: float = 0.0
+    tell: Callable[[], None] | None = None
+
+
+class Residuals:
+    """Weighted residuals, (m,), of the samples up to each recording's end of training (or `until`, if that is earlier)."""
+
+    def __init__(
+        self, tracks: Sequence[Track], layout: Layout, weights: Sequence[Sequence[Weights]], ends: Sequence[float],
+        counter: Counter,
+    ) -> None:  # fmt: skip
+        self.tracks, self.layout, self.weights, self.ends, self.counter = tracks, layout, weights, ends, counter
+        self.share = 1.0
+        """Of each recording's training part that counts."""
+
+    def until(self, track: int) -> float:
+        """s, end of what counts."""
+        onset = self.tracks[track].onset
+        return onset + (self.ends[track] - onset) * self.share
+
+    def raw(self, x: Array, track: int, until: float | None = None) -> list[Array] | None:
+        """Predicted less recorded, by channel; until: None for the whole recording."""
+        one = self.tracks[track]
+        began = clock.perf_counter()
+        predicted = one.predict(self.layout.table(x, track), until)
+        self.counter.evaluations += 1
+        self.counter.seconds += clock.perf_counter() - began
+        if self.counter.tell is not None:
+            self.counter.tell()
+        if predicted is None:
+            return None
+        return [a - channel.values[: len(a)] for a, channel in zip(predicted, one.channels, strict=True)]
+
+    def of_track(self, x: Array, track: int) -> Array:
+        """Weighted and whitened, channels one after the other."""
+        until = self.until(track)
+        raw = self.raw(x, track, until)
+        if raw is None:
+            count = sum(int(np.sum(channel.time <= until + 1e-9)) for channel in self.tracks[track].channels)
+            return np.full(count, FAR)
+        parts = [whiten(r, w.model) / w.noise for r, w in zip(raw, self.weights[track], strict=True)]
+        return np.clip(np.concatenate(parts), -1e8, 1e8)
+
+    def __call__(self, x: Array) -> Array:
+        """(m,)."""
+        return np.concatenate([self.of_track(x, track) for track in range(len(self.tracks))])
+
+    def jacobian(self, x: Array, step: float = STEP, *, central: bool = False) -> Array:
+        """(m, n) by differences of one side, that which the bounds allow; central: of both."""
+        base = [self.of_track(x, track) for track in range(len(self.tracks))]
+        places = np.cumsum([0, *map(len, base)])
+        matrix = np.zeros((places[-1], len(x)))
+        low, high = self.layout.bounds
+        for i in range(len(x)):
+            up = step if x[i] + step <= high[i] else -step
+            both = central and low[i] <= x[i] - step and x[i] + step <= high[i]
+            for track in self.layout.touched(i):
+                there = self.of_track(_moved(x, i, up), track)
+                other, width = (self.of_track(_moved(x, i, -up), track), 2.0 * up) if both else (base[track], up)
+                # A step into motions that are not sane tells no slope.
+                if not (np.all(there == FAR) or np.all(other == FAR)):
+                    matrix[places[track] : places[track + 1], i] = (there - other) / width
+        return matrix
+
+    def blocks(self, count: int) -> Array:
+        """(m,) number of the block, of about `count` per recording, that each residual belongs to."""
+        numbers: list[Array] = []
+        first = 0
+        for track, one in enumerate(self.tracks):
+            until = self.until(track)
+            for channel in one.channels:
+                time = channel.time[channel.time <= until + 1e-9]
+                numbers.append(first + np.minimum(np.floor(time / until * count), count - 1))
+            first += count
+        return np.concatenate(numbers).astype(np.intp)
+
+
+def _moved(x: Array, i: int, step: float) -> Array:
+    there = x.copy()
+    there[i] += step
+    return there

@@ -1,0 +1,119 @@
+"""What a fit says on the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from asrsim.identification.run import Result
+from asrsim.identification.verdicts import Estimate
+
+CORRELATED = 0.95
+"""From which on two estimates are named as correlated."""
+
+
+def columns(result: Result) -> Sequence[tuple[str, list[str], bool]]:
+    """The table of parameters, as :func:`asrsim.cli.console.say_table` takes it."""
+    rows = result.estimates
+    return (
+        ("parameter", [one.name for one in rows], False),
+        ("unit", [one.unit for one in rows], False),
+        ("start", [f"{one.start:.5g}" for one in rows], True),
+        ("estimate", [_value(one) for one in rows], True),
+        ("95 % interval", [_interval(one) for one in rows], True),
+        ("+-", [_margin(one) for one in rows], True),
+        ("verdict", [one.verdict for one in rows], False),
+    )
+
+
+def errors(result: Result) -> Sequence[tuple[str, list[str], bool]]:
+    """The table of channels: errors before and after, in what was fitted and in what was held out."""
+    rows = result.channels
+    several = len({one.recording for one in rows}) > 1
+    names = [f"{one.key} ({one.recording})" if several else one.key for one in rows]
+    numbers = (
+        ("training\nbefore", "before"),
+        ("\nafter", "after"),
+        ("held out\nbefore", "held_before"),
+        ("\nafter", "held_after"),
+    )
+    return (
+        ("RMS error", names, False),
+        ("unit", [one.unit for one in rows], False),
+        *((head, [_number(getattr(one, name)) for one in rows], True) for head, name in numbers),
+        ("noise", [_number(one.noise) for one in rows], True),
+        ("lag-1\ncorrelation", [f"{one.correlation:.2f}" if math.isfinite(one.correlation) else "-" for one in rows], True),
+    )
+
+
+def remarks(result: Result) -> Iterator[tuple[str, str]]:
+    """(text, style) of what else is to be said."""
+    for one in result.estimates:
+        if one.reason:
+            yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
+    for first, second, value in correlated(result):
+        yield f"{first} and {second} are correlated ({value:.3f})", "dim"
+    for text in result.remarks:
+        yield text, "dim"
+
+
+def judgement(result: Result) -> Iterator[tuple[str, str]]:
+    """(text, style) of whether the model fits."""
+    if result.status == "checked":
+        return
+    if result.status == "interrupted":
+        yield "interrupted: the best so far; --resume goes on from it", "yellow"
+        return
+    if any(end > 0.0 for end in result.ends) and not result.task.validate and result.task.hold_out:
+        yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
+    if result.fits:
+        yield "the model fits: residuals are white, and the held-out error is that of the training part", "green"
+        return
+    yield "model does not fit: intervals hold for this model only", "bold red"
+    for text in (*result.misfit, *result.causes):
+        yield f"  {text}", "red"
+    if not result.causes:
+        yield "  what is missing does not show; look at the residuals' picture", "red"
+
+
+def advice(result: Result) -> Iterator[str]:
+    """What to move more, for parameters that are not well known."""
+    for one in result.estimates:
+        if one.verdict in ("identified", "at bound"):
+            continue
+        name = one.key.rpartition(".")[2]
+        joint = one.key.rpartition(".")[0]
+        if "friction" in name:
+            yield f"{one.name}: turn slowly, and reverse often: friction shows at low speed"
+        elif "damping" in name:
+            yield f"{one.name}: move fast and let swing out: damping shows at high speed"
+        elif name.startswith(("spring", "max_deflection", "lever", "pulley")):
+            yield f"{one.name}: deflect {joint} more, by loads or fast reversals, and at several presets"
+        elif "inertia" in name or name == "mass" or name.startswith("i"):
+            yield f"{one.name}: accelerate more: steps and chirps at higher frequencies"
+
+
+def correlated(result: Result) -> Iterator[tuple[str, str, float]]:
+    """Pairs of estimates that go together."""
+    names = [one.name for one in result.estimates]
+    known = [not math.isnan(one.low) for one in result.estimates]
+    for i in range(len(names)):
+        for j in range(i + 1, len(names)):
+            if abs(result.correlation[i, j]) > CORRELATED and known[i] and known[j]:
+                yield names[i], names[j], float(result.correlation[i, j])
+
+
+def _value(one: Estimate) -> str:
+    return f"{one.value:.6g}"
+
+
+def _interval(one: Estimate) -> str:
+    return "-" if math.isnan(one.low) else f"{one.low:.5g} .. {one.high:.5g}"
+
+
+def _margin(one: Estimate) -> str:
+    return "-" if math.isnan(one.low) or not one.value else f"{100.0 * one.margin:.2g} %"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"

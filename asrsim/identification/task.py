@@ -1,0 +1,194 @@
+"""What `asrsim identify` is asked: scenario, recordings, free parameters, ties; from a file or from the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from asrsim.document.block import Block, block_of, declare
+from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
+from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Optional, Text
+from asrsim.document.reading import Reading, Rejected
+from asrsim.document.yaml_reader import read_yaml
+from asrsim.errors import InputError, Problem
+from asrsim.scenario.kinds import NUMBER
+
+LOSSES = ("huber", "linear")
+_TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A recording and how it is read."""
+
+    file: Path = declare(File(noun="recording", attach=False, folder=True, exists=False), doc="the recording")
+    mapping: tuple[str, ...] = declare(
+        ListOf(of=Text()), key="map", default=(), doc="what columns are, as `--map` says it: `COLUMN=JOINT.QUANTITY [unit]`"
+    )
+    rate: float | None = declare(Optional(Number(above=0.0)), default=None, unit="Hz", doc="of a recording without time")
+    lag: float | None = declare(
+        Optional(NUMBER), default=None, unit="s", shown="found",
+        doc="by which its clock is ahead of the scenario's, where the commands are the scenario's",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """A key, or a pattern of keys, that is to be free."""
+
+    start: float | None = declare(Optional(NUMBER), default=None, shown="the robot's", doc="where the search begins")
+    low: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="least value")
+    high: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="largest value")
+    own: bool | None = declare(
+        Optional(Boolean()), default=None, shown="of clocks and starts", doc="each recording has its own value"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tie:
+    """A key that is a multiple of another; patterns with `*` stand for several of each."""
+
+    key: str
+    to: str
+    factor: float = 1.0
+
+
+_EXPERIMENT: Block[Experiment] = block_of(Experiment, "recording", main="file")
+_WISH = Either(((is_mapping, block_of(Wish, "free parameter")), (lambda _: True, Optional(NUMBER))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A fit as data. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
+
+    scenario: Path = declare(File(noun="scenario", attach=False), doc="plays the commands that no recording has")
+    variant: str | None = declare(Optional(Text(noun="name of a variant")), default=None, doc="of the scenario")
+    overrides: tuple[str, ...] = ()
+    experiments: tuple[Experiment, ...] = declare(ListOf(of=_EXPERIMENT, minimum=1), doc="recordings that are fitted")
+    validate: tuple[Experiment, ...] = declare(
+        ListOf(of=_EXPERIMENT), default=(), shown="the last part of each recording", doc="recordings that are only predicted"
+    )
+    free: Mapping[str, Wish] = declare(
+        MapOf(of=_WISH, noun="key", star=False), default={},
+        doc="key or pattern -> nothing, a start, or `start`, `low`, `high`, `own`",
+    )  # fmt: skip
+    ties: tuple[Tie, ...] = declare(
+        MapOf(of=Text(), noun="key", star=False), default=(), doc="key -> `other key`, or `0.5 * other key`"
+    )
+    compare: tuple[str, ...] = declare(
+        ListOf(of=Text()), default=(), shown="all that simulation and recording have", doc="`joint.quantity` to compare"
+    )
+    noise: Mapping[str, float] = declare(
+        MapOf(of=Number(above=0.0), noun="joint.quantity", star=False), default={}, shown="estimated",
+        doc="standard deviation of a channel's noise, in its unit",
+    )  # fmt: skip
+    hold_out: float = declare(
+        Number(minimum=0.0, maximum=0.9), default=0.25, doc="share of each recording, at its end, that is only predicted"
+    )
+    loss: str = declare(Choice(LOSSES), default="huber", doc="huber: outliers count little; linear: least squares")
+    starts: int = declare(Integer(minimum=1), default=6, doc="starts that are tried, at most, until one fits")
+    spread: float = declare(Number(above=1.0), default=3.0, doc="factor by which starts are scattered")
+    search: bool = declare(Boolean(), default=False, doc="a global search (differential evolution) before the fit")
+    seed: int = declare(Integer(minimum=0), default=0, doc="of the starts")
+    plugins: tuple[Path, ...] = declare(
+        ListOf(of=File(noun="plugin", attach=False)), default=(), doc="files with your own actuators"
+    )
+    name: str = ""
+
+
+TASK: Block[dict[str, Any]] = replace(block_of(Task, "fit"), build=dict)  # type: ignore[assignment]
+
+
+def is_task(path: Path) -> bool:
+    """Whether a file is a fit, not a scenario. Raises InputError where it cannot be read."""
+    root, _ = read_yaml(path)
+    return isinstance(root.value, dict) and "experiments" in root.value
+
+
+def read_task(path: Path) -> Task:
+    """A fit file. Raises InputError with every problem."""
+    faults: list[Problem] = []
+    root, _ = read_yaml(path, faults=faults)
+    reading = Reading(base=path.parent)
+    found: dict[str, Any] | None = None
+    with suppress(Rejected):
+        found = TASK.read(root, (), reading)
+    if faults or reading.problems or found is None:
+        raise InputError([*faults, *reading.problems])
+    free = {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in found.pop("free").items()}
+    ties = found.pop("ties")
+    try:
+        made = tuple(tie_of(key, text) for key, text in (ties.items() if ties else ()))
+    except InputError as error:
+        raise InputError([replace(problem, file=path) for problem in error.problems]) from None
+    return Task(**found, free=free, ties=made, name=path.stem)
+
+
+def tie_of(key: str, text: str) -> Tie:
+    """`other` or `0.5 * other`. Raises InputError."""
+    match = _TIE.fullmatch(text.strip())
+    if match is None or (number := _number(match["factor"] or "1")) is None:
+        raise InputError(Problem(message="is no tie", key=key, value=text, hint="Write KEY=OTHER or KEY=0.5*OTHER", code="tie"))
+    return Tie(key=key.strip(), to=match["key"].strip(), factor=number)
+
+
+def wish_of(text: str) -> tuple[str, Wish]:
+    """`KEY`, `KEY=START`, `KEY=LOW:HIGH` or `KEY=LOW:START:HIGH`. Raises InputError."""
+    key, equals, value = text.partition("=")
+    parts = value.split(":") if equals else []
+    numbers = [_number(part) for part in parts]
+    if not key.strip() or None in numbers or len(numbers) > 3 or (equals and not numbers):
+        hint = "Write KEY, KEY=START, KEY=LOW:HIGH or KEY=LOW:START:HIGH"
+        raise InputError(Problem(message="is no free parameter", key="free", value=text, hint=hint, code="free"))
+    start = numbers[0] if len(numbers) == 1 else numbers[1] if len(numbers) == 3 else None
+    low, high = (numbers[0], numbers[-1]) if len(numbers) > 1 else (None, None)
+    return key.strip(), Wish(start=start, low=low, high=high)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def make_task(
+    scenario: str | Path,
+    experiments: Sequence[str | Path | Experiment],
+    *,
+    free: Iterable[str] | Mapping[str, Any] = (),
+    ties: Iterable[str] | Mapping[str, str] = (),
+    validate: Sequence[str | Path | Experiment] = (),
+    own: Sequence[str] = (),
+    mapping: Sequence[str] = (),
+    rate: float | None = None,
+    overrides: Sequence[str] | Mapping[str, Any] = (),
+    plugins: Sequence[str | Path] = (),
+    **options: Any,
+) -> Task:
+    """A task from plain data: free as `KEY[=...]` texts or key -> start or Wish; ties as `KEY=[FACTOR*]KEY`; own: keys of
+    which each recording has its own value. Raises InputError.
+    """
+    if isinstance(free, Mapping):
+        wishes = {key: value if isinstance(value, Wish) else Wish(start=value) for key, value in free.items()}
+    else:
+        wishes = dict(map(wish_of, free))
+    for key in own:
+        wishes[key] = replace(wishes.get(key, Wish()), own=True)
+    pairs = ties.items() if isinstance(ties, Mapping) else [text.partition("=")[::2] for text in ties]
+    if isinstance(overrides, Mapping):
+        overrides = [f"{key}={json.dumps(value)}" for key, value in overrides.items()]
+
+    def experiment(one: str | Path | Experiment) -> Experiment:
+        return one if isinstance(one, Experiment) else Experiment(file=Path(one), mapping=tuple(mapping), rate=rate)
+
+    return Task(
+        scenario=Path(scenario), experiments=tuple(map(experiment, experiments)), validate=tuple(map(experiment, validate)),
+        free=wishes, ties=tuple(tie_of(*pair) for pair in pairs), overrides=tuple(overrides),
+        plugins=tuple(map(Path, plugins)), name=options.pop("name", None) or Path(scenario).stem, **options,
+    )  # fmt: skip

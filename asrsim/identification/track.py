@@ -1,0 +1,230 @@
+"""One recording beside its simulation: from numbers by key to predicted channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from asrsim.engines import ENGINES
+from asrsim.errors import DivergenceError, RobotError
+from asrsim.identification.data import Channel, Data
+from asrsim.identification.keys import CLOCK
+from asrsim.identification.played import Played
+from asrsim.robot.model import Robot
+from asrsim.robot.vary import INERTIAS
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.signals.base import Signal
+from asrsim.simulation.evaluation import EXTERNAL, Evaluation
+from asrsim.simulation.prepare import prepare
+
+FAST = "mujoco"
+"""Engine whose runs are compiled as a whole; without contacts all engines agree to rounding."""
+NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
+"""Last parts of keys that are of recordings."""
+STILL = 4.5
+"""Deviations of the mean within which a recording begins where the scenario does."""
+FIRST = 15
+"""Samples, at most, from which the start of a link is told."""
+SOON = 0.05
+"""s after 0 at which a channel must begin to tell of the start."""
+
+
+class Track:
+    """A recording with the simulation that is fitted to it."""
+
+    def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
+        self.data = data
+        self.scenario = _scenario(scenario, data)
+        self.prepared = prepare(self.scenario, robot)
+        self.evaluation = Evaluation(self.prepared)
+        joints = self.evaluation.joints
+        self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
+        self.positions, self.velocities, self.motors = self._start()
+        self.onset = min(self._onset(channel) for channel in data.channels)
+        """s at which something begins to move."""
+        self._commands: tuple[tuple[float, ...], Mapping[str, Mapping[str, Signal]]] | None = None
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """What is compared."""
+        return self.data.channels
+
+    def _onset(self, channel: Channel) -> float:
+        away = np.abs(channel.values - np.median(channel.values[:5])) > 8.0 * max(channel.noise, channel.quantum)
+        return float(channel.time[int(np.argmax(away))]) if away.any() else float(channel.time[-1])
+
+    def _start(self) -> tuple[list[float], list[float], dict[str, list[float]]]:
+        """Where links and motors are at 0: the scenario's start where the recording does not contradict it."""
+        positions, velocities = [*self.prepared.initial_positions], [*self.prepared.initial_velocities]
+        motors: dict[str, list[float]] = {}
+        self.uncertain: list[str] = []
+        """Joints that begin elsewhere, or in motion."""
+        for j, joint in enumerate(self.evaluation.joints):
+            found = self._first(joint, "link_position")
+            if found is None:
+                continue
+            place, speed, place_error, speed_error = found
+            moving = abs(speed) > STILL * speed_error
+            if abs(place - positions[j]) > STILL * place_error or moving:
+                positions[j] = place
+                self.uncertain.append(joint)
+                if moving:
+                    velocities[j] = speed
+        for drive, position in zip(self.prepared.drives, positions, strict=True):
+            first = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
+            places = [float(channel.values[0]) for channel in first if channel is not None and channel.time[0] <= SOON]
+            if not places or len(places) < len(first):
+                continue
+            home = drive.motor_positions or (position,) * len(places)
+            noise = max(max(channel.noise, channel.quantum) for channel in first if channel is not None)
+            # Motors are quick: only the very first sample tells where they began.
+            if max(abs(a - b) for a, b in zip(places, home, strict=True)) > STILL * noise:
+                motors[drive.name] = places
+        return positions, velocities, motors
+
+    def _channel(self, joint: str, quantity: str) -> Channel | None:
+        return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
+
+    def _first(self, joint: str, quantity: str) -> tuple[float, float, float, float] | None:
+        """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors."""
+        channel = self._channel(joint, quantity)
+        if channel is None or len(channel.time) < 6 or channel.time[0] > SOON:
+            return None
+        count = max(6, min(FIRST, int(np.sum(channel.time <= channel.time[0] + 0.03))))
+        time, values = channel.time[:count], channel.values[:count]
+        matrix = np.column_stack([np.ones(count), time, time**2])
+        inverse = np.linalg.pinv(matrix)
+        errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
+        place, slope, _ = inverse @ values
+        return float(place), float(slope), float(errors[0]), float(errors[1])
+
+    def references(self, values: Mapping[str, float]) -> Mapping[str, Mapping[str, Signal]]:
+        """Commands with the gains, offsets and delays among `values`; the same object while these do not change."""
+        numbers = tuple(
+            values.get(f"{command.key}.{what}", 1.0 if what == "gain" else 0.0)
+            for command in self.data.commands
+            for what in ("gain", "offset", "delay")
+        )
+        if self._commands is None or self._commands[0] != numbers:
+            table: dict[str, dict[str, Signal]] = {}
+            for i, command in enumerate(self.data.commands):
+                gain, offset, delay = numbers[3 * i : 3 * i + 3]
+                signal = Played(command=command, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
+                table.setdefault(command.joint, {})[command.name] = signal
+            self._commands = numbers, table
+        return self._commands[1]
+
+    def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
+        """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
+        evaluation = self.evaluation
+        robot, positions, velocities = self._split(values)
+        steps = None if until is None else max(4, int(np.ceil((until + 0.3) / self.scenario.step)))
+        try:
+            found = evaluation.run(
+                robot, self.wanted, steps=steps, references=self.references(values), positions=positions,
+                velocities=velocities, motors=self.motors,
+            )  # fmt: skip
+        except (DivergenceError, RobotError):
+            return None
+        clock = values.get(CLOCK, 0.0)
+        predicted = []
+        for channel, series in zip(self.channels, found, strict=True):
+            time = channel.time if until is None else channel.time[channel.time <= until + 1e-9]
+            shift = clock + values.get(f"{channel.key}.delay", 0.0)
+            exact = interpolate(series, (time - shift) / self.scenario.step)
+            gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
+            predicted.append(exact / gain + offset)
+        return predicted
+
+    def _split(self, values: Mapping[str, float]) -> tuple[dict[str, dict[str, float]], list[float], list[float]]:
+        """Numbers of the robot, by joint or link, and the start."""
+        positions, velocities = [*self.positions], [*self.velocities]
+        for key, value in values.items():
+            owner, _, name = key.rpartition(".")
+            if name == "initial_position":
+                positions[self.evaluation.joints.index(owner)] = value
+            elif name == "initial_velocity":
+                velocities[self.evaluation.joints.index(owner)] = value
+        return physical(self.prepared.robot, numbers_of(values)), positions, velocities
+
+    def close(self) -> None:
+        """Release the engine."""
+        self.evaluation.close()
+
+
+def _scenario(scenario: Scenario, data: Data) -> Scenario:
+    """Of the recording's length and modes, in the fast engine where it does the same."""
+    engine = scenario.engine
+    if engine == "bullet" and scenario.world.empty and ENGINES.get(FAST).available:
+        engine = FAST
+    modes = {**scenario.modes, **data.modes}
+    # References of another mode would be unknown there; what is played replaces them all.
+    references = {joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes}
+    step = scenario.step
+    for command in data.commands:
+        if command.name != EXTERNAL:
+            references[command.joint] = {
+                **references.get(command.joint, {}), command.name: Played(command=command, step=step)
+            }  # fmt: skip
+    return replace(
+        scenario, duration=data.duration, modes=modes, engine=engine, references=references, expect=(), desired={}, log_every=1
+    )  # fmt: skip
+
+
+def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Those of the robot, by joint or link."""
+    robot: dict[str, dict[str, float]] = {}
+    for key, value in values.items():
+        owner, _, name = key.rpartition(".")
+        if owner and name not in NOT_THE_ROBOTS:
+            robot.setdefault(owner, {})[name] = value
+    return robot
+
+
+def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Changes of inertias with what they ask of the others: no principal moment is larger than the sum of the other two.
+
+    Diagonal moments that are not among the changes follow, by as little as will do. Raises RobotError where these cannot.
+    """
+    result = {owner: dict(values) for owner, values in changes.items()}
+    links = {link.name: link for link in robot.links}
+    for owner, values in result.items():
+        if owner not in links or not any(name in INERTIAS for name in values):
+            continue
+        old = dict(zip(INERTIAS, links[owner].inertia or (0.0,) * 6, strict=True))
+        free = [name for name in ("ixx", "iyy", "izz") if name not in values]
+        for _ in range(3):
+            full = {**old, **values}
+            matrix = np.array(
+                [[full["ix" + b] if a == "x" else full["".join(("i", *sorted(a + b)))] for b in "xyz"] for a in "xyz"]
+            )
+            moments = np.linalg.eigvalsh(matrix)
+            lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
+            if lack <= 1e-12 * abs(float(moments[2])):
+                break
+            if not free:
+                raise RobotError(f"the inertia of '{owner}' is not physical")
+            for name in free:
+                values[name] = full[name] + lack / len(free) * (1.0 + 1e-9)
+    return result
+
+
+def interpolate(series: Array, place: Array) -> Array:
+    """Series (n,) at places (m,) in samples, by cubics through four samples; the ends hold."""
+    last = len(series) - 1
+    place = np.clip(place, 0.0, last)
+    nearest = np.round(place)
+    if np.abs(place - nearest).max(initial=0.0) < 1e-6:
+        return np.asarray(series[nearest.astype(np.intp)])
+    if last < 3:
+        return np.interp(place, np.arange(last + 1), series)
+    base = np.clip(np.floor(place).astype(np.intp), 1, last - 2)
+    t = place - base
+    a, b, c, d = (series[base + i] for i in (-1, 0, 1, 2))
+    return np.asarray(
+        -t * (t - 1.0) * (t - 2.0) / 6.0 * a + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * b
+        - (t + 1.0) * t * (t - 2.0) / 2.0 * c + (t + 1.0) * t * (t - 1.0) / 6.0 * d
+    )  # fmt: skip

@@ -1,0 +1,150 @@
+"""What is said of each parameter: identified, weak, only as ratio, no effect, at bound."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.nulls import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.track import Track
+from asrsim.samples import Array
+
+IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND, WITHHELD = (
+    "identified", "weak", "only as ratio", "no effect", "at bound", "interval withheld",
+)  # fmt: skip
+CLOSE = 0.05
+"""Relative half width of the 95 % interval up to which a parameter is identified."""
+NONE = 1.0
+"""The same from which on it cannot be told from none."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's result."""
+
+    key: str
+    name: str
+    unit: str
+    start: float
+    value: float
+    low: float
+    """Of the 95 % interval; nan where there is none."""
+    high: float
+    verdict: str
+    reason: str = ""
+    combinations: tuple[str, ...] = ()
+    track: int | None = None
+
+    @property
+    def margin(self) -> float:
+        """Half width of the interval as a share of the value."""
+        return 0.5 * (self.high - self.low) / abs(self.value) if self.value else math.inf
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        interval = None if math.isnan(self.low) else [self.low, self.high]
+        return {
+            "key": self.key, "unit": self.unit, "start": self.start, "estimate": self.value, "interval": interval,
+            "verdict": self.verdict, "reason": self.reason, "known": list(self.combinations), "recording": self.track,
+        }  # fmt: skip
+
+
+def bounds_met(layout: Layout, x: Array) -> list[bool]:
+    """Whether an entry is at one of its bounds."""
+    low, high = layout.bounds
+    met = []
+    for v, a, b in zip(x, low, high, strict=True):
+        width = b - a if math.isfinite(b - a) else 1.0
+        met.append(bool(v - a < 1e-4 * min(width, 1.0) or b - v < 1e-4 * min(width, 1.0)))
+    return met
+
+
+def estimates(
+    layout: Layout, x: Array, found: Uncertainty, tracks: Sequence[Track], still: Mapping[str, str], coarse: Sequence[str]
+) -> tuple[list[Estimate], list[Combination]]:
+    """still: joint -> why nothing is told of what moves there; coarse: joints whose friction an encoder hides."""
+    met = bounds_met(layout, x)
+    scaled, values = relative(layout, x, found.jacobian)
+    norms = np.linalg.norm(scaled, axis=0)
+    without = [NONE * norm < 1.96 for norm in norms]
+    free = [i for i in range(len(x)) if not met[i] and not without[i]]
+    known = combinations(layout, x, found.jacobian, 1.0, free)
+    result = []
+    for i, entry in enumerate(layout.entries):
+        value = float(values[i])
+        low, high = _interval(entry, float(x[i]), float(found.deviation[i] * found.quantile[i]))
+        margin = 0.5 * (high - low) / max(abs(value), 1e-300)
+        if entry.parameter.key.rpartition(".")[2] in ("offset", "delay", "clock", "x", "y", "z") or "initial" in entry.name:
+            # A zero that is well known is known, however small it is.
+            margin = 0.5 * (high - low) / max(abs(value), 0.2 * entry.parameter.size)
+        own = [one for one in known if i in one.keys]
+        reason, verdict, listed = "", IDENTIFIED, ()
+        if met[i]:
+            verdict, reason = AT_BOUND, f"{value:.4g} {entry.parameter.unit}".rstrip() + " is as far as it may go"
+            low = high = math.nan
+        elif without[i]:
+            verdict, reason = NO_EFFECT, _reason(entry, float(norms[i]), tracks, still)
+            low = high = math.nan
+        elif own and not margin <= UNKNOWN:
+            verdict, listed = RATIO, tuple(map(str, own))
+            reason, low, high = "known is " + "; ".join(listed), math.nan, math.nan
+        elif math.isnan(margin):
+            verdict, reason = RATIO, "it is not told apart from others: see the correlations"
+        elif margin >= NONE:
+            verdict, reason = NO_EFFECT, "it cannot be told from none: its interval is as wide as itself"
+        elif any(entry.parameter.key.startswith(f"{joint}.") for joint in coarse) and "friction" in entry.parameter.key:
+            verdict, reason = WITHHELD, "the encoder's steps hide how the joint sticks"
+            low = high = math.nan
+        elif margin >= CLOSE:
+            verdict = WEAK
+        result.append(
+            Estimate(
+                key=entry.parameter.key, name=entry.name, unit=entry.parameter.unit, start=entry.start, value=value, low=low,
+                high=high, verdict=verdict, reason=reason, combinations=listed, track=entry.track,
+            )
+        )  # fmt: skip
+    return result, known
+
+
+def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
+    """Of the value; of a logarithm's width, it is not symmetric."""
+    parameter = entry.parameter
+    if parameter.logarithmic:
+        middle = parameter.start * math.exp(x)
+        return middle * math.exp(-min(width, 50.0)), middle * math.exp(min(width, 50.0))
+    middle = entry.start + parameter.size * x
+    return middle - parameter.size * width, middle + parameter.size * width
+
+
+def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[str, str]) -> str:
+    """Why nothing compared depends on it."""
+    owner, _, name = entry.parameter.key.rpartition(".")
+    robot = tracks[0].prepared.robot
+    joint = next((one.name for one in robot.joints if owner in (one.name, one.child)), owner)
+    block = next((one for one in tracks[0].prepared.drives if one.name == joint), None)
+    if norm < 1e-9 and block is not None and block.mode is not None:
+        mode = MODES[block.mode.number]
+        if name.startswith("motor") and not mode.motor:
+            return f"motors have no dynamics in mode {mode.number} ({mode.name})"
+        if name.startswith("controller") and not mode.controller:
+            return f"mode {mode.number} ({mode.name}) has no controller"
+        if name.startswith(("spring", "max_deflection")) and not mode.spring:
+            return f"mode {mode.number} ({mode.name}) has no spring"
+    if joint in still:
+        return still[joint]
+    if name == "max_deflection":
+        return "the deflection never reaches it"
+    if name.startswith(("spring", "lever", "pulley")):
+        return "the deflection is too small"
+    return (
+        f"all it does to what is compared is {norm:.2g} of the noise"
+        if norm > 1e-9
+        else "nothing that is compared depends on it"
+    )
