@@ -38,7 +38,7 @@ def write(folder: Path, name: str, numbers: dict[str, object], references: str |
     """A robot and its scenario; without references, one that plays nothing itself."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.urdf").write_text(ROBOT.format(**numbers))
-    text = f"robot: {name}.urdf\nduration: {duration}\nengine: mujoco\ncompiled: false\n"
+    text = f"robot: {name}.urdf\nduration: {duration}\nengine: mujoco\n"
     if references is not None:
         text += f"references:\n  joint_1: {references}\n"
     (folder / f"{name}.yaml").write_text(text)

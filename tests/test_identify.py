@@ -1,4 +1,4 @@
-"""`asrsim identify` on recordings whose truth is known."""
+"""`asrsim identify` on recordings whose truth is known. All run compiled, by one kind of kernel."""
 
 from __future__ import annotations
 
@@ -86,6 +86,7 @@ def test_a_delay_that_is_ignored_is_suspected(tmp_path):
     assert any("a delay of the commands is suspected: 12" in text for text in result.causes), result.causes
 
 
+@pytest.mark.slow
 def test_a_spring_of_another_law_does_not_fit(tmp_path):
     cubic = Path(tmp_path / "cubic.py")
     cubic.write_text(
@@ -102,23 +103,19 @@ def test_a_spring_of_another_law_does_not_fit(tmp_path):
         "        d = theta_1 - q\n"
         "        return parameters[0] * (1.0 + 180.0 * d * d)\n"
     )
-    from asrsim.actuators import ACTUATORS
     from asrsim.actuators.user import load_plugin_file
 
     load_plugin_file(cubic)
-    try:
-        other = {**SEA, "actuator": "cubic_test", "tags": "<k>2.0</k>"}
-        true = write(tmp_path, "true", other, f"{{equilibrium_position: {CHIRP}}}")
-        record(true, tmp_path / "a.csv")
-        write(tmp_path, "lab", GUESS)
-        write(tmp_path, "own", {**other, "tags": "<k>3.0</k>"})
-        wrong = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
-        assert not wrong.fits
-        right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
-        assert right.fits, right.misfit
-        assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
-    finally:
-        ACTUATORS.remove("cubic_test")
+    other = {**SEA, "actuator": "cubic_test", "tags": "<k>2.0</k>"}
+    true = write(tmp_path, "true", other, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv")
+    write(tmp_path, "lab", GUESS)
+    write(tmp_path, "own", {**other, "tags": "<k>3.0</k>"})
+    wrong = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not wrong.fits
+    right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
+    assert right.fits, right.misfit
+    assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
 
 
 def test_two_recordings_share_what_is_the_robots(lab):
@@ -144,12 +141,9 @@ def test_two_recordings_share_what_is_the_robots(lab):
     ],
 )
 def test_wrong_input_is_one_clear_error(lab, free, ties, message):
-    with pytest.raises(InputError, match="."):
+    with pytest.raises(InputError) as found:
         identify(lab / "lab.yaml", [lab / "a.csv"], free=free, ties=ties)
-    try:
-        identify(lab / "lab.yaml", [lab / "a.csv"], free=free, ties=ties)
-    except InputError as error:
-        assert message in str(error)
+    assert message in str(found.value)
 
 
 def test_recordings_that_tell_nothing_are_refused(tmp_path, lab):
@@ -157,7 +151,7 @@ def test_recordings_that_tell_nothing_are_refused(tmp_path, lab):
     noise = 1e-3 * np.random.default_rng(0).normal(size=100)
     for name, columns, message in (
         ("still.csv", (time, 0 * time, noise), "nothing moves"),
-        ("few.csv", (time[:5], time[:5], time[:5]), "fewer than"),
+        ("few.csv", (time[:6], time[:6] ** 2, np.sin(9.0 * time[:6])), "fewer than"),
     ):
         header = "time,joint_1.reference_1,joint_1.link_position"
         np.savetxt(tmp_path / name, np.column_stack(columns), delimiter=",", header=header, comments="")

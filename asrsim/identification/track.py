@@ -42,6 +42,8 @@ class Track:
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
+        self.uncertain: list[str] = []
+        """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
         self.onset = min(self._onset(channel) for channel in data.channels)
         """s at which something begins to move."""
@@ -66,8 +68,6 @@ class Track:
         """Where links and motors are at 0: the scenario's start where the recording does not contradict it."""
         positions, velocities = [*self.prepared.initial_positions], [*self.prepared.initial_velocities]
         motors: dict[str, list[float]] = {}
-        self.uncertain: list[str] = []
-        """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         for j, joint in enumerate(self.evaluation.joints):
             found = self._first(joint, "link_position")
             if found is None:
