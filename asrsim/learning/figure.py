@@ -64,9 +64,7 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
         ax.semilogy(numbers, expected, "+", ms=9, color=style.SKY, label="as the model predicted it", zorder=3)
     for column, joint in enumerate(problem.joints):
         largest = [trial.largest[column] for trial in result.trials]
-        ax.semilogy(
-            numbers, largest, ".", linestyle="--", color=style.variant_colour(column), label=f"largest |e|, {joint}"
-        )
+        ax.semilogy(numbers, largest, ".", linestyle="--", color=style.variant_colour(column), label=f"largest |e|, {joint}")
     ax.axhspan(0.0, settings.tolerance, color=style.GREEN, alpha=0.13, linewidth=0, label="tolerance")
     ax.set(xlabel="iteration", ylabel="error (rad)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
