@@ -118,7 +118,7 @@ MUTANTS = (
         "learning_linear",
     ),
     changed("learning/law.py", "run[-1] < CREEP * run[0]", "run[-1] < run[0]", "learning"),
-    changed("learning/perturb.py", "joint.parent == parent and not joint.moves", "not joint.moves", "learning_plant"),
+    changed("learning/perturb.py", "left += fixed", "left += []", "learning_plant"),
     changed("learning/contraction.py", "max(growing[0] - 1, 0)", "growing[0]", "learning_linear"),
     changed("learning/playback.py", "round(ceil(value *", "round(floor(value *", "learning", "ilc_command"),
     changed(

@@ -192,11 +192,12 @@ def test_a_link_that_is_fixed_to_a_varied_one_varies_with_it(tmp_path):
     )
     child = plant().robot.joint("joint_1").child
     shelf = tool.replace("tool", "shelf").replace("flange", "wall").replace("LINK", plant().robot.root.name)
-    path.write_text(CUBE.read_text().replace("</robot>", tool.replace("LINK", child) + shelf + "</robot>"))
+    tip = tool.replace("tool", "tip").replace("flange", "screw").replace("LINK", "tool")
+    path.write_text(CUBE.read_text().replace("</robot>", tool.replace("LINK", child) + tip + shelf + "</robot>"))
     chosen = plant(path)
     robots = chosen.robot, perturbed(chosen, {"mass.joint_1": 0.2}).robot
     masses = [{link.name: link.mass or 0.0 for link in robot.links} for robot in robots]
-    wanted = {name: mass * (1.2 if name in (child, "tool") else 1.0) for name, mass in masses[0].items()}
+    wanted = {name: mass * (1.2 if name in (child, "tool", "tip") else 1.0) for name, mass in masses[0].items()}
     assert masses[1] == pytest.approx(wanted)
     with learning_model(chosen) as model, learning_model(perturbed(chosen, {"mass.joint_1": 0.2})) as heavier:
         postures = [np.array([[0.4]]), np.zeros((1, 1)), np.zeros((1, 1))]
