@@ -51,6 +51,23 @@ def test_what_was_given_to_the_links_is_what_they_have(tmp_path: Path, engine: s
         assert float(meter.given.sum()) == pytest.approx(after - before, abs=0.02)
 
 
+def test_a_joint_s_own_spring_gives_what_it_held(tmp_path: Path) -> None:
+    """k (x0^2 - x^2) / 2 to rounding, whatever the step: its torque is linear over one."""
+    text = links("0 1 0").replace("</robot>", '<gazebo reference="j1"><springStiffness>3</springStiffness></gazebo></robot>')
+    given = plan(text, (joint("j1", start=0.6),), 0.2)
+    scenario = asrsim.make_scenario(given.write(tmp_path), step=5e-3, **(given.keys() | {"gravity": [0, 0, 0]}))
+    with Simulation(scenario, record=True, compiled=False) as simulation:
+        for rows in (20, 9):
+            simulation.advance(rows)
+            simulation.flush()
+            if rows == 20:
+                seen = sum(len(part.time) for part in simulation.recording.kept)
+                gave = float(simulation.recording.recorder.meter.given[0])
+        places = np.concatenate([part.values["link_position"][:, 0] for part in simulation.recording.kept])
+    assert abs(places[seen]) < 0.55
+    assert gave == pytest.approx(1.5 * (0.6**2 - places[seen] ** 2), rel=1e-9)
+
+
 def test_a_fast_moment_excuses_a_slow_one_later() -> None:
     """The engine's energy is half a step late: what matters is the fastest that the links have been."""
     guard = EnergyGuard(0.0)
