@@ -196,6 +196,20 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     assert asrsim.sweep(study, out=tmp_path / "three", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(one)
 
 
+@pytest.mark.slow
+def test_a_study_stopped_and_resumed_ten_times_has_the_rows_of_an_unbroken_one(tmp_path):
+    study = study_of({"parameters.*.spring_a_1": "uniform(6, 10)", "link_1.mass": [0.3, 0.4]}, samples=60)
+    whole = asrsim.sweep(study, out=tmp_path / "whole", workers=1).to_arrow().drop_columns("seconds")
+    for _ in range(10):
+        seen = []
+        asrsim.sweep(
+            study, out=tmp_path / "broken", workers=2, resume=True,
+            progress=seen.append, stop=lambda seen=seen: bool(seen) and seen[-1].here >= 5,
+        )  # fmt: skip
+    rest = asrsim.sweep(study, out=tmp_path / "broken", workers=2, resume=True).to_arrow().drop_columns("seconds")
+    assert rest.equals(whole)
+
+
 def test_failures_are_rows_with_their_reason(tmp_path):
     over = {"parameters.*.spring_a_1": [8.0, -1.0], "initial.joint_1": [0.0, "nonsense"]}
     table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)
