@@ -232,6 +232,13 @@ def test_signals_are_kept_at_their_rate(tmp_path):
     assert not np.array_equal(kept[0], kept[1])
 
 
+def test_results_have_units_in_rad_or_m(tmp_path):
+    table = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_torque"]), out=tmp_path / "s", workers=1)
+    units = {"steady_state": "rad", "settling": "s", "frequency": "Hz", "overshoot": ""}
+    assert {name: table.unit(f"joint_1.{name}") for name in units} == units
+    assert table.unit("signal:joint_1.link_torque") == "N m"
+
+
 def test_logs_on_request_give_the_same_rows(tmp_path):
     plain = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}), out=tmp_path / "a", workers=1)
     logged = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}, logs=True), out=tmp_path / "b", workers=1)

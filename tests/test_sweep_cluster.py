@@ -87,7 +87,9 @@ def test_a_worker_of_another_version_is_told_of_before_anything_runs(address: st
     others = {**sweep_run.versions(), "numpy": "1.0"}
     monkeypatch.setattr(sweep_run, "versions", lambda: others)
     try:
-        with pytest.raises(SimulationError, match=r"rows would differ between machines: worker .* has numpy .*, here it is 1\.0"):
+        with pytest.raises(
+            SimulationError, match=r"rows would differ between machines: worker .* has numpy .*, here it is 1\.0"
+        ):
             asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
     finally:
         worker.kill()
