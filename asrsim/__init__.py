@@ -19,6 +19,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from asrsim.api import JointSeries, Result, run, run_variants
     from asrsim.errors import AsrsimError, DivergenceError, InputError, OutputError, SimulationError
+    from asrsim.identification import identify
     from asrsim.log import Log, open_log, read_log
     from asrsim.robot import Robot, load_robot
     from asrsim.runs.repeat import Repetition, repeat
@@ -34,6 +35,7 @@ _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
     "asrsim.environment": ("make_env",),
     "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
+    "asrsim.identification": ("identify",),
     "asrsim.log": ("Log", "open_log", "read_log"),
     "asrsim.robot": ("Robot", "load_robot"),
     "asrsim.runs.repeat": ("Repetition", "repeat"),
@@ -63,6 +65,7 @@ __all__ = [
     "Simulation",
     "SimulationError",
     "__version__",
+    "identify",
     "load_robot",
     "load_scenario",
     "make_env",

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import VecNormalize
 
 from asrsim.environment.env import State
 from asrsim.environment.reach import distance, make_reach
@@ -27,8 +28,8 @@ FOLDER = Path(sys.argv[2] if len(sys.argv) > 2 else "out/learn_reach")
 class Watched:
     """Ends of episodes under a policy, in mm from the goal."""
 
-    def __init__(self) -> None:
-        self.last = np.nan
+    def __init__(self, envs: VecNormalize) -> None:
+        self.envs, self.last = envs, np.nan
         self.env = make_reach(terminated=self._look, render_mode="rgb_array")
 
     def _look(self, state: State) -> bool:
@@ -42,7 +43,7 @@ class Watched:
             observation, _ = self.env.reset(seed=1000 + seed)
             over = False
             while not over:
-                action, _ = policy.predict(observation, deterministic=True)
+                action, _ = policy.predict(self.envs.normalize_obs(observation), deterministic=True)
                 observation, _, ended, truncated, _ = self.env.step(action)
                 over = ended or truncated
             found.append(1e3 * self.last)
@@ -57,11 +58,12 @@ def main() -> None:
     import matplotlib.pyplot as plt
 
     FOLDER.mkdir(parents=True, exist_ok=True)
+    envs = VecNormalize(make_vec_env("asrsim/Reach-v0", n_envs=4, seed=0), gamma=0.95)
     policy = PPO(
-        "MlpPolicy", make_vec_env("asrsim/Reach-v0", n_envs=4, seed=0), n_steps=256, batch_size=256, gamma=0.95, seed=0,
+        "MlpPolicy", envs, n_steps=256, batch_size=256, gamma=0.95, seed=0,
         learning_rate=1e-3, policy_kwargs={"net_arch": [64, 64]}, device="cpu",
     )  # fmt: skip
-    watched, began = Watched(), time.perf_counter()
+    watched, began = Watched(envs), time.perf_counter()
     curve = [(0, watched.ends(policy))]
     for _ in range(10):
         policy.learn(STEPS // 10, reset_num_timesteps=False)

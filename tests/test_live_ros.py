@@ -24,7 +24,9 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = {"jazzy": "ros-jazzy-", "kilted": "ros-"}
 DOMAIN = 87
 PEER = ROOT / "tests" / "live_peer.py"
-ALONE = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")}
+# The wheels start Python once more with their libraries' folders, and mark that in the environment: a peer has its own.
+_OURS = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+ALONE = {key: value for key, value in os.environ.items() if key not in _OURS}
 SCENARIO = """\
 robot: {root}/examples/urdf/dof2_horizontal.urdf
 duration: 1.0
@@ -204,3 +206,55 @@ def test_every_message_of_a_log_is_deserialised_by_rclpy(tmp_path, peers, tiny, 
             [peers(name), "-c", code, tmp_path / "messages"], capture_output=True, text=True, check=True, env=ALONE
         )
         assert int(done.stdout) == len(lines) > 1000
+
+
+STAND_IN = """
+import os, sys, time, json, math
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+import rclpy
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+rclpy.init(domain_id=int(sys.argv[1]))
+node = rclpy.create_node("stand_in")
+states = node.create_subscription(JointState, "/ros2_control/joint_states", lambda message: None, qos_profile_sensor_data)
+commands = node.create_publisher(JointState, "/ros2_control/joint_commands", QoSProfile(depth=1))
+while not commands.get_subscription_count():
+    time.sleep(0.05)
+names = ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
+command = [math.nan] * 4
+seen, began, sent = [], time.time(), 0
+while time.time() - began < 4.0:
+    # A cycle of its hardware component: the newest state is read, all commands are written.
+    while (taken := states.handle.take_message(JointState, False)) is not None:
+        seen.append(taken[0])
+    if seen:
+        position = dict(zip(seen[-1].name, seen[-1].position))
+        command = [0.3, math.nan, 0.1, 0.25]
+        sent += 1
+        commands.publish(JointState(name=names, position=command))
+    time.sleep(0.005)
+print(json.dumps({"states": len(seen), "sent": sent, "names": list(seen[-1].name), "position": position}))
+"""
+
+
+@pytest.mark.slow
+def test_a_stand_in_for_ros2_control_drives_the_arm(server, peers):
+    """Topics, quality of service and layout of JointStateTopicSystem; the real controller manager cannot be had here."""
+    process, folder = server
+    done = subprocess.run(
+        [peers("jazzy"), "-c", STAND_IN, str(DOMAIN)], capture_output=True, text=True, timeout=120, check=False, env=ALONE
+    )
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    ended(process)
+    assert seen["states"] > 50
+    assert seen["sent"] > 50
+    assert seen["names"] == ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
+    assert seen["position"]["joint_1_stiffness"] == 0.1
+    assert seen["position"]["joint_2_stiffness"] == 0.25
+    assert seen["position"]["joint_1"] == pytest.approx(0.3, abs=0.05)
+    assert abs(seen["position"]["joint_2"]) < 0.2
+    held = [(command.joint, command.reference, command.value) for command in open_log(folder / "log.mcap").commands()]
+    assert sorted(held) == [
+        ("joint_1", "equilibrium_position", 0.3), ("joint_1", "stiffness_preset", 0.1), ("joint_2", "stiffness_preset", 0.25),
+    ]  # fmt: skip

@@ -78,7 +78,7 @@ def test_links_stand_where_the_engine_has_them(tmp_path, robot):
 
 def test_no_rate_no_frames(tmp_path):
     path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
-    result = asrsim.run(path, overrides={"duration": 0.1, "tf_rate": 0, "expect": []}, out=tmp_path)
+    result = asrsim.run(path, variant="soft", overrides={"duration": 0.1, "tf_rate": 0, "expect": []}, out=tmp_path)
     assert transforms(result.log) == {"/tf": [], "/tf_static": []}
 
 

@@ -10,7 +10,7 @@ import typer
 from asrsim.cli.options import Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
-    from asrsim.identify import Result, Task
+    from asrsim.identification import Result, Task
 
 
 def identify(
@@ -27,13 +27,17 @@ def identify(
     free: Annotated[
         list[str] | None,
         typer.Option(
-            "--free", metavar="KEY[=START]", help="A parameter, or a pattern: 'joint_1.spring_*', link_1.izz, "
+            "--free",
+            metavar="KEY[=START]",
+            help="A parameter, or a pattern: 'joint_1.spring_*', link_1.izz, "
             "joint_1.damping=0.1, KEY=LOW:HIGH, KEY=LOW:START:HIGH. May be repeated.",
         ),
     ] = None,
     tie: Annotated[
         list[str] | None,
-        typer.Option("--tie", metavar="KEY=[FACTOR*]KEY", help="A parameter that follows another; * stands for the same in both."),
+        typer.Option(
+            "--tie", metavar="KEY=[FACTOR*]KEY", help="A parameter that follows another; * stands for the same in both."
+        ),
     ] = None,
     own: Annotated[
         list[str] | None, typer.Option("--own", metavar="KEY", help="Free, with a value of its own in each recording.")
@@ -47,14 +51,22 @@ def identify(
     rate: Annotated[float | None, typer.Option(help="Hz, of recordings without time.")] = None,
     variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
     overrides: Overrides = None,
-    hold_out: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share at the end of each recording that is only predicted.")] = 0.25,
+    hold_out: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share at the end of each recording that is only predicted.")
+    ] = 0.25,
     loss: Annotated[str, typer.Option(help="huber (outliers count little) or linear.")] = "huber",
     starts: Annotated[int, typer.Option(min=1, help="Starts that are tried, at most, until one fits.")] = 6,
     seed: Annotated[int, typer.Option(min=0, help="Of scattered starts.")] = 0,
     search: Annotated[bool, typer.Option("--global", help="Search globally first (slow).")] = False,
-    check: Annotated[bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")] = False,
-    everything: Annotated[bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/fit")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/fit")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
@@ -87,7 +99,7 @@ def identify(
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
             from asrsim.cli.console import say_json
-            from asrsim.identify.write import as_dict
+            from asrsim.identification.write import as_dict
 
             say_json({"ok": code == 0, **as_dict(result), "files": [str(path) for path in files]})
         elif not quiet:
@@ -97,8 +109,8 @@ def identify(
 
 
 def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
-    from asrsim.identify import make_task, read_task
-    from asrsim.identify.task import LOSSES, is_task
+    from asrsim.identification import make_task, read_task
+    from asrsim.identification.task import LOSSES, is_task
 
     if given["loss"] not in LOSSES:
         raise typer.BadParameter(f"choose from {', '.join(LOSSES)}", param_hint="--loss")
@@ -116,8 +128,8 @@ def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
 def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool) -> tuple[Result, int]:
     from asrsim.cli.identify_progress import IdentifyProgress
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
-    from asrsim.identify import identify
-    from asrsim.identify.write import begin_of
+    from asrsim.identification import identify
+    from asrsim.identification.write import begin_of
 
     begin = begin_of(folder) if resume else {}
     with (
@@ -131,7 +143,7 @@ def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool) ->
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report: bool) -> tuple[list[Path], list[str]]:
-    from asrsim.identify.write import write_fit, write_robot
+    from asrsim.identification.write import write_fit, write_robot
     from asrsim.runs.lock import owned
 
     with owned(folder):
@@ -143,11 +155,11 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report
         elif result.status == "complete":
             said.append("no robot is written, since the model does not fit; --all writes it all the same")
         if plot and result.status == "complete":
-            from asrsim.identify.pictures import draw
+            from asrsim.identification.pictures import draw
 
             files += draw(result, folder)
         if report and result.status == "complete":
-            from asrsim.identify.page import write_page
+            from asrsim.identification.page import write_page
 
             files.append(write_page(result, folder, pictures=plot))
     return files, said
@@ -155,7 +167,7 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
     from asrsim.cli.console import say, say_table
-    from asrsim.identify.show import advice, columns, errors, judgement, remarks
+    from asrsim.identification.show import advice, columns, errors, judgement, remarks
 
     say_table(columns(result))
     say()
@@ -170,6 +182,9 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to know more:", "bold")
     for text in (*(f"  {text}" for text in told), *said):
         say(text)
-    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike", "dim")
+    say(
+        f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike",
+        "dim",
+    )
     for path in files:
         say(f"  {path}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from asrsim.cli.bar import Bar
 
 if TYPE_CHECKING:
-    from asrsim.identify import Progress
+    from asrsim.identification import Progress
 
 
 class IdentifyProgress(Bar):

@@ -55,8 +55,8 @@ def live(
     with json_errors(json):
         from asrsim.cli.interrupt import Interruption
         from asrsim.cli.live_status import StatusLine, print_live
-        from asrsim.live.session import Session, Settings, available
-        from asrsim.live.transport import TRANSPORTS, Access
+        from asrsim.live.session import Session, Settings
+        from asrsim.live.transport import TRANSPORTS, Access, available
         from asrsim.runs.execute import with_plugins
         from asrsim.scenario import load_scenario, only_variant
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -21,6 +21,10 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from asrsim.environment.picture import Picture
+    from asrsim.render.draw import Image
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class State:
 class SoftRobotEnv(gymnasium.Env[Array, Array]):
     """See :func:`asrsim.environment.make_env`. Equal seeds and actions give equal bits."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
 
     def __init__(
         self, scenario: str | Path | Scenario, *, variant: str | None, overrides: Any, control_rate: float,
@@ -49,7 +53,8 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
     ) -> None:  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(Problem(message=f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode"))
-        self.render_mode, self._size, self._picture = render_mode, size, None
+        self.render_mode, self._size = render_mode, size
+        self._picture: Picture | None = None
         if not isinstance(scenario, Scenario):
             scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
         prepared = with_ranges(scenario)
@@ -71,7 +76,9 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         substeps = prepared.resolution.substeps
         self.simulation = Simulation(prepared, chunk=self._steps * substeps, expected_substeps=10**6, duration=1e7)
         self._readings = Readings(self.simulation, observe, tip)
-        self._count, self._drawn, self._goals = 0, {}, dict[str, float]()
+        self._count = 0
+        self._drawn: dict[str, float] = {}
+        self._goals: dict[str, float] = {}
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._actions),), np.float64)
         ends = self._goal.bounds()
         size_observed = self._readings.size
@@ -131,7 +138,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
             np.concatenate([*found.values(), list(self._goals.values())]) if self._goals else np.concatenate([*found.values()])
         )
 
-    def render(self) -> Array | None:  # type: ignore[override]
+    def render(self) -> Image | None:
         """(size, size, 3) of 8 bits, without a display."""
         if self.render_mode is None:
             return None

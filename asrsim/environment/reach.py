@@ -49,7 +49,8 @@ def make_reach(**options: Any) -> SoftRobotEnv:
         "observe": ("link_position", "link_velocity", "tip"),
         "act": ("equilibrium_position",),
         "reward": reward,
-        "goal": {"x": "uniform(0.11, 0.17)", "y": "uniform(-0.1, 0.1)"},
+        # Within reach: the tip is 0.152 to 0.205 m from the first axis.
+        "goal": {"x": "uniform(0.085, 0.12)", "y": "uniform(0.13, 0.155)"},
         "tip": ("link_2", TIP),
     }
     return make_env(scenario, **{**settings, **options})

@@ -34,6 +34,7 @@ class Readings:
     def __init__(self, simulation: Simulation, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
         self._simulation = simulation
         self._tip = tip
+        self._seen: tuple[list[float], list[float]] | None = None
         drives = simulation.prepared.drives
         recorded = [recorded_quantities(drive) for drive in drives]
         problems = []
@@ -58,7 +59,7 @@ class Readings:
 
     def read(self) -> dict[str, Array]:
         """Quantity -> (n,), SI."""
-        self._observed = None
+        self._seen = None
         return {name: reader() for name, reader in self._readers.items()}
 
     def _reader(self, name: str, joints: Array, *, everyone: bool) -> Callable[[], Array]:
@@ -80,9 +81,9 @@ class Readings:
         return lambda: self._motor(name)[pick]
 
     def _links(self) -> tuple[list[float], list[float]]:
-        if self._observed is None:
-            self._observed: tuple[list[float], list[float]] | None = self._simulation.loop.joint_states()
-        return self._observed
+        if self._seen is None:
+            self._seen = self._simulation.loop.joint_states()
+        return self._seen
 
     def _motor(self, name: str) -> Array:
         values = np.array(getattr(self._simulation.observe(), name))

@@ -67,6 +67,10 @@ class Board:
         self._groups = [
             (group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(simulation.prepared.drives)
         ]
+        named = list(enumerate(self._encoder.quantities))
+        direct = [(line, COLUMN[_DIRECT[name]]) for line, name in named if name in _DIRECT]
+        self._direct = (np.array([line for line, _ in direct]), np.array([column for _, column in direct]))
+        self._others = [(line, name) for line, name in named if name not in _DIRECT]
         self._lacking = np.zeros((len(self._encoder.quantities), len(self._joints)), bool)
         for j, name in enumerate(self._joints):
             known = next(joint.quantities for joint in info.joints if joint.name == name)
@@ -77,13 +81,16 @@ class Board:
         values = self._values()
         found = self._encoder.encode(values, time)
         if self._frames is not None:
-            position = values[self._encoder.quantities.index("link_position")]
-            samples = Samples(
-                time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position[None]}
-            )  # fmt: skip
-            due = self._frames.messages(samples)
-            found.append(due[0][1] if due else b"")
+            found.append(b"" if not self._frames.due(time * 1e-9) else self._moved(values, time))
         return found
+
+    def _moved(self, values: Array, time: int) -> bytes:
+        """The frames' message."""
+        if self._frames is None:
+            return b""
+        position = values[self._encoder.quantities.index("link_position")]
+        samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position[None]})
+        return self._frames.messages(samples)[0][1]
 
     def begin_again(self) -> None:
         """The simulation is back at its start."""
@@ -97,20 +104,20 @@ class Board:
             raise RuntimeError("nothing has been simulated yet")
         raw, inputs = simulation.row
         values = np.empty((len(self._encoder.quantities), len(self._joints)))
-        for line, name in zip(values, self._encoder.quantities, strict=True):
-            if name in _DIRECT:
-                line[:] = raw[:, COLUMN[_DIRECT[name]]]
-            elif name in _INPUTS:
-                line[:] = inputs[_INPUTS.index(name)]
+        lines, columns = self._direct
+        values[lines] = raw.T[columns]
+        for line, name in self._others:
+            if name in _INPUTS:
+                values[line] = inputs[_INPUTS.index(name)]
             elif name == "link_velocity":
-                line[:] = raw[:, COLUMN["engine_velocity"]]
+                values[line] = raw[:, COLUMN["engine_velocity"]]
                 if simulation.prepared.stepping.staggered and simulation.substep > 1:
-                    line[:] = 0.5 * (line + simulation.engine.read()[1])
+                    values[line] = 0.5 * (values[line] + simulation.engine.read()[1])
             else:
-                line[:] = np.nan
+                values[line] = np.nan
                 for group, law, elastic in self._groups:
-                    columns = (COLUMN["link_position"], COLUMN["position_1"], COLUMN["position_2"])
-                    line[group.pick] = law(*(raw[group.pick, column, None] for column in columns), elastic)[:, 0]
+                    places = (COLUMN["link_position"], COLUMN["position_1"], COLUMN["position_2"])
+                    values[line][group.pick] = law(*(raw[group.pick, place, None] for place in places), elastic)[:, 0]
         values[self._lacking] = np.nan
         return values
 

@@ -47,13 +47,14 @@ class FoxgloveTransport:
         self._channels = [channel(outlet.name, outlet.message) for outlet in interface.outlets if not outlet.latched]
         self._latched = {outlet.name: channel(outlet.name, outlet.message) for outlet in interface.outlets if outlet.latched}
         self._inlets = {inlet.name: (number, inlet.message) for number, inlet in enumerate(interface.inlets)}
+        listener: Any = _Listener(self)
         host = "0.0.0.0" if access.network else "127.0.0.1"
         try:
             self._server = foxglove.start_server(
                 name=f"asrsim {__version__}", host=host, port=access.port, context=self._context,
                 capabilities=[Capability.ClientPublish, Capability.Parameters, Capability.Services, Capability.Time],
                 supported_encodings=["cdr", "json"], services=[self._service(name) for name in interface.services],
-                server_listener=_Listener(self),
+                server_listener=listener,
             )  # fmt: skip
         except Exception as error:  # of foxglove's own kinds
             message = f"a WebSocket on {host}:{access.port} cannot be opened: {error}"

@@ -13,12 +13,12 @@ from typing import Any
 from asrsim.errors import InputError, Problem
 from asrsim.live.transport import Access, Interface, Received
 
-DEPTH = 200
+DEPTH = 1000
 """Messages that a publisher keeps for subscribers that are behind, and a subscription for us."""
 MOST = 1000
 """Messages taken at once; the rest waits, and what waits too long is overtaken."""
 SERVICES_EVERY = 0.02
-"""s between looks at services and parameters."""
+"""s between looks at services, parameters, and who listens."""
 MOST_PUBLISHERS = 1000
 
 
@@ -51,6 +51,7 @@ class RosTransport:
         self._subscriptions = [self._subscribe(number) for number in range(len(interface.inlets))]
         self._numbers: dict[tuple[int, bytes], int] = {}
         self._serve()
+        self._heard = self._listened_to()
         self._looked = clock.monotonic()
         domain = self._context.get_domain_id()
         reach = "the network" if access.network else "this machine"
@@ -124,8 +125,8 @@ class RosTransport:
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """See :class:`asrsim.live.transport.Transport`."""
-        for publisher, message in zip(self._publishers, messages, strict=True):
-            if publisher is not None and message:
+        for publisher, message, heard in zip(self._publishers, messages, self._heard, strict=True):
+            if heard and message:
                 publisher.publish(message)
 
     def poll(self) -> Iterator[Received]:
@@ -147,6 +148,11 @@ class RosTransport:
         if now - self._looked > SERVICES_EVERY:
             self._looked = now
             self._answer()
+            self._heard = self._listened_to()
+
+    def _listened_to(self) -> list[bool]:
+        """Which topics have subscribers: what nobody hears need not be said."""
+        return [publisher is not None and publisher.get_subscription_count() > 0 for publisher in self._publishers]
 
     def _count(self, number: int, about: Any) -> None:
         """Publishers number their messages: where numbers are left out, some were lost."""

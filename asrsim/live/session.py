@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import DivergenceError, InputError, Problem
+from asrsim.errors import DivergenceError
 from asrsim.live.board import Board
 from asrsim.live.episode import Episode
 from asrsim.live.gate import Gate, Target
@@ -284,17 +284,3 @@ def _quiet_collector() -> Iterator[None]:
         yield
     finally:
         gc.unfreeze()
-
-
-def available(names: Sequence[str]) -> tuple[str, ...]:
-    """The transports of these names. Raises InputError where one is not installed, saying how to get it."""
-    for name in names:
-        entry = TRANSPORTS.get(name)
-        if not entry.available:
-            message = f"the transport '{name}' needs '{entry.module}', which is not installed"
-            hint = f"pip install 'asrsim[{entry.extra}]'" if entry.extra else None
-            raise InputError(Problem(message=message, hint=hint, code="no-library"))
-    return tuple(names)
-
-
-__all__ = ["Session", "Settings", "available"]

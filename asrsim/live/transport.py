@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from asrsim.errors import InputError, Problem
 from asrsim.registry import Registry
 
 
@@ -149,3 +150,14 @@ TRANSPORTS.add(
     "foxglove",
     TransportEntry(make=_foxglove, doc="a WebSocket for Foxglove and Lichtblick", module="foxglove", extra="foxglove"),
 )
+
+
+def available(names: Sequence[str]) -> tuple[str, ...]:
+    """The transports of these names. Raises InputError where one is not installed, saying how to get it."""
+    for name in names:
+        entry = TRANSPORTS.get(name)
+        if not entry.available:
+            message = f"the transport '{name}' needs '{entry.module}', which is not installed"
+            hint = f"pip install 'asrsim[{entry.extra}]'" if entry.extra else None
+            raise InputError(Problem(message=message, hint=hint, code="no-library"))
+    return tuple(names)

@@ -32,6 +32,10 @@ class FrameMessages:
         self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
         """The one message of what stands still; None where nothing does."""
 
+    def due(self, time: float) -> bool:
+        """Whether a sample at `time` s would have its turn: asked where samples come one by one."""
+        return bool(self._moving) and time * self._rate + 1e-9 >= self._next
+
     def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
         """(time in s, message) of the samples whose turn it is; samples come in the order of time."""
         if not self._moving or not len(samples.time):

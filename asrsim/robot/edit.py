@@ -37,8 +37,8 @@ class _Element:
 
 
 def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> bytes:
-    """The file with joint or link -> name -> value (as :func:`asrsim.robot.vary.varied_robot` takes them) in the place of what it
-    had; a number that it left to a default gets a tag. Raises RobotError where the text has no place for one.
+    """The file with joint or link -> name -> value, as :func:`asrsim.robot.vary.varied_robot` takes them, in the place of what
+    it had; a number that it left to a default gets a tag. Raises RobotError where the text has no place for one.
     """
     root = _parse(data)
     edits: list[tuple[int, int, bytes]] = []
@@ -47,7 +47,9 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
         for name, value in values.items():
             found = list(_edits(data, root, robot, owner, name, f"{value:.9g}"))
             if not found:
-                lacking.append(Problem(message="the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place"))
+                lacking.append(
+                    Problem(message="the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place")
+                )
             edits += found
     if lacking:
         raise RobotError(lacking)
@@ -103,9 +105,7 @@ def _tag_end(data: bytes, start: int) -> int:
     return len(data)
 
 
-def _edits(
-    data: bytes, root: _Element, robot: Robot, owner: str, name: str, value: str
-) -> Iterator[tuple[int, int, bytes]]:
+def _edits(data: bytes, root: _Element, robot: Robot, owner: str, name: str, value: str) -> Iterator[tuple[int, int, bytes]]:
     """(start, end, text) of what has to change."""
     joint = next((one for one in root.children if one.name == "joint" and one.attributes.get("name") == owner), None)
     link = next((one for one in root.children if one.name == "link" and one.attributes.get("name") == owner), None)

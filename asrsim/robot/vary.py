@@ -7,13 +7,16 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from asrsim.actuators import ACTUATORS, Actuator, Parameter
+from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError, did_you_mean
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 
 JOINT_NAMES = {
-    "damping": "damping", "friction": "friction", "passive_stiffness": "spring_stiffness", "passive_reference": "spring_reference"
-}  # fmt: skip
+    "damping": "damping",
+    "friction": "friction",
+    "passive_stiffness": "spring_stiffness",
+    "passive_reference": "spring_reference",
+}
 """Name -> field of a joint; the last two are of a joint's own spring (Gazebo's)."""
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 CENTRES = ("x", "y", "z")
@@ -37,7 +40,8 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             key = f"{owner}.{name}"
             if owner in joints and name in JOINT_NAMES:
                 _check(value >= 0.0 or name == "passive_reference", key, value, "must be at least 0", problems)
-                joints[owner] = replace(joints[owner], **{JOINT_NAMES[name]: float(value)})
+                changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
+                joints[owner] = replace(joints[owner], **changed)
             elif owner in blocks and name in blocks[owner].parameters:
                 blocks[owner] = _with_parameter(blocks[owner], name, value, key, problems)
             elif owner in links and name in LINK_NAMES:
@@ -76,13 +80,14 @@ def _check(fine: bool, key: str, value: Any, message: str, problems: list[Proble
 
 
 @cache
-def _declared(actuator: type[Actuator]) -> dict[str, Parameter]:
+def _declared(actuator: Any) -> dict[str, Parameter]:
     """Asked for every number of every evaluation of a fit."""
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
 
 def _with_parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ActuatorBlock:
-    fault = _declared(ACTUATORS.get(block.actuator))[name].fault(value)
+    actuator: Any = ACTUATORS.get(block.actuator)
+    fault = _declared(actuator)[name].fault(value)
     _check(fault is None, key, value, fault or "", problems)
     changed = replace(block.parameters[name], value=float(value), origin="scenario")
     return replace(block, parameters={**block.parameters, name: changed})

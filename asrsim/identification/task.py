@@ -16,7 +16,6 @@ from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Option
 from asrsim.document.reading import Reading, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
-from asrsim.scenario.claim_keys import AnyData
 from asrsim.scenario.kinds import NUMBER
 
 LOSSES = ("huber", "linear")
@@ -102,7 +101,8 @@ class Task:
     name: str = ""
 
 
-TASK: Block[dict[str, Any]] = replace(block_of(Task, "fit"), build=dict)  # type: ignore[assignment]
+_KEYS: Block[Any] = block_of(Task, "fit")
+TASK: Block[dict[str, Any]] = replace(_KEYS, build=dict)
 
 
 def is_task(path: Path) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from asrsim.identify.run import Progress, Result, identify
-from asrsim.identify.task import Experiment, Task, Tie, Wish, make_task, read_task
+from asrsim.identification.run import Result, identify
+from asrsim.identification.task import Experiment, Task, Tie, Wish, make_task, read_task
+from asrsim.identification.teller import Progress
 
 __all__ = ["Experiment", "Progress", "Result", "Task", "Tie", "Wish", "identify", "make_task", "read_task"]

@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.identify.task import Task, Tie, Wish
+from asrsim.identification.task import Task, Tie, Wish
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import INERTIAS
 
@@ -179,8 +179,10 @@ def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]
     pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
     for key in known:
         if (match := pattern.fullmatch(key)) is not None:
-            parts = iter(match.groups())
-            yield key, re.sub(r"\*", lambda _: next(parts, "*"), tie.to)
+            to = tie.to
+            for part in match.groups():
+                to = to.replace("*", part, 1)
+            yield key, to
 
 
 def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[Problem]:

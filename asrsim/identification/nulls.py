@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identify.layout import Layout
+from asrsim.identification.layout import Layout
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
@@ -61,10 +61,13 @@ def combinations(layout: Layout, x: Array, jacobian: Array, variance: float, fre
     scaled, values = relative(layout, x, jacobian)
     scaled = scaled[:, list(free)]
     directions, _ = unknown_directions(scaled, variance)
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(scaled, mode="r"), full_matrices=False)
+    alone = 1.96 * np.sqrt(variance * np.sum((vectors / np.maximum(singular, 1e-300)[:, None]) ** 2, axis=0))
     found: list[Combination] = []
     for direction in _sparse(directions):
         size = np.abs(direction)
-        parts = [int(i) for i in np.argsort(-size) if size[i] > SHARE * size.max()]
+        # Only what is not known alone is told by a combination.
+        parts = [int(i) for i in np.argsort(-size) if size[i] > SHARE * size.max() and alone[i] > UNKNOWN]
         if len(parts) < 2:
             continue
         pivot = parts[0]

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 
 from asrsim.engines import ENGINES
 from asrsim.errors import DivergenceError, RobotError
-from asrsim.identify.data import Channel, Command, Data
-from asrsim.identify.keys import CLOCK
+from asrsim.identification.data import Channel, Data
+from asrsim.identification.keys import CLOCK
+from asrsim.identification.played import Played
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import INERTIAS
 from asrsim.samples import Array
@@ -23,86 +22,14 @@ from asrsim.simulation.prepare import prepare
 
 FAST = "mujoco"
 """Engine whose runs are compiled as a whole; without contacts all engines agree to rounding."""
-JUMP = 8.0
-"""A change of a command that is so many times those beside it is a jump, at the later sample."""
-LARGE, MANY = 0.05, 40
-"""Share of a command's range from which on a jump is large, and number of these beyond which they are stairs."""
+NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
+"""Last parts of keys that are of recordings."""
 STILL = 4.5
 """Deviations of the mean within which a recording begins where the scenario does."""
 FIRST = 15
 """Samples, at most, from which the start of a link is told."""
 SOON = 0.05
 """s after 0 at which a channel must begin to tell of the start."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Played(Signal):
-    """A recorded command: its mean over each step, so that results are smooth in a delay, but for a few large jumps.
-
-    These are cut out of the means, and the loop splits its steps at them: a motor at its torque limit does not see a mean.
-    """
-
-    kind: ClassVar[str] = "played"
-
-    command: Command
-    step: float
-    """s over which means are taken."""
-    gain: float = 1.0
-    offset: float = 0.0
-    delay: float = 0.0
-
-    def values(self, time: Array) -> Array:
-        """gain (recorded - offset), `delay` s later."""
-        at = time - self.delay
-        ends = self._integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
-        means = (ends[1] - ends[0]) / self.step
-        for jump, size in zip(*self._jumps, strict=True):
-            # A mean over a jump takes the value on its own side.
-            near = np.abs(at - jump) < 0.5 * self.step
-            share = (at[near] - jump) / self.step + 0.5
-            means[near] += size * np.where(at[near] >= jump - 1e-9, 1.0 - share, -share)
-        return np.asarray(self.gain * (means - self.offset), dtype=np.float64)
-
-    def jumps(self, start: float, end: float) -> Array:
-        """Times of large jumps."""
-        times = self._jumps[0] + self.delay
-        return np.asarray(times[(times >= start) & (times <= end)])
-
-    @cached_property
-    def _jumps(self) -> tuple[Array, Array]:
-        """Times and sizes of large jumps, none where they are many: stairs are small."""
-        known, values = self.command.time, self.command.values
-        found = np.flatnonzero(self._jumping) + 1
-        found = found[np.abs(values[found] - values[found - 1]) > LARGE * np.ptp(values)]
-        if len(found) > MANY:
-            found = found[:0]
-        return known[found], values[found] - values[found - 1]
-
-    @cached_property
-    def _jumping(self) -> Array:
-        """(n - 1,) whether the command holds after a sample and jumps at the next."""
-        steps = np.diff(self.command.values)
-        if self.command.hold:
-            return steps != 0.0
-        beside = np.maximum(np.concatenate([[0.0], np.abs(steps[:-1])]), np.concatenate([np.abs(steps[1:]), [0.0]]))
-        return np.asarray(np.abs(steps) > np.maximum(JUMP * beside, 1e-3 * np.ptp(self.command.values)))
-
-    @cached_property
-    def _pieces(self) -> tuple[Array, Array]:
-        """Integral up to each sample, and slope after it: 0 where the command is held, as it is before a jump."""
-        known, values = self.command.time, self.command.values
-        widths = np.diff(known)
-        slopes = np.where(self.command.hold | self._jumping, 0.0, np.diff(values) / widths)
-        areas = np.cumsum(widths * (values[:-1] + 0.5 * widths * slopes))
-        return np.concatenate([[0.0], areas]), np.concatenate([slopes, [0.0]])
-
-    def _integral(self, time: Array) -> Array:
-        """From the first sample to `time`; the ends hold."""
-        known, values = self.command.time, self.command.values
-        areas, slopes = self._pieces
-        place = np.clip(np.searchsorted(known, time, side="right") - 1, 0, len(known) - 1)
-        after = time - known[place]
-        return np.asarray(areas[place] + after * (values[place] + 0.5 * np.maximum(after, 0.0) * slopes[place]))
 
 
 class Track:
@@ -115,6 +42,8 @@ class Track:
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
+        self.uncertain: list[str] = []
+        """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
         self.onset = min(self._onset(channel) for channel in data.channels)
         """s at which something begins to move."""
@@ -125,6 +54,12 @@ class Track:
         """What is compared."""
         return self.data.channels
 
+    def trust_scenario(self, joint: str) -> None:
+        """The link begins where the scenario says: what the recording shows is an offset."""
+        j = self.evaluation.joints.index(joint)
+        self.positions[j] = self.prepared.initial_positions[j]
+        self.uncertain = [key for key in self.uncertain if key != f"{joint}.initial_position"]
+
     def _onset(self, channel: Channel) -> float:
         away = np.abs(channel.values - np.median(channel.values[:5])) > 8.0 * max(channel.noise, channel.quantum)
         return float(channel.time[int(np.argmax(away))]) if away.any() else float(channel.time[-1])
@@ -133,8 +68,6 @@ class Track:
         """Where links and motors are at 0: the scenario's start where the recording does not contradict it."""
         positions, velocities = [*self.prepared.initial_positions], [*self.prepared.initial_velocities]
         motors: dict[str, list[float]] = {}
-        self.uncertain: list[str] = []
-        """Joints that begin elsewhere, or in motion."""
         for j, joint in enumerate(self.evaluation.joints):
             found = self._first(joint, "link_position")
             if found is None:
@@ -143,9 +76,10 @@ class Track:
             moving = abs(speed) > STILL * speed_error
             if abs(place - positions[j]) > STILL * place_error or moving:
                 positions[j] = place
-                self.uncertain.append(joint)
+                self.uncertain.append(f"{joint}.initial_position")
                 if moving:
                     velocities[j] = speed
+                    self.uncertain.append(f"{joint}.initial_velocity")
         for drive, position in zip(self.prepared.drives, positions, strict=True):
             first = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
             places = [float(channel.values[0]) for channel in first if channel is not None and channel.time[0] <= SOON]
@@ -214,19 +148,14 @@ class Track:
 
     def _split(self, values: Mapping[str, float]) -> tuple[dict[str, dict[str, float]], list[float], list[float]]:
         """Numbers of the robot, by joint or link, and the start."""
-        robot: dict[str, dict[str, float]] = {}
         positions, velocities = [*self.positions], [*self.velocities]
         for key, value in values.items():
             owner, _, name = key.rpartition(".")
-            if not owner or name in ("offset", "gain", "delay"):
-                continue
             if name == "initial_position":
                 positions[self.evaluation.joints.index(owner)] = value
             elif name == "initial_velocity":
                 velocities[self.evaluation.joints.index(owner)] = value
-            else:
-                robot.setdefault(owner, {})[name] = value
-        return physical(self.prepared.robot, robot), positions, velocities
+        return physical(self.prepared.robot, numbers_of(values)), positions, velocities
 
     def close(self) -> None:
         """Release the engine."""
@@ -240,9 +169,7 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
         engine = FAST
     modes = {**scenario.modes, **data.modes}
     # References of another mode would be unknown there; what is played replaces them all.
-    references = {
-        joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes
-    }
+    references = {joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes}
     step = scenario.step
     for command in data.commands:
         if command.name != EXTERNAL:
@@ -252,6 +179,16 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
     return replace(
         scenario, duration=data.duration, modes=modes, engine=engine, references=references, expect=(), desired={}, log_every=1
     )  # fmt: skip
+
+
+def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Those of the robot, by joint or link."""
+    robot: dict[str, dict[str, float]] = {}
+    for key, value in values.items():
+        owner, _, name = key.rpartition(".")
+        if owner and name not in NOT_THE_ROBOTS:
+            robot.setdefault(owner, {})[name] = value
+    return robot
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
@@ -268,7 +205,9 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[s
         free = [name for name in ("ixx", "iyy", "izz") if name not in values]
         for _ in range(3):
             full = {**old, **values}
-            matrix = np.array([[full["ix" + b] if a == "x" else full["".join(("i", *sorted(a + b)))] for b in "xyz"] for a in "xyz"])
+            matrix = np.array(
+                [[full["ix" + b] if a == "x" else full["".join(("i", *sorted(a + b)))] for b in "xyz"] for a in "xyz"]
+            )
             moments = np.linalg.eigvalsh(matrix)
             lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
             if lack <= 1e-12 * abs(float(moments[2])):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
-from asrsim.identify.noise import fine_noise, quantum_of
-from asrsim.identify.task import Experiment, Task
+from asrsim.identification.computed import computed_columns
+from asrsim.identification.noise import fine_noise, quantum_of
+from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.data import Column
@@ -22,8 +24,6 @@ from asrsim.scenario.starter_playback import Plan, make_plan
 from asrsim.simulation.evaluation import DERIVED, DIRECT, EXTERNAL
 
 COMPARABLE = (*DIRECT, *DERIVED)
-COMPUTED = 1e-3
-"""Share of its own deviation that is left of a column that others give exactly: it was computed from them."""
 PLAYED = 2
 """Mode in which motors stand at their references."""
 OUTLIER = 12.0
@@ -153,9 +153,7 @@ def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *
     )  # fmt: skip
 
 
-def _played_motors(
-    scenario: Scenario, plan: Plan, lag: float, modes: dict[str, int], remarks: list[str]
-) -> Iterator[Command]:
+def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, int], remarks: list[str]) -> Iterator[Command]:
     """Motors as they were recorded, where no command was and the scenario has none: springs and links are fitted apart from
     the motors. Raises RecordingError where these are missing too.
     """
@@ -181,8 +179,8 @@ def _played_motors(
         columns = ", ".join(list(plan.recording.channels)[:30])
         raise RecordingError(
             Problem(
-                message=f"the commands of {', '.join(missing)} are missing: no column is one, and the scenario has none; its columns: "
-                f"{columns}", file=plan.recording.path, code="no-command",
+                message=f"the commands of {', '.join(missing)} are missing: no column is one, and the scenario has none; "
+                f"its columns: {columns}", file=plan.recording.path, code="no-command",
                 hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
             )
         )  # fmt: skip
@@ -200,8 +198,8 @@ def _channels(
     unknown = [key for key in task.compare if key not in possible]
     if unknown:
         problem = Problem(
-            message="is not in the recording, or is its command", key=unknown[0], file=plan.recording.path, choices=tuple(possible),
-            code="unknown-key",
+            message="is not in the recording, or is its command", key=unknown[0], file=plan.recording.path,
+            choices=tuple(possible), code="unknown-key",
         )  # fmt: skip
         raise RecordingError(problem)
     computed = computed_columns(plan.recording, [column for _, column in possible.values()])
@@ -244,7 +242,7 @@ def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[s
     )  # fmt: skip
 
 
-def _glitches(values: Array) -> Array:
+def _glitches(values: Array) -> NDArray[np.bool_]:
     """Whether a sample is far from the median of itself and the two samples on each side, measured by its own surroundings.
 
     Samples of a fast but smooth motion are near to that median, and so are steps.
@@ -256,47 +254,3 @@ def _glitches(values: Array) -> Array:
     typical = float(np.quantile(away, 0.9))
     scale = max(typical, 1e-3 * float(np.ptp(np.quantile(values, (0.01, 0.99)))))
     return np.asarray(away > OUTLIER * scale)
-
-
-def computed_columns(recording: Recording, columns: Sequence[Column]) -> dict[str, str]:
-    """Columns that follow exactly from another one on the same time: source -> what it is of."""
-    found: dict[str, str] = {}
-    everything = [c for c in recording.channels.values() if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
-    mapped = {column.source for column in columns}
-    for index, other in enumerate(everything):
-        for column in everything[index + 1 :]:
-            if len(column.time) != len(other.time):
-                continue
-            late, early = (column, other) if column.source in mapped else (other, column)
-            if late.source not in mapped or late.source in found or early.source in found:
-                continue
-            # Positions are what sensors read; what is a multiple of another column, a torque or a deflection, is the product.
-            if str(late.quantity).endswith("position") and early.source in mapped:
-                late, early = early, late
-            if _explained(early.values, late.values) < COMPUTED:
-                found[late.source] = f"'{early.source}'"
-    for column in columns:
-        if str(column.quantity).endswith("velocity") and column.source not in found:
-            place = next(
-                (c for c in columns if c.joint == column.joint and c.quantity == str(column.quantity).replace("velocity", "position")),
-                None,
-            )
-            if place is not None and len(place.time) == len(column.time) and _is_difference(place, column):
-                found[column.source] = f"'{place.source}', by differences"
-    return found
-
-
-def _explained(source: Array, values: Array) -> float:
-    """Share of the deviation of `values` that a line through `source` leaves."""
-    centred, other = source - source.mean(), values - values.mean()
-    size = float(np.dot(other, other))
-    left = other - centred * float(np.dot(centred, other) / np.dot(centred, centred))
-    return float(np.sqrt(np.dot(left, left) / size))
-
-
-def _is_difference(place: Column, speed: Column) -> bool:
-    steps = np.diff(place.values) / np.diff(place.time)
-    ways = (speed.values[1:] - steps, speed.values[:-1] - steps, speed.values[1:-1] - 0.5 * (steps[1:] + steps[:-1]))
-    spread = float(np.std(speed.values))
-    return any(float(np.median(np.abs(way))) < COMPUTED * spread for way in ways) if spread > 0.0 else False
-

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.identify.fit import WHITE, solve
-from asrsim.identify.intervals import BLOCKS
-from asrsim.identify.keys import LATEST, Parameter
-from asrsim.identify.layout import Entry
-from asrsim.identify.noise import lag_correlation
-from asrsim.identify.residuals import Residuals
-from asrsim.identify.task import Tie
-from asrsim.identify.track import Track
+from asrsim.identification.fit import WHITE, solve
+from asrsim.identification.intervals import BLOCKS
+from asrsim.identification.keys import LATEST, Parameter
+from asrsim.identification.layout import Entry
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Residuals
+from asrsim.identification.task import Tie
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 HELD_OUT = 1.3
@@ -51,7 +51,9 @@ class ChannelFit:
         return {name: None if isinstance(v, float) and np.isnan(v) else v for name, v in vars(self).items()}
 
 
-def channel_fits(tracks: Sequence[Track], ends: Sequence[float], before: Sequence[Any], after: Sequence[Any]) -> list[ChannelFit]:
+def channel_fits(
+    tracks: Sequence[Track], ends: Sequence[float], before: Sequence[Any], after: Sequence[Any]
+) -> list[ChannelFit]:
     """before, after: by recording, residuals of each channel over the whole recording (None: not sane)."""
     found = []
     for track, end, old, new in zip(tracks, ends, before, after, strict=True):
@@ -86,7 +88,9 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
         if train and held:
             a, b = float(np.sqrt(np.mean(np.square(train)))), float(np.sqrt(np.mean(np.square(held))))
             if b > HELD_OUT * max(a, 1e-300):
-                reasons.append(f"{key}: the held-out error is {b / a:.2g} times that of the training part ({b:.3g} for {a:.3g})")
+                reasons.append(
+                    f"{key}: the held-out error is {b / a:.2g} times that of the training part ({b:.3g} for {a:.3g})"
+                )
         worst = max((one.correlation for one in mine if not np.isnan(one.correlation)), default=0.0)
         if worst > WHITE:
             reasons.append(f"{key}: residuals are not white, neighbours correlate by {worst:.2f}")
@@ -126,7 +130,9 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         trial = Residuals(residuals.tracks, extended, residuals.weights, residuals.ends, residuals.counter)
         best, cost = 0.0, base
         for begin in (x, start):
-            there = solve(trial, np.append(begin, 2.0 if parameter.unit == "s" else 0.0), loss="linear", rounds=25, tolerance=1e-4)
+            there = solve(
+                trial, np.append(begin, 2.0 if parameter.unit == "s" else 0.0), loss="linear", rounds=25, tolerance=1e-4
+            )
             mean = float(np.mean(trial(there) ** 2))
             if mean < cost:
                 best, cost = extended.entries[-1].value(float(there[-1])), mean
@@ -136,12 +142,17 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
             size = f"{1e3 * best:.3g} {'ms' if parameter.unit == 's' else 'm' + parameter.unit}"
             flags = " ".join(f"--free {key}" for key in keys[:1])
             ties = "".join(f" --tie {key}={keys[0]}" for key in keys[1:])
-            found.append((cost / base, f"{what} is suspected: {size} would bring the error to {100 * (cost / base) ** 0.5:.0f} % ({flags}{ties})"))
+            found.append(
+                (
+                    cost / base,
+                    f"{what} is suspected: {size} would bring the error to {100 * (cost / base) ** 0.5:.0f} % ({flags}{ties})",
+                )
+            )
     return [text for _, text in sorted(found)][:2]
 
 
 def block_estimates(residuals: Residuals, x: Array, jacobian: Array, count: int = BLOCKS) -> tuple[Array, Array, Array]:
-    """One step of the estimate in each block alone: (blocks, n) moves, their deviations, and each block's number per residual."""
+    """One step of the estimate in each block alone: (blocks, n) moves, their deviations, and each residual's block."""
     left, numbers = residuals(x), residuals.blocks(count)
     n = jacobian.shape[1]
     total = int(numbers.max()) + 1
@@ -162,7 +173,8 @@ def _amplitude(residuals: Residuals, x: Array) -> list[str]:
 
     springs = [
         i for i, entry in enumerate(residuals.layout.entries)
-        if any(word in entry.name for word in ("spring_stiffness", "spring_k", "passive_stiffness", ".k")) and entry.parameter.logarithmic
+        if any(word in entry.name for word in ("spring_stiffness", "spring_k", "passive_stiffness", ".k"))
+        and entry.parameter.logarithmic
     ]  # fmt: skip
     if not springs:
         return []
@@ -179,8 +191,8 @@ def _amplitude(residuals: Residuals, x: Array) -> list[str]:
         if abs(rank) > TREND and extent > 6.0 * float(np.median(errors[told, i])) and extent > 0.02:
             way = "falls" if rank < 0.0 else "grows"
             found.append(
-                f"{residuals.layout.entries[i].name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; "
-                "a spring whose law is another is missing"
+                f"{residuals.layout.entries[i].name} {way} with the amplitude: parts of the record differ by "
+                f"{100 * extent:.0f} %; a spring whose law is another is missing"
             )
     return found
 
@@ -200,7 +212,8 @@ def _hysteresis(residuals: Residuals, x: Array) -> list[str]:
             if share > 0.3:
                 size = abs(float(np.mean(left * sign)))
                 found.append(
-                    f"{channel.key} is {size:.3g} {channel.unit} off by the direction of its change: hysteresis or friction is missing"
+                    f"{channel.key} is {size:.3g} {channel.unit} off by the direction of its change: "
+                    "hysteresis or friction is missing"
                 )
     return found
 
@@ -218,6 +231,6 @@ def still_joints(tracks: Sequence[Track]) -> Mapping[str, str]:
 
 def coarse_joints(tracks: Sequence[Track]) -> list[str]:
     """Joints whose encoders' steps are larger than their noise."""
-    return list(dict.fromkeys(c.joint for track in tracks for c in track.channels if c.quantum > 0.0 and "position" in c.quantity))
-
-
+    return list(
+        dict.fromkeys(c.joint for track in tracks for c in track.channels if c.quantum > 0.0 and "position" in c.quantity)
+    )

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.identify.run import Result
-from asrsim.identify.track import physical
-from asrsim.identify.verdicts import IDENTIFIED, Estimate
+from asrsim.identification.run import Result
+from asrsim.identification.track import physical
+from asrsim.identification.verdicts import IDENTIFIED, Estimate
 from asrsim.outfile import written
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES
@@ -77,7 +77,9 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
     changes: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         owner, _, name = key.rpartition(".")
-        if (owner in joints and (name in JOINT_NAMES or name in blocks.get(owner, {}))) or (owner in links and name in LINK_NAMES):
+        if (owner in joints and (name in JOINT_NAMES or name in blocks.get(owner, {}))) or (
+            owner in links and name in LINK_NAMES
+        ):
             changes.setdefault(owner, {})[name] = float(value)
     return changes
 
@@ -113,7 +115,7 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     if source.suffix != ".urdf" or b"xacro" in data[:4000]:
         data, name = result.robot.text.encode(), f"{source.name.partition('.')[0]}.urdf"
         said.append(f"{source.name} is written as it is expanded: xacro's expressions have no place for numbers")
-    mounted = {joint for joint in result.scenario.actuators} | ({"*"} & set(result.scenario.actuators))
+    mounted = set(result.scenario.actuators) | ({"*"} & set(result.scenario.actuators))
     in_file = {
         owner: {key: value for key, value in values.items() if not _is_mounted(result, owner, key, mounted)}
         for owner, values in changes.items()
@@ -159,7 +161,7 @@ def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], p
     for key in ("name", "variant", "expect"):
         data.pop(key, None)
     lines = [
-        "# Scenario with the parameters that `asrsim identify` found; masses, inertias, damping and friction are in the robot file.",
+        "# Scenario with the parameters that `asrsim identify` found; inertias, damping and friction are in the robot.",
         *(f"# {one.name}: {one.value:.6g} {one.unit}, {one.verdict}" for one in result.estimates),
     ]
     return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)

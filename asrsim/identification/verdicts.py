@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.identify.intervals import Uncertainty
-from asrsim.identify.layout import Entry, Layout
-from asrsim.identify.nulls import Combination, combinations, relative, unknown_directions
-from asrsim.identify.track import Track
+from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.nulls import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND, WITHHELD = (
@@ -73,10 +73,9 @@ def estimates(
     met = bounds_met(layout, x)
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
-    without = [1.96 > NONE * norm for norm in norms]
+    without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
     known = combinations(layout, x, found.jacobian, 1.0, free)
-    directions = unknown_directions(scaled[:, free], 1.0)[0] if free else np.empty((0, 0))
     result = []
     for i, entry in enumerate(layout.entries):
         value = float(values[i])
@@ -86,19 +85,20 @@ def estimates(
             # A zero that is well known is known, however small it is.
             margin = 0.5 * (high - low) / max(abs(value), 0.2 * entry.parameter.size)
         own = [one for one in known if i in one.keys]
-        together = bool(free) and i in free and len(directions) and np.abs(directions[:, free.index(i)]).max() > 0.1
-        reason, verdict, listed = "", IDENTIFIED, ()
+        listed: tuple[str, ...] = ()
+        reason, verdict = "", IDENTIFIED
         if met[i]:
             verdict, reason = AT_BOUND, f"{value:.4g} {entry.parameter.unit}".rstrip() + " is as far as it may go"
             low = high = math.nan
         elif without[i]:
             verdict, reason = NO_EFFECT, _reason(entry, float(norms[i]), tracks, still)
             low = high = math.nan
-        elif (own or together) and not margin <= CLOSE * 6.0:
+        elif own and not margin <= UNKNOWN:
             verdict, listed = RATIO, tuple(map(str, own))
-            reason = "known is " + "; ".join(listed) if listed else "known only together with others: see the correlations"
-            low = high = math.nan
-        elif math.isnan(margin) or margin >= NONE:
+            reason, low, high = "known is " + "; ".join(listed), math.nan, math.nan
+        elif math.isnan(margin):
+            verdict, reason = RATIO, "it is not told apart from others: see the correlations"
+        elif margin >= NONE:
             verdict, reason = NO_EFFECT, "it cannot be told from none: its interval is as wide as itself"
         elif any(entry.parameter.key.startswith(f"{joint}.") for joint in coarse) and "friction" in entry.parameter.key:
             verdict, reason = WITHHELD, "the encoder's steps hide how the joint sticks"
@@ -144,5 +144,8 @@ def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[s
         return "the deflection never reaches it"
     if name.startswith(("spring", "lever", "pulley")):
         return "the deflection is too small"
-    moved = f"all it does to what is compared is {norm:.2g} of the noise" if norm > 1e-9 else "nothing that is compared depends on it"
-    return moved
+    return (
+        f"all it does to what is compared is {norm:.2g} of the noise"
+        if norm > 1e-9
+        else "nothing that is compared depends on it"
+    )

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from asrsim.identify.layout import Layout
-from asrsim.identify.noise import whiten
-from asrsim.identify.track import Track
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import whiten
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 STEP = 1e-6
@@ -90,7 +90,7 @@ class Residuals:
         for i in range(len(x)):
             up = step if x[i] + step <= high[i] else -step
             both = central and low[i] <= x[i] - step and x[i] + step <= high[i]
-            for track in self.layout.touched(i):
+            for track in self.layout.touched(i)[: len(self.tracks)]:
                 there = self.of_track(_moved(x, i, up), track)
                 other, width = (self.of_track(_moved(x, i, -up), track), 2.0 * up) if both else (base[track], up)
                 # A step into motions that are not sane tells no slope.

@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from asrsim.identify.run import Result
-from asrsim.identify.show import advice, columns, correlated, errors, judgement
+from asrsim.identification.run import Result
+from asrsim.identification.show import advice, columns, correlated, errors, judgement
 from asrsim.outfile import write_text
 from asrsim.report.html import badge, bullets, section, table
 
@@ -33,7 +33,9 @@ def make_page(result: Result, pictures: Sequence[Path]) -> str:
     good = result.fits
     body = f"<h1>{escape(title)}</h1><p>{badge('fits' if good else 'does not fit', good=good)}</p>"
     body += bullets(text.strip() for text, _ in judgement(result))
-    body += section("Parameters", _table(columns(result)) + bullets(f"{e.name}: {e.reason}" for e in result.estimates if e.reason))
+    body += section(
+        "Parameters", _table(columns(result)) + bullets(f"{e.name}: {e.reason}" for e in result.estimates if e.reason)
+    )
     if result.combinations:
         body += section("Known combinations", bullets(map(str, result.combinations)))
     body += section("Errors", _table(errors(result)))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from asrsim.identify.keys import Parameter
-from asrsim.identify.task import Tie
+from asrsim.identification.keys import Parameter
+from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
 
@@ -102,5 +102,5 @@ def make_layout(
         for i, name in enumerate(names):
             start = starts[i].get(parameter.key, parameter.start)
             shown = parameter.key if len(names) == 1 else f"{parameter.key} ({name})"
-            entries.append(Entry(parameter, i, shown, start))
+            entries.append(Entry(replace(parameter, start=start), i, shown, start))
     return Layout(tuple(entries), tuple(ties), len(names))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identify.layout import Layout
-from asrsim.identify.noise import lag_correlation
-from asrsim.identify.residuals import Residuals
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
@@ -20,6 +20,8 @@ FITS = 1.25
 """Deviations, in those of the noise's fine structure, up to which a fit needs no other start."""
 WHITE = 0.3
 """Correlation of neighbouring residuals below which they may be noise."""
+AGREED = 2
+"""Searches that end alike, of a model that does not fit."""
 ROUNDS = 60
 HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
@@ -72,8 +74,8 @@ def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, to
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
     found = least_squares(
         lambda move: residuals(inside + move), np.zeros(len(x)), jac=lambda move: residuals.jacobian(inside + move),
-        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance, xtol=tolerance,
-        gtol=1e-12, max_nfev=rounds,
+        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
+        xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)
 
@@ -104,7 +106,8 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if _fits(residuals, best.x):
+        # Two ways to one end: others would hardly lead elsewhere.
+        if fits_noise(residuals, best.x) or best.successes >= AGREED:
             break
 
 
@@ -133,12 +136,14 @@ def _attempts(
 
 
 def _tails(residuals: Array) -> bool:
-    """Whether outliers weigh more than a normal distribution's."""
+    """Whether single samples are far off: neighbours that are off together are the model's fault."""
     size = np.abs(residuals - np.median(residuals))
-    return float(np.mean(size > 5.0 * np.median(size) / 0.6745)) > 1e-3
+    far = size > 5.0 * np.median(size) / 0.6745
+    alone = far[1:-1] & ~far[:-2] & ~far[2:]
+    return float(np.mean(alone)) > 1e-3
 
 
-def _fits(residuals: Residuals, x: Array) -> bool:
+def fits_noise(residuals: Residuals, x: Array) -> bool:
     """Whether what is left looks like noise in every channel of every recording."""
     for track, one in enumerate(residuals.tracks):
         raw = residuals.raw(x, track, residuals.until(track))

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.identify.noise import lag_correlation
-from asrsim.identify.residuals import Counter, Residuals, Weights
-from asrsim.identify.run import Result, set_up
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.run import Result
+from asrsim.identification.setup import set_up
 from asrsim.plots.output import save_figure, styled
 from asrsim.samples import Array
 
@@ -131,6 +132,10 @@ def _matrix(result: Result) -> Any:
     return figure
 
 
+CERTAIN = 3.84
+"""Chi squared of one parameter at the ends of a 95 % interval."""
+
+
 def _profiles(result: Result) -> Any:
     """Cost over each parameter with the others as they are, and where they follow by their correlation."""
     with ExitStack() as stack:
@@ -140,23 +145,25 @@ def _profiles(result: Result) -> Any:
         figure, axes = _grid(len(result.estimates), 2.9, 2.2, 4 if len(result.estimates) > 3 else len(result.estimates))
         for i, (one, axis) in enumerate(zip(result.estimates, axes.ravel(), strict=False)):
             deviation = float(np.sqrt(result.covariance[i, i]))
-            width = min(max(3.0 * deviation, 0.02), 0.5)
+            width = min(3.0 * deviation, 0.5) if deviation > 0.0 else 0.1
             moves = np.linspace(-width, width, PROFILE)
             follow = result.covariance[i] / result.covariance[i, i] if deviation > 0.0 else np.eye(len(result.x))[i]
             alone = _costs(residuals, result.x, moves, np.eye(len(result.x))[i])
             values = [result.layout.entries[i].value(float(result.x[i] + move)) for move in moves]
             axis.plot(values, alone, "--", color="C1", label="others stay")
-            if deviation > 0.0 and np.abs(follow).max() < 20.0:
+            if deviation > 0.0 and np.abs(width * follow).max() < 2.0:
                 axis.plot(values, _costs(residuals, result.x, moves, follow), ".-", color="C0", label="others follow")
             if np.isfinite(one.low):
                 axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
             axis.axvline(one.value, color="0.3", linewidth=0.7)
-            top = min(max(*alone, 1.05), 10.0 * min(alone))
-            axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(0.98 * min(alone), 1.05 * top))
+            axis.axhline(CERTAIN, color="0.3", linewidth=0.7, linestyle=":")
+            axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.5, 4.0 * CERTAIN))
             axis.xaxis.label.set_fontsize("x-small")
             axis.tick_params(labelsize="x-small")
+            axis.locator_params(axis="x", nbins=3)
         axes[0, 0].legend(fontsize="xx-small")
-        axes[0, 0].set_ylabel("mean square residual", fontsize="x-small")
+        for axis in axes[:, 0]:
+            axis.set_ylabel("misfit above the best [$\\chi^2$]", fontsize="x-small")
     return figure
 
 
@@ -166,4 +173,7 @@ def _of(result: Result, track: int) -> list[Any]:
 
 
 def _costs(residuals: Callable[[Array], Array], x: Array, moves: Array, direction: Array) -> list[float]:
-    return [min(float(np.mean(residuals(x + move * direction) ** 2)), 1e6) for move in moves]
+    """Sums of squares above that of `x`, in units of its mean square: chi squared, if residuals were white."""
+    best = residuals(x)
+    least, unit = float(np.sum(best**2)), max(float(np.mean(best**2)), 1e-300)
+    return [min((float(np.sum(residuals(x + move * direction) ** 2)) - least) / unit, 1e6) for move in moves]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from asrsim.identify.run import Result
-from asrsim.identify.verdicts import Estimate
+from asrsim.identification.run import Result
+from asrsim.identification.verdicts import Estimate
 
 CORRELATED = 0.95
 """From which on two estimates are named as correlated."""
@@ -31,7 +31,12 @@ def errors(result: Result) -> Sequence[tuple[str, list[str], bool]]:
     rows = result.channels
     several = len({one.recording for one in rows}) > 1
     names = [f"{one.key} ({one.recording})" if several else one.key for one in rows]
-    numbers = (("training\nbefore", "before"), ("\nafter", "after"), ("held out\nbefore", "held_before"), ("\nafter", "held_after"))
+    numbers = (
+        ("training\nbefore", "before"),
+        ("\nafter", "after"),
+        ("held out\nbefore", "held_before"),
+        ("\nafter", "held_after"),
+    )
     return (
         ("RMS error", names, False),
         ("unit", [one.unit for one in rows], False),
@@ -59,6 +64,8 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.status == "interrupted":
         yield "interrupted: the best so far; --resume goes on from it", "yellow"
         return
+    if any(end > 0.0 for end in result.ends) and not result.task.validate and result.task.hold_out:
+        yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
         yield "the model fits: residuals are white, and the held-out error is that of the training part", "green"
         return

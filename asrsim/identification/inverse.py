@@ -1,0 +1,138 @@
+"""Joints driven by a known torque: what the recorded motion needs is compared with the torque that was recorded.
+
+A joint that is pushed by its torque alone holds no position: in a simulation small errors of the torque add up without end, and
+fits to the position follow these. The balance of torques has no memory (equation error, as in rigid-robot identification).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from asrsim.errors import RobotError
+from asrsim.identification.data import Channel, Data
+from asrsim.identification.noise import fine_noise
+from asrsim.identification.track import Track, numbers_of, physical
+from asrsim.robot.model import Robot
+from asrsim.robot.vary import varied_robot
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.evaluation import EXTERNAL
+
+CUTOFF = 50.0
+"""Hz of the low-pass filter, forwards and backwards, on motion and torque alike; less where the sampling is slow."""
+ORDER = 4
+EDGE = 0.1
+"""s at both ends that the filter spoils."""
+
+
+def is_driven_by_torque(data: Data, robot: Robot) -> bool:
+    """Whether all moving joints have a recorded torque, in mode 0, and a recorded place, and no spring."""
+    modes = {block.joint: data.modes.get(block.joint, block.mode) for block in robot.actuators}
+    torques = {command.joint for command in data.commands if command.quantity == "reference_1"}
+    places = {channel.joint for channel in data.channels if channel.quantity == "link_position"}
+    joints = robot.moving_joints
+    return bool(joints) and all(
+        modes.get(joint.name) == 0 and joint.name in torques and joint.name in places and joint.spring_stiffness == 0.0
+        for joint in joints
+    )
+
+
+class InverseTrack(Track):
+    """A recording of joints driven by torques: its channels are the torques, filtered as the motion is."""
+
+    def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
+        super().__init__(scenario, robot, data)
+        self.uncertain = []
+        joints = self.evaluation.joints
+        places = {channel.joint: channel for channel in data.channels if channel.quantity == "link_position"}
+        step = float(np.median(np.diff(places[joints[0]].time)))
+        last = min(float(channel.time[-1]) for channel in places.values())
+        self._grid = np.arange(float(max(c.time[0] for c in places.values())), last, step)
+        self._cutoff = min(CUTOFF, 0.15 / step)
+        smooth = [self._filtered(np.interp(self._grid, places[joint].time, places[joint].values)) for joint in joints]
+        speed = [np.gradient(q, step) for q in smooth]
+        rates = [np.gradient(v, step) for v in speed]
+        every = max(1, round(0.2 / (self._cutoff * step)))
+        inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
+        rows = np.flatnonzero(inside)[::every]
+        self._rows = rows
+        self._signs = np.column_stack([self._filtered(np.sign(v)) for v in speed])[rows]
+        """Of the velocities, filtered as the torque is: its jumps at reversals are."""
+        self._motion = tuple(np.column_stack(part)[rows] for part in (smooth, speed, rates))
+        self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
+        channels = []
+        for joint in joints:
+            values = self._torques[f"{joint}.reference_1"]
+            unit = "N" if self.prepared.robot.joint(joint).kind == "prismatic" else "N m"
+            channels.append(
+                Channel(
+                    joint=joint, quantity="link_torque", unit=unit, time=self._grid[rows], values=values,
+                    noise=fine_noise(values), given=False, quantum=0.0,
+                )
+            )  # fmt: skip
+        remark = f"{', '.join(joints)}: driven by the recorded torque; torques are compared, filtered at {self._cutoff:.3g} Hz"
+        self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
+        self.onset = float(self._grid[rows[0]])
+        self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
+
+    def _filtered(self, values: Array) -> Array:
+        from scipy.signal import butter, sosfiltfilt
+
+        step = self._grid[1] - self._grid[0]
+        return np.asarray(sosfiltfilt(butter(ORDER, self._cutoff, fs=1.0 / step, output="sos"), values))
+
+    def _sampled(self, time: Array, values: Array, delay: float = 0.0) -> Array:
+        return self._filtered(np.interp(self._grid - delay, time, values))[self._rows]
+
+    def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
+        """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
+        _q, v, _a = self._motion
+        joints = self.evaluation.joints
+        try:
+            changes = physical(self.prepared.robot, numbers_of(values))
+            robot = varied_robot(self.prepared.robot, changes)
+        except RobotError:
+            return None
+        needed = self._balance(robot, changes)
+        for j, joint in enumerate(joints):
+            one = robot.joint(joint)
+            needed[:, j] += one.damping * v[:, j] + one.friction * self._signs[:, j]
+            if (torque := self._torques.get(f"{joint}.{EXTERNAL}")) is not None:
+                needed[:, j] -= torque
+        predicted = []
+        for j, channel in enumerate(self.channels):
+            key = f"{joints[j]}.reference_1"
+            gain, offset = values.get(f"{key}.gain", 1.0), values.get(f"{key}.offset", 0.0)
+            told = needed[:, j] / gain + offset
+            if delay := values.get(f"{key}.delay", 0.0):
+                # The recorded torque acts later: what is compared is shifted, not the motion.
+                told = told - (self._late(key, delay) - channel.values)
+            predicted.append(told if until is None else told[channel.time <= until + 1e-9])
+        return predicted
+
+    def _late(self, key: str, delay: float) -> Array:
+        command = next(one for one in self.data.commands if one.key == key)
+        return self._sampled(command.time, command.values, delay)
+
+    def _balance(self, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Array:
+        """(n, joints) of inertia, gravity and Coriolis; what only losses change is known from before."""
+        q, v, a = self._motion
+        links = {link.name for link in robot.links}
+        mark = tuple((owner, name, x) for owner, part in changes.items() if owner in links for name, x in part.items())
+        if mark not in self._bases:
+            engine = self.evaluation.engine_of(robot)
+            if len(self._bases) > 64:
+                self._bases.clear()
+            model = engine.model
+            assert model is not None  # joints in mode 0 have dynamics
+            self._bases[mark] = np.array([model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
+        return self._bases[mark].copy()
+
+
+def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot) -> Track:
+    """A recording made ready. applied: the robot with the scenario's modes and parameters."""
+    kind = InverseTrack if is_driven_by_torque(data, applied) else Track
+    return kind(scenario, robot, data)

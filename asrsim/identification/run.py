@@ -1,0 +1,234 @@
+"""A fit from beginning to end: parameters searched, weighted by what is left, judged on what was held out, and told."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.errors import SimulationError
+from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
+from asrsim.identification.intervals import correlations, uncertainty, whitened
+from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, missing_causes, still_joints, verdict
+from asrsim.identification.layout import Layout
+from asrsim.identification.nulls import Combination
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.task import Task, make_task
+from asrsim.identification.teller import Progress, Teller
+from asrsim.identification.verdicts import Estimate, bounds_met, estimates
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Result:
+    """What a fit gives."""
+
+    task: Task
+    estimates: tuple[Estimate, ...]
+    combinations: tuple[Combination, ...]
+    correlation: Array
+    covariance: Array
+    """Of the vector."""
+    channels: tuple[ChannelFit, ...]
+    misfit: tuple[str, ...]
+    """Why the model does not fit; empty where it does."""
+    causes: tuple[str, ...]
+    """What may be missing."""
+    remarks: tuple[str, ...]
+    evaluations: int
+    seconds: float
+    how: str
+    attempts: int
+    successes: int
+    status: str
+    """complete, interrupted or checked."""
+    x: Array
+    layout: Layout = field(repr=False)
+    ends: tuple[float, ...]
+    """s, end of each recording's training part."""
+    series: tuple[tuple[Mapping[str, Any], ...], ...] = field(repr=False)
+    """By recording and channel: time, recorded, before, after."""
+    scenario: Scenario = field(repr=False)
+    robot: Robot = field(repr=False)
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model explains what was recorded, as far as the noise lets see."""
+        return not self.misfit
+
+    def find(self, key: str) -> Estimate:
+        """The estimate of a key (its first, where each recording has its own); KeyError."""
+        for one in self.estimates:
+            if key in (one.key, one.name):
+                return one
+        raise KeyError(key)
+
+    def values(self) -> dict[str, float]:
+        """Key -> estimate of what all recordings share, ties followed."""
+        return self.layout.table(self.x, 0)
+
+
+def identify(
+    scenario: str | Path | Task,
+    experiments: Sequence[str | Path] = (),
+    *,
+    progress: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    begin: Mapping[str, float] | None = None,
+    check: bool = False,
+    **options: Any,
+) -> Result:
+    """Fit parameters to recordings: everything that `asrsim identify` does but the files.
+
+        result = asrsim.identify("lab.yaml", ["a.csv"], free=["joint_1.spring_k_1"])
+        result.find("joint_1.spring_k_1").value
+
+    Args:
+        scenario: Scenario file, or a task of :func:`make_task` or :func:`read_task`.
+        experiments, options: As :func:`make_task` takes them.
+        progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
+        begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
+        check: Only look: sensitivities at the start.
+
+    Raises:
+        InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
+        SimulationError: The motion is not sane at the start.
+    """
+    task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
+    with ExitStack() as stack:
+        return _identify(set_up(task, stack), progress, stop, begin or {}, check=check)
+
+
+def _identify(
+    setup: Setup, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, begin: Mapping[str, float],
+    *, check: bool,
+) -> Result:  # fmt: skip
+    task, layout = setup.task, setup.layout
+    teller = Teller(progress, stop)
+    counter = Counter(tell=teller.tick)
+    teller.counter = counter
+    weights = [[Weights(max(c.noise, c.quantum / np.sqrt(12.0))) for c in track.channels] for track in setup.tracks]
+    residuals = Residuals(setup.fitted, layout, weights, setup.ends, counter)
+    start = np.zeros(len(layout))
+    for i, entry in enumerate(layout.entries):
+        if entry.name in begin:
+            start[i] = entry.place(begin[entry.name])
+    before = [residuals_of(setup, start, track) for track in range(len(setup.tracks))]
+    if any(one is None for one in before[: len(setup.fitted)]):
+        message = "the motion at the start is not sane: it diverges before the recording ends"
+        raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
+    best = Best(start.copy())
+    teller.best = best
+    status = "checked" if check else "complete"
+    if not check:
+        try:
+            if task.search:
+                globally(residuals, best, seed=task.seed, tell=teller.stage)
+            search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            teller.stage("weights from what is left")
+            best.x = _reweighted(residuals, best.x, task)
+        except Stopped:
+            status = "interrupted"
+            residuals.share = 1.0
+    teller.deaf = True
+    return _judged(setup, residuals, best, start, before, status, teller.began)
+
+
+ALIKE = 1.01
+"""Mean square error that weights by correlated noise may cost: more, and what is correlated is the model's fault."""
+
+
+def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
+    """Once more with each channel's noise and its correlation as they are left over.
+
+    Whitening is right for noise that is correlated; where the model is wrong it would give weight to what the model does best.
+    """
+    before = residuals.weights
+    residuals.weights = whitened(residuals, x)
+    there = solve(residuals, x, loss=task.loss, rounds=15)
+    better = float(np.mean(residuals(there) ** 2)) <= float(np.mean(residuals(x) ** 2)) * (1.0 + 1e-9)
+    weights = residuals.weights
+    residuals.weights = before
+    if better and cost_of(residuals(there), task.loss) <= ALIKE * cost_of(residuals(x), task.loss):
+        residuals.weights = weights
+        return there
+    residuals.weights = [
+        [Weights(float(np.sqrt(np.mean(r**2)))) for r in residuals.raw(x, track, residuals.until(track)) or []]
+        for track in range(len(residuals.tracks))
+    ]  # fmt: skip
+    return x
+
+
+def residuals_of(setup: Setup, x: Array, track: int) -> list[Array] | None:
+    """Predicted less recorded over a whole recording."""
+    one = setup.tracks[track]
+    predicted = one.predict(setup.layout.table(x, track))
+    return None if predicted is None else [a - c.values for a, c in zip(predicted, one.channels, strict=True)]
+
+
+def _whole(setup: Setup, residuals: Residuals, x: Array) -> Array:
+    """The estimate from whole recordings, once the part that was held out has judged."""
+    if all(end >= track.data.duration for track, end in zip(setup.fitted, setup.ends, strict=False)):
+        return x
+    residuals.ends = [track.data.duration for track in setup.tracks]
+    there = solve(residuals, x, loss="linear", rounds=20)
+    return there if np.mean(residuals(there) ** 2) <= np.mean(residuals(x) ** 2) else x
+
+
+def _moved(layout: Layout, trained: Array, x: Array, deviations: Array) -> list[str]:
+    """Parameters that the held-out part makes others by more than chance."""
+    values, others = layout.values(trained), layout.values(x)
+    apart = np.abs(x - trained) > np.maximum(6.0 * deviations, 0.1)
+    return [
+        f"{entry.name} is {b:.4g} from whole recordings, but {a:.4g} without the held-out part: no value holds for all of it"
+        for entry, a, b, off in zip(layout.entries, values, others, apart, strict=True) if off
+    ]  # fmt: skip
+
+
+def _judged(
+    setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, began: float
+) -> Result:
+    layout, trained, counter = setup.layout, best.x, residuals.counter
+    if status != "complete":
+        residuals.weights = [[Weights(w.noise) for w in channel] for channel in residuals.weights]
+    after = [residuals_of(setup, trained, track) for track in range(len(setup.tracks))]
+    fits = channel_fits(setup.tracks, setup.ends, before, after)
+    misfit = verdict(fits) if status == "complete" else []
+    plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
+    causes = missing_causes(plain, trained, start) if misfit else []
+    x = _whole(setup, residuals, trained) if status == "complete" else trained
+    found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
+    told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
+    if moved := _moved(layout, trained, x, found.deviation):
+        misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
+    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
+    remarks += [
+        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
+        for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
+    ]  # fmt: skip
+    series = tuple(
+        tuple(
+            {
+                "key": channel.key, "unit": channel.unit, "time": channel.time, "recorded": channel.values,
+                "before": None if old is None else old[i] + channel.values,
+                "after": None if new is None else new[i] + channel.values,
+            }
+            for i, channel in enumerate(track.channels)
+        )
+        for track, old, new in zip(setup.tracks, before, after, strict=True)
+    )  # fmt: skip
+    return Result(
+        task=setup.task, estimates=tuple(told), combinations=tuple(known), correlation=correlations(found.covariance),
+        covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes), remarks=tuple(remarks),
+        evaluations=counter.evaluations, seconds=clock.perf_counter() - began, how=best.how, attempts=best.attempts,
+        successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
+        scenario=setup.scenario, robot=setup.robot,
+    )  # fmt: skip
