@@ -102,6 +102,6 @@ def test_no_worker_and_no_scheduler_are_told_of_before_anything_runs(address: st
     monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     with pytest.raises(SimulationError, match="has no workers: start some: dask worker"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
-    with pytest.raises(SimulationError, match="no scheduler answers at tcp://127.0.0.1:9"):
+    with pytest.raises(SimulationError, match="no scheduler answers at tcp"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster="tcp://127.0.0.1:9")
     assert not list((tmp_path / "s").glob("*.parquet"))
