@@ -86,6 +86,12 @@ def test_a_fit_is_drawn_with_its_covariance(tmp_path):
     np.testing.assert_allclose(study.table.mean(axis=0), [2, 3], atol=0.01)
 
 
+def test_a_faulty_law_is_told_of_alone():
+    with pytest.raises(InputError) as caught:
+        study_of({"joint_1.damping": "uniform(0,)"}, samples=5)
+    assert [problem.key for problem in caught.value.problems] == ["joint_1.damping"]
+
+
 def test_a_latin_hypercube_has_one_draw_in_every_slice():
     values = study_of({"a.x": "uniform(0, 1)"}, samples=50, design="lhs").table[:, 0]
     assert sorted((values * 50).astype(int)) == list(range(50))
