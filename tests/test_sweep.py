@@ -147,6 +147,7 @@ ARM = {
 }
 ROBOTS = {
     "step_2dof": (TWO_JOINTS, ARM),
+    "rubbing": (TWO_JOINTS, {"joint_1.friction": "uniform(0.01, 0.2)", "joint_2.friction": "uniform(0, 0.1)"}),
     "sea": (EXAMPLES / "step_1dof_sea.yaml", {"joint_1.spring_stiffness": "uniform(20, 60)"}),
     "awas": (EXAMPLES / "step_1dof_awas_ii.yaml", {"parameters.*.motor_1_inertia": "lognormal(0.001, 0.3)"}),
     "bavs": (EXAMPLES / "step_1dof_bavs.yaml", {"parameters.*.motor_1_damping": "uniform(0.01, 0.02)"}),
@@ -170,6 +171,23 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
         assert {key: row[key] for key in fresh} == fresh
         assert row["status"] == "complete"
     runner.close()
+
+
+def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):
+    pytest.importorskip("pybullet")
+    from asrsim.engines.bullet import BulletEngine
+
+    made = []
+    begin = BulletEngine.__init__
+    monkeypatch.setattr(BulletEngine, "__init__", lambda self, *given: made.append(1) or begin(self, *given))
+    study = study_of({"joint_1.friction": "uniform(0.01, 0.2)"}, samples=6, overrides=["engine=bullet", "duration=0.02"])
+    runner = Runner(make_payload(study))
+    runner.row(0)
+    before = len(made)
+    for run in range(1, 6):
+        runner.row(run)
+    runner.close()
+    assert len(made) == before
 
 
 def test_a_row_is_what_run_says(tmp_path):
