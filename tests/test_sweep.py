@@ -86,6 +86,12 @@ def test_a_fit_is_drawn_with_its_covariance(tmp_path):
     np.testing.assert_allclose(study.table.mean(axis=0), [2, 3], atol=0.01)
 
 
+def test_a_faulty_law_is_told_of_alone():
+    with pytest.raises(InputError) as caught:
+        study_of({"joint_1.damping": "uniform(0,)"}, samples=5)
+    assert [problem.key for problem in caught.value.problems] == ["joint_1.damping"]
+
+
 def test_a_latin_hypercube_has_one_draw_in_every_slice():
     values = study_of({"a.x": "uniform(0, 1)"}, samples=50, design="lhs").table[:, 0]
     assert sorted((values * 50).astype(int)) == list(range(50))
@@ -141,6 +147,7 @@ ARM = {
 }
 ROBOTS = {
     "step_2dof": (TWO_JOINTS, ARM),
+    "rubbing": (TWO_JOINTS, {"joint_1.friction": "uniform(0.01, 0.2)", "joint_2.friction": "uniform(0, 0.1)"}),
     "sea": (EXAMPLES / "step_1dof_sea.yaml", {"joint_1.spring_stiffness": "uniform(20, 60)"}),
     "awas": (EXAMPLES / "step_1dof_awas_ii.yaml", {"parameters.*.motor_1_inertia": "lognormal(0.001, 0.3)"}),
     "bavs": (EXAMPLES / "step_1dof_bavs.yaml", {"parameters.*.motor_1_damping": "uniform(0.01, 0.02)"}),
@@ -164,6 +171,23 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
         assert {key: row[key] for key in fresh} == fresh
         assert row["status"] == "complete"
     runner.close()
+
+
+def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):
+    pytest.importorskip("pybullet")
+    from asrsim.engines.bullet import BulletEngine
+
+    made = []
+    begin = BulletEngine.__init__
+    monkeypatch.setattr(BulletEngine, "__init__", lambda self, *given: made.append(1) or begin(self, *given))
+    study = study_of({"joint_1.friction": "uniform(0.01, 0.2)"}, samples=6, overrides=["engine=bullet", "duration=0.02"])
+    runner = Runner(make_payload(study))
+    runner.row(0)
+    before = len(made)
+    for run in range(1, 6):
+        runner.row(run)
+    runner.close()
+    assert len(made) == before
 
 
 def test_a_row_is_what_run_says(tmp_path):
@@ -196,6 +220,20 @@ def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     assert asrsim.sweep(study, out=tmp_path / "three", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(one)
 
 
+@pytest.mark.slow
+def test_a_study_stopped_and_resumed_ten_times_has_the_rows_of_an_unbroken_one(tmp_path):
+    study = study_of({"parameters.*.spring_a_1": "uniform(6, 10)", "link_1.mass": [0.3, 0.4]}, samples=60)
+    whole = asrsim.sweep(study, out=tmp_path / "whole", workers=1).to_arrow().drop_columns("seconds")
+    for _ in range(10):
+        seen = []
+        asrsim.sweep(
+            study, out=tmp_path / "broken", workers=2, resume=True,
+            progress=seen.append, stop=lambda seen=seen: bool(seen) and seen[-1].here >= 5,
+        )  # fmt: skip
+    rest = asrsim.sweep(study, out=tmp_path / "broken", workers=2, resume=True).to_arrow().drop_columns("seconds")
+    assert rest.equals(whole)
+
+
 def test_failures_are_rows_with_their_reason(tmp_path):
     over = {"parameters.*.spring_a_1": [8.0, -1.0], "initial.joint_1": [0.0, "nonsense"]}
     table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)
@@ -216,6 +254,13 @@ def test_signals_are_kept_at_their_rate(tmp_path):
     kept = table["signal:joint_1.link_position"]
     assert [len(one) for one in kept] == [41, 41]
     assert not np.array_equal(kept[0], kept[1])
+
+
+def test_results_have_units_in_rad_or_m(tmp_path):
+    table = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_torque"]), out=tmp_path / "s", workers=1)
+    units = {"steady_state": "rad", "settling": "s", "frequency": "Hz", "overshoot": ""}
+    assert {name: table.unit(f"joint_1.{name}") for name in units} == units
+    assert table.unit("signal:joint_1.link_torque") == "N m"
 
 
 def test_logs_on_request_give_the_same_rows(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -167,7 +168,8 @@ def _show(table: Table, *, plot: bool, report: bool, quiet: bool, json: bool) ->
     elif not quiet:
         for line in say_summary(table):
             say(line)
-        for path in (*table.files[:1], *files):
-            say(f"  {path}")
+        written = (*table.files[:1], *files)
+        if written:
+            say(f"wrote {written[0].parent}{os.sep}: {', '.join(path.name for path in written)}")
         if table.missing:
             say(f"{table.missing} runs are missing; --resume does them")

@@ -229,9 +229,14 @@ class BulletEngine:
         return None if self._companion is None else self._companion.kernel(self._advance)
 
     def vary(self, robot: Robot) -> bool:
-        """False but for damping and motors, which are not the engine's: changed bodies would differ from loaded ones."""
-        same = all(a == b for a, b in zip(robot.links, self.robot.links, strict=True))
-        return same and [joint.friction for joint in robot.joints] == [joint.friction for joint in self.robot.joints]
+        """True where only damping and motors differ, or friction that the companion has: changed bodies differ from loaded."""
+        before, after = ([joint.friction for joint in one.moving_joints] for one in (self.robot, robot))
+        if robot.links != self.robot.links or before == after:
+            return robot.links == self.robot.links
+        if not (self._exact and any(after) and self._companion and self._companion.vary(robot)):
+            return False
+        self.robot = robot
+        return True
 
     def snapshot(self) -> Any:
         """The engine's whole state."""

@@ -41,6 +41,10 @@ class Companion:
         self._world = self._mujoco.state
         self._task = stages.HOLD if exact else stages.CORRECT
 
+    def vary(self, robot: Robot) -> bool:
+        """Take over friction; the links are the same."""
+        return self._mujoco.vary(robot)
+
     def accelerate(self) -> None:
         """Through Numba."""
         self._mujoco.accelerate()

@@ -59,11 +59,20 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(CELL[0] * columns + 1.0, CELL[1] * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure.suptitle(str(table.manifest["name"]), x=0.01, ha="left")
     for axis, name in zip(axes, names, strict=False):
+        # Points and bars are not cut in half by the edge of a panel.
+        axis.margins(0.03, 0.06)
         draw(table, name, axis)
     for axis in axes[len(names) :]:
         axis.remove()
     return figure
+
+
+def _label(table: Table, name: str) -> str:
+    """A result's or signal's name with its unit."""
+    unit = table.unit(name).replace("N m", "N·m")
+    return f"{name.removeprefix('signal:')} ({unit})" if unit else name.removeprefix("signal:")
 
 
 def _over_keys(table: Table, result: str, axes: Axes) -> None:
@@ -74,7 +83,7 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
         key = moved[0].key if moved else numeric_keys(table)[0]
         shown = np.linspace(0, len(table) - 1, min(len(table), 5000)).astype(int)
         axes.plot(table[key][shown], table[result][shown], ".", markersize=3, alpha=0.5)
-        axes.set(xlabel=key, ylabel=result)
+        axes.set(xlabel=key, ylabel=_label(table, result))
         return
     listed.sort(key=lambda key: -len(np.unique(table[key])))
     if len(listed) > 1 and len(np.unique(table[listed[1]])) > LINES:
@@ -83,18 +92,28 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
     over, others = listed[0], listed[1:]
     several = len(table.manifest["variants"]) > 1
     labels = [
-        ", ".join(([str(variant)] if several else []) + [f"{key.rpartition('.')[2]} = {table[key][i]:.4g}" for key in others])
+        ", ".join(
+            ([str(variant)] if several else []) + [f"{'.'.join(key.split('.')[-2:])} = {table[key][i]:.4g}" for key in others]
+        )
         for i, variant in enumerate(table["variant"])
     ]
     names = list(dict.fromkeys(labels))
-    for name in names[:LINES]:
+    # All of the key, also where a result is undefined.
+    low, high = float(table[over].min()), float(table[over].max())
+    if high > low:
+        axes.set_xlim(low - 0.03 * (high - low), high + 0.03 * (high - low))
+    # Values in their order have colours in theirs.
+    from matplotlib import colormaps
+
+    shades = colormaps["viridis"](np.linspace(0.0, 0.85, min(len(names), LINES)))
+    for name, shade in zip(names[:LINES], shades, strict=True):
         mine = np.array([label == name for label in labels])
         order = np.argsort(table[over][mine], kind="stable")
-        axes.plot(table[over][mine][order], table[result][mine][order], ".-", label=name)
+        axes.plot(table[over][mine][order], table[result][mine][order], ".-", color=shade, label=name)
     if len(names) > 1:
         title = f"{LINES} of {len(names)}" if len(names) > LINES else None
         axes.legend(fontsize="x-small", title=title, title_fontsize="x-small")
-    axes.set(xlabel=over, ylabel=result)
+    axes.set(xlabel=over, ylabel=_label(table, result))
 
 
 def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> None:
@@ -108,7 +127,7 @@ def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> Non
     np.add.at(counts, (j[there], i[there]), 1.0)
     mean = np.where(counts > 0, sums / np.maximum(counts, 1.0), np.nan)
     mesh = axes.pcolormesh(x, y, mean, shading="nearest", cmap="viridis", rasterized=True)
-    axes.figure.colorbar(mesh, ax=axes, label=result)
+    axes.figure.colorbar(mesh, ax=axes, label=_label(table, result))
     axes.set(xlabel=first, ylabel=second)
 
 
@@ -119,7 +138,7 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
     for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
         axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style)
     lacking = len(values) - len(there)
-    axes.set(xlabel=result, ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
+    axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
 
 
 def _tornado(table: Table, result: str, axes: Axes) -> None:
@@ -134,7 +153,7 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
     labels = [text if np.isfinite(one.total) else one.key for text, one in zip(sobol, found, strict=True)]
     axes.set_yticks(range(len(found)), labels, fontsize="x-small")
     axes.axvline(middle, color="black", linewidth=0.8)
-    axes.set(xlabel=f"mean of {result}")
+    axes.set(xlabel=f"mean of {_label(table, result)}")
     axes.legend(fontsize="x-small")
 
 
@@ -152,4 +171,5 @@ def _band(table: Table, name: str, axes: Axes) -> None:
         axes.fill_between(time, quarter, upper, alpha=0.35, color="C0", label="50 %")
         axes.plot(time, middle, color="C0", label="median")
         axes.legend(fontsize="x-small")
-    axes.set(xlabel="time [s]", ylabel=name.removeprefix("signal:"))
+    axes.margins(x=0.0)
+    axes.set(xlabel="time (s)", ylabel=_label(table, name))

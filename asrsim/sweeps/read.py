@@ -153,6 +153,7 @@ def make_study(
         joint = None if fit is None else read_fit(fit)
     except InputError as error:
         problems += error.problems
+    read = not problems
     if design not in DESIGNS:
         problems.append(Problem(message=f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
     problems += _twice([key for axis in axes for key in axis.keys] + list(joint.keys if joint else ()))
@@ -163,11 +164,11 @@ def make_study(
         if not -1.0 < number < 1.0:
             problems.append(Problem(message="must lie between -1 and 1", key="correlations", value=value, code="range"))
         pairs.append((first, second, float(number)))
-    if not axes and joint is None:
+    if not over and fit is None:
         hint = "Give --over KEY=VALUES, or `over:` in a study file"
         problems.append(Problem(message="nothing is varied", key="over", hint=hint, code="sweep-empty"))
-    if samples is not None and (samples < 1 or not drawn):
-        message = "must be at least 1" if drawn else "has a number, but no key is drawn from a distribution"
+    if samples is not None and (samples < 1 or (read and not drawn)):
+        message = "must be at least 1" if samples < 1 else "has a number, but no key is drawn from a distribution"
         problems.append(Problem(message=message, key="samples", value=samples, code="sweep-samples"))
     if design == "saltelli" and (pairs or joint):
         message = "Sobol indices are of independent numbers: the design saltelli goes without correlations and fit"

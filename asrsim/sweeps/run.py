@@ -15,9 +15,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from asrsim.errors import Problem, SimulationError
+from asrsim.quantities import unit_of
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
-from asrsim.sweeps.cases import Case, Payload, make_payload
+from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
 from asrsim.sweeps.executor import Workers
 from asrsim.sweeps.read import is_study, make_study, read_study
 from asrsim.sweeps.runner import Row
@@ -197,12 +198,28 @@ def manifest(payload: Payload) -> dict[str, Any]:
         "overrides": list(study.overrides),
         "plugins": [str(path.absolute()) for path in study.plugins],
         "columns": [list(column) for column in payload.columns],
+        "units": units_of(payload),
         "joints": list(dict.fromkeys(joint for case in payload.cases.values() for joint in case.joints)),
         "claims": {name: list(case.claims) for name, case in payload.cases.items()},
         "substeps": {name: dict(case.substeps) for name, case in payload.cases.items()},
         "settings": {name: dict(case.plan.texts) for name, case in payload.cases.items()},
         "rate": study.rate,
     }
+
+
+def units_of(payload: Payload) -> dict[str, str]:
+    """Column -> SI unit, of results and kept signals that have one."""
+    prismatic = {name: case.robot.joint(name).kind == "prismatic" for case in payload.cases.values() for name in case.joints}
+    found = {f"tip.{name}": "m" for name in TIP}
+    for joint, slides in prismatic.items():
+        length = "m" if slides else "rad"
+        found |= {f"{joint}.{name}": length for name in ("steady_state", "steady_state_error", "peak_deflection")}
+        found |= {f"{joint}.settling": "s", f"{joint}.frequency": "Hz"}
+    for signal in payload.study.signals:
+        joint, _, quantity = signal.rpartition(".")
+        found[f"signal:{signal}"] = unit_of(quantity, prismatic=prismatic.get(joint, False))
+    known = {name for name, _ in payload.columns}
+    return {name: unit for name, unit in found.items() if unit and name in known}
 
 
 def inputs_digest(payload: Payload) -> str:

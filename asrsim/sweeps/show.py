@@ -8,7 +8,7 @@ from typing import Any
 
 from asrsim.sweeps.table import Table, shares
 
-HEADS = ("result", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
+HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
 
 
 def say_summary(table: Table) -> Iterator[str]:
@@ -24,7 +24,7 @@ def say_summary(table: Table) -> Iterator[str]:
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
             ends = (f"run {found.least_run}", f"run {found.largest_run}")
-            rows.append((name, str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
+            rows.append((name, table.unit(name), str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
     if len(rows) > 1:
         for row in rows:

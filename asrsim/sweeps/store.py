@@ -164,8 +164,10 @@ def open_store(
     those of another study.
     """
     known = folder / MANIFEST
-    held = known.exists() or (folder / ROWS).exists() or bool(parts_of(folder))
-    if held and not is_ours(known, "json"):
+    rows = (folder / ROWS).exists() or bool(parts_of(folder))
+    # A study that ended before its first row (no scheduler answered, say) leaves its name only, and is no obstacle.
+    held = rows or (resume and known.exists())
+    if (rows or known.exists()) and not is_ours(known, "json"):
         message = "holds rows, but no study of asrsim's (study.json) that they belong to"
         raise InputError(Problem(message=message, file=folder, hint="Take another folder by --out", code="sweep-folder"))
     if held and not resume:

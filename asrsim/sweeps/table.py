@@ -125,6 +125,10 @@ class Table:
         tables = [pq.read_table(path) for path in self.files] or [schema.empty_table()]
         return pc.take(pa.concat_tables(tables), pa.array(self._order))
 
+    def unit(self, name: str) -> str:
+        """SI unit of a column; empty for counts and shares."""
+        return str(self.manifest.get("units", {}).get(name, ""))
+
     def statuses(self) -> dict[str, int]:
         """Status -> runs."""
         names, counts = np.unique(self["status"].astype(str), return_counts=True)

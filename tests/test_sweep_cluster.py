@@ -1,0 +1,107 @@
+"""Sweeps on Dask: a scheduler and workers as processes of their own; rows are those of one process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import asrsim
+from asrsim.errors import SimulationError
+from asrsim.sweeps import cluster, make_study
+from asrsim.sweeps import run as sweep_run
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("distributed")
+
+ROOT = Path(__file__).parents[1]
+TWO_JOINTS = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+
+
+def study_of(samples: int):
+    return make_study(
+        TWO_JOINTS, {"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples, variants=["soft"],
+        overrides=["duration=0.05", "engine=mujoco"],
+    )  # fmt: skip
+
+
+def start(*arguments: str) -> subprocess.Popen[bytes]:
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
+    command = [sys.executable, "-m", *arguments]
+    return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stdout=-3, stderr=-3)
+
+
+def start_worker(address: str) -> subprocess.Popen[bytes]:
+    return start("distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    """Of a scheduler with nobody at work."""
+    import json
+
+    file = tmp_path / "scheduler.json"
+    arguments = ["--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    process = start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", *arguments)
+    try:
+        end = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        yield json.loads(file.read_text())["address"]
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.slow
+def test_dask_gives_the_rows_of_one_process_though_a_worker_is_killed(address: str, tmp_path: Path):
+    study = study_of(300)
+    workers = [start_worker(address) for _ in range(2)]
+    killed = []
+
+    def kill_one(_: object) -> None:
+        if not killed:
+            killed.append(workers[0])
+            workers[0].kill()
+            workers.append(start_worker(address))
+
+    try:
+        there = asrsim.sweep(study, out=tmp_path / "dask", cluster=address, progress=kill_one)
+    finally:
+        for process in workers:
+            process.kill()
+            process.wait()
+    here = asrsim.sweep(study, out=tmp_path / "here", workers=1)
+    assert killed
+    assert there.to_arrow().drop_columns("seconds").equals(here.to_arrow().drop_columns("seconds"))
+
+
+@pytest.mark.slow
+def test_a_worker_of_another_version_is_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
+    worker = start_worker(address)
+    others = {**sweep_run.versions(), "numpy": "1.0"}
+    monkeypatch.setattr(sweep_run, "versions", lambda: others)
+    try:
+        with pytest.raises(
+            SimulationError, match=r"rows would differ between machines: worker .* has numpy .*, here it is 1\.0"
+        ):
+            asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
+    finally:
+        worker.kill()
+        worker.wait()
+    assert not list((tmp_path / "s").glob("*.parquet"))
+
+
+@pytest.mark.slow
+def test_no_worker_and_no_scheduler_are_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    with pytest.raises(SimulationError, match="has no workers: start some: dask worker"):
+        asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
+    with pytest.raises(SimulationError, match="no scheduler answers at tcp"):
+        asrsim.sweep(study_of(3), out=tmp_path / "s", cluster="tcp://127.0.0.1:9")
+    assert not list((tmp_path / "s").glob("*.parquet"))
