@@ -11,6 +11,7 @@ import hashlib
 import os
 import sys
 import types
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -20,6 +21,10 @@ from typing import Any, TypeVar
 from asrsim.rebind import called_names, rebind
 
 T = TypeVar("T")
+
+LOADED = 64
+"""Compiled functions of this process that are held for the next who asks."""
+_loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
 
 
 def available() -> bool:
@@ -172,17 +177,28 @@ def _through_cache(
     version: str,
     inline: tuple[str, ...],
 ) -> T:
-    """compiled(copy, kept) of a copy of the function that carries the digest of all its code; kept: Numba may keep it."""
+    """compiled(copy, kept) of a copy of the function that carries the digest of all its code; kept: Numba may keep it.
+
+    This process has each only once: loading what is kept costs as much as thousands of substeps.
+    """
     import numba
 
     ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
     kept = _kept(digest)
+    known = digest, kept
+    if known in _loaded:
+        _loaded.move_to_end(known)
+        return _loaded[known]  # type: ignore[no-any-return]
     try:
-        return compiled(_marked(function, names, digest, kept, inline), kept is not None)
+        made = compiled(_marked(function, names, digest, kept, inline), kept is not None)
     except Exception:
         # What is kept may be damaged, or the folder not be ours to write: do without.
-        return compiled(_marked(function, names, digest, None, inline), False)
+        made = compiled(_marked(function, names, digest, None, inline), False)
+    _loaded[known] = made
+    if len(_loaded) > LOADED:
+        _loaded.popitem(last=False)
+    return made
 
 
 def _marked(

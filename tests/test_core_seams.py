@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,8 @@ from test_core_truth import INERTIA, INSTALLED, MASS, REACH
 
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.vectorised import energy_over_arrays
-from asrsim.errors import AsrsimError
 from asrsim.scenario.data import Effects, Scenario, Wrench
-from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
+from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
 from asrsim.simulation.divergence import FLOOR, EnergyGuard
 from asrsim.simulation.effects import through
@@ -21,6 +22,8 @@ from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.stretches import plain_stretch
+from asrsim.simulation.substep import PLACES, RAW
 from asrsim.simulation.wrenches import wrench_table
 from validation.conservation import motors
 from validation.models import Body, chain, column, run
@@ -87,17 +90,24 @@ def test_energies_are_the_same_whatever_is_handed_on_at_once(limits: dict[str, f
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_a_law_without_a_value_is_told_with_its_time(compiled: bool) -> None:
-    """AwAS-II's adjuster at the length of its lever, long after the first rows were written."""
-    body = replace(BODY, actuator="awas_ii", inertia=1e-2, damping=0.5)
-    pytest.importorskip("numba") if compiled else None
-    with pytest.raises(AsrsimError, match=r"0\.74\d* s"):
-        run(
-            chain(body), mode=3, duration=1.0, compiled=compiled, substeps=1, gravity=0.0,
-            references={"equilibrium_position": 0.1, "stiffness_preset": Ramp(initial=0.01, final=0.05, duration=0.744)},
-            parameters={"lever_length": 0.05},
-        )  # fmt: skip
+@pytest.mark.parametrize("start", [0, 512])
+@pytest.mark.parametrize("failing", [3, 700, 1100])
+def test_a_law_without_a_value_is_told_with_its_substep(start: int, failing: int) -> None:
+    """Counted from the stretch's start, whatever the portions in which its rows are written."""
+    joints: list[Any] = [[0.0] * len(PLACES), [0, 0]]
+    engine: Any = SimpleNamespace(states=list, advance=list)
+    block: Any = SimpleNamespace(wrenches=np.zeros((2000, 0, 6)), stacked=np.zeros((2000, 1, 3)))
+    calls = count()
+
+    def laws(k: int, states: Any, joints: Any, inputs: Any, record: Any) -> None:
+        joints[1][0] = k
+        record[k][0] = [0.0] * len(RAW)
+        if next(calls) == failing:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        plain_stretch(engine, laws, joints)(start, 2000, np.empty((2000 - start, 1, len(RAW))), block)
+    assert joints[1][0] == failing
 
 
 def test_a_late_command_jumps_later() -> None:
@@ -211,7 +221,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
     with Simulation(given, compiled=False) as simulation:
         for q, v in ((0.0, 0.0), (0.0, 3.0), (1.0, 0.0), (1.0, -2.0)):
             simulation.reset({"joint_1": q}, velocities={"joint_1": v})
-            found.append(simulation._engine.mechanical_energy())
+            found.append(simulation.engine.mechanical_energy())
     height = MASS * 9.81 * REACH * (1.0 - np.cos(1.0))
     wanted = [0.0, 4.5 * inertia, height, height + 2.0 * inertia]
     np.testing.assert_allclose(np.array(found) - found[0], wanted, atol=1e-12)
@@ -226,3 +236,27 @@ def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
     second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
     pair = (q, np.array([0.1, 0.05, -0.1]), second)
     np.testing.assert_allclose(energy_over_arrays(bare)(*pair, values), energy_over_arrays(law)(*pair, values), rtol=1e-6)
+
+
+def test_each_encoder_has_a_noise_of_its_own() -> None:
+    result = run(
+        chain(replace(BODY, actuator="qbmove")), mode=6, duration=0.1, gravity=0.0, compiled=False,
+        references={"equilibrium_position": 0.0, "stiffness_preset": 0.0}, sensor_effects={"*": Effects(noise=0.01)},
+    )  # fmt: skip
+    first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
+    assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
+    assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_joint_beyond_its_stop_comes_back_by_a_fifth(engine: str) -> None:
+    """Of what the last step before the stop overshoots, in the next one."""
+    limits = '<limit lower="-0.2" upper="0.2" effort="100" velocity="100"/>'
+    result = run(
+        chain(replace(BODY, actuator=None, limits=limits)), duration=0.2, gravity=0.0, engine=engine, substeps=1,
+        external={"joint_1": Constant(value=0.5)}, compiled=False,
+    )  # fmt: skip
+    beyond = column(result, "link_position") - 0.2
+    first = int(np.argmax(beyond > 0.0))
+    assert beyond[first] > 1e-4
+    assert beyond[first + 1] == pytest.approx(0.8 * beyond[first], rel=1e-6)

@@ -95,3 +95,9 @@ def test_intervals_of_rank_correlations_hold_the_truth_as_often_as_they_say(stre
     intervals = np.array([correlation_interval(float(value), 10, 0.95) for value in found])
     held = np.mean((intervals[:, 0] <= truth) & (truth <= intervals[:, 1]))
     assert 0.93 < held < 0.975
+
+
+@pytest.mark.parametrize(("count", "told"), [(3, 0), (6, 0), (7, 0), (8, 3), (30, 3)])
+def test_few_draws_tell_nothing_of_many_factors(count, told):
+    """Three factors: a regression on so many needs twice as many draws, and two."""
+    assert len(report(count=count).influences) == told

@@ -13,7 +13,7 @@ from plot_example import made_up_log, simulated_log
 from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run, draw_runs, read_curves, style
-from asrsim.plots.curves import distinct_labels
+from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
@@ -293,6 +293,9 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
     run = read_curves(log, start=0.2, end=0.5)
     time = run.get("joint_1", "link_position").time
     assert (time[0], time[-1]) == pytest.approx((0.2, 0.5))
+    for end in (0.5, 99.0):
+        source = CurveSource(log, end=end)
+        assert source.span(0.0) == pytest.approx((0.0, min(end, source.reader.duration)))
     with pytest.raises(LogError, match="in that time"):
         read_curves(log, start=7.0)
 

@@ -175,7 +175,9 @@ def test_dropped_samples_and_jitter_are_reported(tmp_path: Path) -> None:
 def test_constant_columns_and_stretches_without_numbers_are_reported(tmp_path: Path) -> None:
     lines = ["time,q1,q2", *[f"{t:.2f},{'nan' if 20 <= i < 30 else 0.1 * i},4" for i, t in enumerate(TIME)]]
     findings = read_recording(write(tmp_path / "lab.csv", lines)).findings
-    assert "10 of 50 samples" in finding(findings, "missing-stretch").message
+    message = finding(findings, "missing-stretch").message
+    assert "10 of 50 samples" in message
+    assert "the longest from 0.2 s to 0.29 s" in message
     assert finding(findings, "constant-column").key == "q2"
 
 

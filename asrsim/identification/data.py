@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
@@ -241,7 +242,7 @@ def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[s
     )  # fmt: skip
 
 
-def _glitches(values: Array) -> Array:
+def _glitches(values: Array) -> NDArray[np.bool_]:
     """Whether a sample is far from the median of itself and the two samples on each side, measured by its own surroundings.
 
     Samples of a fast but smooth motion are near to that median, and so are steps.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -63,8 +64,8 @@ def _innovation(left: Array, model: Array) -> float:
     return max(float(np.sqrt(np.mean(kept**2))) if len(kept) else 0.0, 1e-12)
 
 
-def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool]) -> Uncertainty:
-    """At x; entries at a bound are held there."""
+def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
+    """At x; entries at a bound are held there. foreseen: as if nothing but the noise were left."""
     from scipy.stats import chi2, norm, t
 
     n = len(x)
@@ -80,17 +81,19 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool]) -> Unc
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept] if kept.any() else np.zeros((free.sum(), free.sum()))
     # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6 if kept.any() else np.ones(int(free.sum()), bool)
-    blocks = residuals.blocks(BLOCKS)
+    blocks: Any = residuals.blocks(BLOCKS)
     number = int(blocks.max()) + 1
     scores = np.zeros((number, int(free.sum())))
     np.add.at(scores, blocks, inner * left[:, None])
     scores = scores[np.any(scores != 0.0, axis=1)]
     count = max(len(scores), 2)
     spread = inverse @ (scores.T @ scores) @ inverse * count / (count - 1)
+    if foreseen:
+        variance = 1.0
     ordinary = variance * inverse
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.diag(spread) / np.diag(ordinary)
-    beyond = ratio > chi2.ppf(CHANCE, count - 1) / (count - 1)
+    beyond = np.zeros(len(ratio), bool) if foreseen else ratio > chi2.ppf(CHANCE, count - 1) / (count - 1)
     deviation = np.sqrt(np.where(beyond, np.diag(spread), np.diag(ordinary)))
     deviation[lost] = np.nan
     quantile = np.where(beyond, t.ppf(0.975, count - 1), norm.ppf(0.975))

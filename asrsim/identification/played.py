@@ -67,7 +67,7 @@ class Played(Signal):
         """(n - 1,) whether the command holds after a sample and jumps at the next."""
         steps = np.diff(self.command.values)
         if self.command.hold:
-            return steps != 0.0
+            return np.asarray(steps != 0.0)
         beside = np.maximum(np.concatenate([[0.0], np.abs(steps[:-1])]), np.concatenate([np.abs(steps[1:]), [0.0]]))
         return np.asarray(np.abs(steps) > np.maximum(JUMP * beside, 1e-3 * np.ptp(self.command.values)))
 

@@ -90,7 +90,7 @@ class Residuals:
         for i in range(len(x)):
             up = step if x[i] + step <= high[i] else -step
             both = central and low[i] <= x[i] - step and x[i] + step <= high[i]
-            for track in self.layout.touched(i):
+            for track in self.layout.touched(i)[: len(self.tracks)]:
                 there = self.of_track(_moved(x, i, up), track)
                 other, width = (self.of_track(_moved(x, i, -up), track), 2.0 * up) if both else (base[track], up)
                 # A step into motions that are not sane tells no slope.

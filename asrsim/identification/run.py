@@ -205,14 +205,14 @@ def _judged(
     plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
     causes = missing_causes(plain, trained, start) if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
-    found = uncertainty(residuals, x, bounds_met(layout, x))
+    found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
     told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
     if moved := _moved(layout, trained, x, found.deviation):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += [
-        f"{track.data.name}: {joint} begins elsewhere than the scenario, or in motion: its start is estimated, too"
-        for track in setup.tracks for joint in track.uncertain
+        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
+        for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
     ]  # fmt: skip
     series = tuple(
         tuple(

@@ -61,6 +61,10 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
         track = track_of(scenario, given, one, robot)
         stack.callback(track.close)
         tracks.append(track)
+    for parameter in free:
+        joint, _, rest = parameter.key.partition(".")
+        for track in tracks if rest == "link_position.offset" else ():
+            track.trust_scenario(joint)
     free += _unknown_starts(tracks, free, known)
     layout = make_layout(free, ties, [one.name for one in data], [_starts(track) for track in tracks])
     # Own values of recordings that are only predicted would be guesses: clocks and starts keep theirs.
@@ -79,8 +83,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
 def _unknown_starts(tracks: Sequence[Track], free: Sequence[Parameter], known: Mapping[str, Parameter]) -> list[Parameter]:
     """Starts of links that a recording finds elsewhere than the scenario, or in motion: free, each recording's own."""
     taken = {parameter.key for parameter in free}
-    joints = dict.fromkeys(joint for track in tracks if not track.data.held for joint in track.uncertain)
-    keys = [f"{joint}.{name}" for joint in joints for name in ("initial_position", "initial_velocity")]
+    keys = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
     return [known[key] for key in keys if key not in taken]
 
 

@@ -101,7 +101,8 @@ class Task:
     name: str = ""
 
 
-TASK: Block[dict[str, Any]] = replace(block_of(Task, "fit"), build=dict)  # type: ignore[assignment]
+_KEYS: Block[Any] = block_of(Task, "fit")
+TASK: Block[dict[str, Any]] = replace(_KEYS, build=dict)
 
 
 def is_task(path: Path) -> bool:

@@ -42,6 +42,8 @@ class Track:
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
+        self.uncertain: list[str] = []
+        """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
         self.onset = min(self._onset(channel) for channel in data.channels)
         """s at which something begins to move."""
@@ -52,6 +54,12 @@ class Track:
         """What is compared."""
         return self.data.channels
 
+    def trust_scenario(self, joint: str) -> None:
+        """The link begins where the scenario says: what the recording shows is an offset."""
+        j = self.evaluation.joints.index(joint)
+        self.positions[j] = self.prepared.initial_positions[j]
+        self.uncertain = [key for key in self.uncertain if key != f"{joint}.initial_position"]
+
     def _onset(self, channel: Channel) -> float:
         away = np.abs(channel.values - np.median(channel.values[:5])) > 8.0 * max(channel.noise, channel.quantum)
         return float(channel.time[int(np.argmax(away))]) if away.any() else float(channel.time[-1])
@@ -60,8 +68,6 @@ class Track:
         """Where links and motors are at 0: the scenario's start where the recording does not contradict it."""
         positions, velocities = [*self.prepared.initial_positions], [*self.prepared.initial_velocities]
         motors: dict[str, list[float]] = {}
-        self.uncertain: list[str] = []
-        """Joints that begin elsewhere, or in motion."""
         for j, joint in enumerate(self.evaluation.joints):
             found = self._first(joint, "link_position")
             if found is None:
@@ -70,9 +76,10 @@ class Track:
             moving = abs(speed) > STILL * speed_error
             if abs(place - positions[j]) > STILL * place_error or moving:
                 positions[j] = place
-                self.uncertain.append(joint)
+                self.uncertain.append(f"{joint}.initial_position")
                 if moving:
                     velocities[j] = speed
+                    self.uncertain.append(f"{joint}.initial_velocity")
         for drive, position in zip(self.prepared.drives, positions, strict=True):
             first = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
             places = [float(channel.values[0]) for channel in first if channel is not None and channel.time[0] <= SOON]

@@ -85,7 +85,8 @@ def estimates(
             # A zero that is well known is known, however small it is.
             margin = 0.5 * (high - low) / max(abs(value), 0.2 * entry.parameter.size)
         own = [one for one in known if i in one.keys]
-        reason, verdict, listed = "", IDENTIFIED, ()
+        listed: tuple[str, ...] = ()
+        reason, verdict = "", IDENTIFIED
         if met[i]:
             verdict, reason = AT_BOUND, f"{value:.4g} {entry.parameter.unit}".rstrip() + " is as far as it may go"
             low = high = math.nan

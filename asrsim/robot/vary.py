@@ -86,7 +86,8 @@ def _declared(actuator: Any) -> dict[str, Parameter]:
 
 
 def _with_parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ActuatorBlock:
-    fault = _declared(ACTUATORS.get(block.actuator))[name].fault(value)
+    actuator: Any = ACTUATORS.get(block.actuator)
+    fault = _declared(actuator)[name].fault(value)
     _check(fault is None, key, value, fault or "", problems)
     changed = replace(block.parameters[name], value=float(value), origin="scenario")
     return replace(block, parameters={**block.parameters, name: changed})

@@ -104,7 +104,7 @@ def execute(
         writer.close(result_metadata(run, error, certificate))
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
-        claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path)
+        claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path, checked=True)
     log = folder / LOG
     summary = make_summary(run, collector, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
     if certificate is not None:

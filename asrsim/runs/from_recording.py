@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import AsrsimError, OutputError, RecordingError
+from asrsim.identification.starter import fit_text
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
@@ -22,6 +23,8 @@ from asrsim.scenario.starter_playback import Plan, extract, make_plan
 from asrsim.scenario.starter_recording import STEP, First, Names, first_claims, placeholders, recording_text
 from asrsim.simulation.run import simulate
 
+FIT = ".fit.yaml"
+"""Ending of the file for `asrsim identify`, beside the scenario."""
 MOST = 2_000_000
 """Samples of joints (steps times joints) up to which the scenario is run for the claims' limits."""
 
@@ -53,7 +56,7 @@ def write_from_recording(
     arguments: Mapping[str, str] | None = None,
     packages: Mapping[str, Path] | None = None,
 ) -> Written:
-    """Write a scenario that plays the recorded commands and compares with the recorded motion.
+    """Write a scenario that plays the recorded commands and compares with the recorded motion, and a fit file beside it.
 
     Where the playback signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the
     scenario as `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; the others as for
@@ -79,18 +82,22 @@ def write_from_recording(
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
-    for path in (out, *(out.parent / name for name in extracted)):
+    fit = out.with_suffix(FIT)
+    for path in (out, fit, *(out.parent / name for name in extracted)):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
     text_with = partial(recording_text, plan, names, mode=mode, mapping=tuple(mapping), rate=rate)
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
     write_new(out, text_with(placeholders(plan)), force=force)
+    fits = bool(plan.compared)
+    if fits:
+        write_new(fit, fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate), force=force)
     measured, message = _first_comparison(out, plan)
     if measured:
         write_new(out, text_with(first_claims(plan, measured)), force=True)
     if schema:
         write_new(beside, schema_text(), force=True)
-    files = (out, *(out.parent / name for name in extracted), *([beside] if schema else []))
+    files = (out, *([fit] if fits else []), *(out.parent / name for name in extracted), *([beside] if schema else []))
     return Written(files=files, recording=recording, remarks=plan.remarks, compared=bool(measured), message=message)
 
 

@@ -154,7 +154,7 @@ SECTIONS: tuple[Section, ...] = (
             "A spring that is not resolved shows in the energy: what it gives, and what it held, part ways. Over all that "
             "went through the joint, that share stays below 0.3 in every stable run, however coarse, and goes past 1 in "
             "an unstable one; asrsim stops at 0.5. Numbers that are not finite come later, or never: deflections "
-            "saturate."
+            "saturate. Toolbox stepping, which has no substeps and runs what Gazebo ran, says so beforehand and goes on."
         ),
         measures=(stability.shares,),
         slow=frozenset({"shares"}),

@@ -1,0 +1,65 @@
+"""Robots and recordings whose truth is known, for tests of identification."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.scenario import load_scenario
+from asrsim.simulation.run import simulate
+
+ROBOT = """<?xml version="1.0"?>
+<!-- a lab's robot -->
+<robot name="lab">
+  <link name="world"/>
+  <joint name="joint_1" type="revolute">
+    <parent link="world"/> <child link="link_1"/> <axis xyz="0 0 1"/>
+    <limit effort="1000" velocity="10000" lower="-10" upper="10"/>
+    <dynamics damping="{damping}" friction="{friction}"/>   <!-- guessed -->
+  </joint>
+  <link name="link_1">
+    <inertial><mass value="0.5"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="{izz}"/></inertial>
+  </link>
+  <gazebo>
+    <plugin name="c1" filename="lib{actuator}_plugin.so">
+      <joint>joint_1</joint> <operation_mode>{mode}</operation_mode>
+      <pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>
+      {tags}
+    </plugin>
+  </gazebo>
+</robot>
+"""
+SEA = {"actuator": "sea", "mode": 3, "damping": 0.02, "friction": 0.0, "izz": 0.009, "tags": "<spring_k>4.0</spring_k>"}
+CHIRP = "{chirp: {amplitude: 0.3, from: 0.5, to: 6, duration: 2}}"
+
+
+def write(folder: Path, name: str, numbers: dict[str, object], references: str | None = None, duration: float = 2.0) -> Path:
+    """A robot and its scenario; without references, one that plays nothing itself."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.urdf").write_text(ROBOT.format(**numbers))
+    text = f"robot: {name}.urdf\nduration: {duration}\nengine: mujoco\n"
+    if references is not None:
+        text += f"references:\n  joint_1: {references}\n"
+    (folder / f"{name}.yaml").write_text(text)
+    return folder / f"{name}.yaml"
+
+
+def record(
+    scenario: Path, path: Path, quantities: tuple[str, ...] = ("link_position",), *, noise: float = 1e-3, seed: int = 0,
+    every: int = 2, offset: float = 0.0, late: int = 0,
+) -> Path:  # fmt: skip
+    """The run of a scenario as a laboratory records it. late: samples by which what is measured comes after the commands."""
+    samples = simulate(load_scenario(scenario)[0]).samples
+    assert samples is not None
+    joint, generator = samples.joint("joint_1"), np.random.default_rng(seed)
+    columns = {"time [s]": samples.time}
+    columns |= {f"joint_1.{name}": joint[name] for name in ("reference_1", "reference_2") if name in joint}
+    for name in quantities:
+        values = joint[name] + (offset if name == "link_position" else 0.0)
+        if late:
+            values = np.concatenate([np.full(late, values[0]), values[:-late]])
+        columns[f"joint_1.{name} [rad]"] = values + noise * generator.normal(size=len(samples.time))
+    table = np.column_stack(list(columns.values()))[::every]
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    return path

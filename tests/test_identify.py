@@ -1,0 +1,291 @@
+"""`asrsim identify` on recordings whose truth is known. All run compiled, by one kind of kernel."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identify_files import CHIRP, SEA, record, write
+from typer.testing import CliRunner
+
+from asrsim import identify
+from asrsim.cli.app import app
+from asrsim.errors import InputError
+from asrsim.identification import make_task, read_task
+from asrsim.identification.noise import autoregression, fine_noise, quantum_of, whiten
+from asrsim.identification.track import physical
+from asrsim.robot import load_robot
+from asrsim.robot.edit import edited_urdf
+
+FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
+GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """A folder with a recording of the true robot, and a guess of it."""
+    folder = tmp_path_factory.mktemp("lab")
+    true = write(folder, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, folder / "a.csv")
+    record(true, folder / "b.csv", seed=1)
+    write(folder, "lab", GUESS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fitted(lab):
+    return identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+
+
+def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
+    truth = {"joint_1.spring_stiffness": 4.0, "joint_1.damping": 0.02}
+    for key, value in truth.items():
+        one = fitted.find(key)
+        assert one.verdict == "identified"
+        assert one.low - 0.5 * (one.high - one.low) < value < one.high + 0.5 * (one.high - one.low)
+        assert one.value == pytest.approx(value, rel=0.02)
+    assert fitted.fits, fitted.misfit
+    assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
+
+
+def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):
+    # Without torques, stiffness, inertia and damping are known up to a common factor.
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    assert [one.verdict for one in result.estimates] == ["only as ratio"] * 3
+    assert all(np.isnan(one.low) for one in result.estimates)
+    ratios = {one.text: one.value for one in result.combinations}
+    known = {4.0 / 0.009, 0.02 / 4.0, 0.02 / 0.009, 0.009 / 4.0, 4.0 / 0.02, 0.009 / 0.02}
+    assert ratios
+    assert all(min(abs(value / truth - 1.0) for truth in known) < 0.02 for value in ratios.values()), ratios
+
+
+def test_what_has_no_effect_is_told_with_its_reason(lab):
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.motor_1_inertia"])
+    one = result.find("joint_1.motor_1_inertia")
+    assert (one.verdict, one.reason) == ("no effect", "motors have no dynamics in mode 3 (SpringEqPres)")
+
+
+def test_delay_and_offset_are_found(tmp_path):
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv", offset=0.005, late=6)
+    write(tmp_path, "lab", GUESS)
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "clock", "joint_1.link_position.offset"]
+    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free)
+    assert result.find("clock").value == pytest.approx(0.006, abs=3e-4)
+    assert result.find("joint_1.link_position.offset").value == pytest.approx(0.005, abs=3e-4)
+
+
+def test_a_delay_that_is_ignored_is_suspected(tmp_path):
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv", late=12)
+    write(tmp_path, "lab", GUESS)
+    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not result.fits
+    assert any("a delay of the commands is suspected: 12" in text for text in result.causes), result.causes
+
+
+@pytest.mark.slow
+def test_a_spring_of_another_law_does_not_fit(tmp_path):
+    cubic = Path(tmp_path / "cubic.py")
+    cubic.write_text(
+        "from asrsim.actuators import Actuator, Parameter\n"
+        "class Cubic(Actuator):\n"
+        "    name, title, source, motors = 'cubic_test', 'Cubic', 'none', 1\n"
+        "    parameters = (Parameter(name='k', default=2.0, unit='N m/rad', doc='k', minimum=0.0),)\n"
+        "    @staticmethod\n"
+        "    def elastic_torques(q, theta_1, theta_2, parameters):\n"
+        "        d = theta_1 - q\n"
+        "        return parameters[0] * (d + 60.0 * d * d * d), 0.0\n"
+        "    @staticmethod\n"
+        "    def stiffness(q, theta_1, theta_2, parameters):\n"
+        "        d = theta_1 - q\n"
+        "        return parameters[0] * (1.0 + 180.0 * d * d)\n"
+    )
+    from asrsim.actuators.user import load_plugin_file
+
+    load_plugin_file(cubic)
+    other = {**SEA, "actuator": "cubic_test", "tags": "<k>2.0</k>"}
+    true = write(tmp_path, "true", other, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv")
+    write(tmp_path, "lab", GUESS)
+    write(tmp_path, "own", {**other, "tags": "<k>3.0</k>"})
+    wrong = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not wrong.fits
+    right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
+    assert right.fits, right.misfit
+    assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
+
+
+def test_two_recordings_share_what_is_the_robots(lab):
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "clock"]
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], validate=[lab / "b.csv"], free=free[:2])
+    assert [one.recording for one in result.channels] == ["a.csv", "b.csv"]
+    assert np.isnan(result.channels[1].after)
+    assert result.channels[1].held_after == pytest.approx(1e-3, rel=0.2)
+    both = identify(lab / "lab.yaml", [lab / "a.csv", lab / "b.csv"], free=free)
+    assert [one.name for one in both.estimates][2:] == ["clock (a.csv)", "clock (b.csv)"]
+
+
+@pytest.mark.parametrize(
+    ("free", "ties", "message"),
+    [
+        (["joint_1.spring_stifness"], [], "Did you mean 'joint_1.spring_stiffness'"),
+        ([], [], "nothing is free"),
+        (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "tied to itself"),
+        (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
+        (["joint_1.damping=5:1"], [], "its lower bound is not below its upper one"),
+        (["joint_1.damping=0:9:5"], [], "its start is out of range"),
+        (["joint_1.damping=x"], [], "is no free parameter"),
+    ],
+)
+def test_wrong_input_is_one_clear_error(lab, free, ties, message):
+    with pytest.raises(InputError) as found:
+        identify(lab / "lab.yaml", [lab / "a.csv"], free=free, ties=ties)
+    assert message in str(found.value)
+
+
+def test_recordings_that_tell_nothing_are_refused(tmp_path, lab):
+    time = np.arange(0.0, 1.0, 0.01)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=100)
+    for name, columns, message in (
+        ("still.csv", (time, 0 * time, noise), "nothing moves"),
+        ("few.csv", (time[:6], time[:6] ** 2, np.sin(9.0 * time[:6])), "fewer than"),
+    ):
+        header = "time,joint_1.reference_1,joint_1.link_position"
+        np.savetxt(tmp_path / name, np.column_stack(columns), delimiter=",", header=header, comments="")
+        with pytest.raises(InputError, match=message):
+            identify(lab / "lab.yaml", [tmp_path / name], free=[*FREE, "joint_1.friction", "link_1.mass", "clock"])
+    np.savetxt(
+        tmp_path / "none.csv",
+        np.column_stack([time, np.sin(time)]),
+        delimiter=",",
+        header="time,joint_1.link_position",
+        comments="",
+    )
+    write(tmp_path, "torque", {**SEA, "mode": 0})
+    with pytest.raises(InputError, match="commands of joint_1 are missing"):
+        identify(tmp_path / "torque.yaml", [tmp_path / "none.csv"], free=["joint_1.damping"])
+
+
+def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
+    arguments = ["identify", str(lab / "lab.yaml"), "-e", str(lab / "a.csv"), "--free", "joint_1.spring_stiffness"]
+    arguments += ["--free", "joint_1.damping", "--out", str(tmp_path / "fit")]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert "identified" in done.output
+    names = {path.name for path in (tmp_path / "fit").iterdir()}
+    assert {
+        "fit.json",
+        "lab.urdf",
+        "scenario.yaml",
+        "overlay.png",
+        "residuals.png",
+        "correlation.png",
+        "profiles.png",
+        "report.html",
+    } <= names
+    data = json.loads((tmp_path / "fit/fit.json").read_text())
+    assert data["fits"]
+    assert len(data["covariance"]) == len(data["keys"]) == 2
+    before, after = (lab / "lab.urdf").read_text().splitlines(), (tmp_path / "fit/lab.urdf").read_text().splitlines()
+    changed = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
+    assert len(changed) == 2
+    assert all("<!-- guessed -->" in b for a, b in changed if "guessed" in a)
+    assert load_robot(tmp_path / "fit/lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
+    again = CliRunner().invoke(app, [*arguments, "--resume", "--json", "--no-plot", "--no-report"])
+    assert json.loads(again.output)["search"]["evaluations"] < data["search"]["evaluations"]
+
+
+def test_a_fit_file_says_all_of_it(lab, tmp_path):
+    path = tmp_path / "fit.yaml"
+    path.write_text(
+        f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nfree:\n  joint_1.spring_*: 3.5\n"
+        "  joint_1.damping: {low: 0, high: 1}\nties: {joint_1.friction: 0.5 * joint_1.damping}\n"
+    )
+    task = read_task(path)
+    assert task.free["joint_1.spring_*"].start == 3.5
+    assert (task.ties[0].to, task.ties[0].factor) == ("joint_1.damping", 0.5)
+    checked = CliRunner().invoke(app, ["identify", str(path), "--check"])
+    assert checked.exit_code == 0, checked.output
+    assert "only looked" in checked.output
+    path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
+    with pytest.raises(InputError) as found:
+        read_task(path)
+    assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+
+
+def test_the_best_so_far_survives_the_wish_to_stop(lab):
+    calls = 0
+
+    def stop() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 12
+
+    result = identify(make_task(lab / "lab.yaml", [lab / "a.csv"], free=FREE), stop=stop)
+    assert result.status == "interrupted"
+    assert len(result.estimates) == 3
+
+
+def test_inertias_stay_physical(lab):
+    robot = load_robot(lab / "lab.urdf")
+    found = physical(robot, {"link_1": {"izz": 0.05}})["link_1"]
+    assert found["izz"] == 0.05
+    assert found["ixx"] + found["iyy"] >= 0.05
+
+
+def test_numbers_go_into_the_text_and_nothing_else_changes(lab):
+    robot = load_robot(lab / "lab.urdf")
+    data = (lab / "lab.urdf").read_bytes()
+    changes = {"joint_1": {"spring_stiffness": 7.0, "motor_1_inertia": 0.1, "damping": 0.5}, "link_1": {"x": 0.25, "mass": 2.0}}
+    text = edited_urdf(data, robot, changes)
+    (lab / "edited.urdf").write_bytes(text)
+    edited = load_robot(lab / "edited.urdf")
+    assert edited.actuators[0].values()["spring_stiffness"] == 7.0
+    assert edited.actuators[0].values()["motor_1_inertia"] == 0.1
+    link = next(one for one in edited.links if one.name == "link_1")
+    assert (link.mass, link.centre_of_mass, edited.joint("joint_1").damping) == (2.0, (0.25, 0.0, 0.0), 0.5)
+    assert edited_urdf(data, robot, {}) == data
+
+
+def test_noise_is_told_from_fine_structure_and_correlated_noise_is_whitened():
+    generator = np.random.default_rng(0)
+    time = np.linspace(0.0, 4.0, 4000)
+    assert fine_noise(np.sin(time) + 1e-3 * generator.normal(size=4000)) == pytest.approx(1e-3, rel=0.1)
+    steps = 1.5e-3 * np.round(np.sin(time) / 1.5e-3)
+    assert quantum_of(steps) == pytest.approx(1.5e-3, rel=1e-3)
+    white = generator.normal(size=4000)
+    assert len(autoregression(white)) == 0
+    coloured = np.empty(4000)
+    coloured[0] = white[0]
+    for k in range(1, 4000):
+        coloured[k] = 0.95 * coloured[k - 1] + white[k]
+    model = autoregression(coloured)
+    assert model[0] == pytest.approx(0.95, abs=0.05)
+    left = whiten(coloured, model)
+    assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.05
+
+
+EMPS = Path(__file__).parents[2] / "shared/recordings/emps_estimation.csv"
+
+
+@pytest.mark.skipif(not EMPS.exists(), reason="the recording is not here")
+def test_a_recorded_axis_gives_the_published_numbers(tmp_path):
+    (tmp_path / "axis.urdf").write_text(
+        '<robot name="axis"><link name="world"/><joint name="axis" type="prismatic"><parent link="world"/><child link="mass"/>'
+        '<axis xyz="1 0 0"/><limit effort="1e5" velocity="100" lower="-10" upper="10"/><dynamics damping="150" friction="10"/>'
+        '</joint><link name="mass"><inertial><mass value="60"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+        '</inertial></link><gazebo><plugin name="p" filename="libsea_plugin.so"><joint>axis</joint><operation_mode>0'
+        "</operation_mode><pub_eltau>false</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin>"
+        "</gazebo></robot>"
+    )
+    (tmp_path / "axis.yaml").write_text("robot: axis.urdf\nduration: 24\n")
+    result = identify(
+        tmp_path / "axis.yaml", [EMPS], free=["mass.mass", "axis.damping", "axis.friction", "axis.reference_1.offset"],
+        mapping=["force_N=axis.reference_1", "reference_m=ignore", "voltage_V=ignore"],
+    )  # fmt: skip
+    for one, published in zip(result.estimates, (95.1089, 203.5034, 20.3935, -3.1648), strict=True):
+        assert one.value == pytest.approx(published, rel=0.01)
+        assert one.low < published < one.high
