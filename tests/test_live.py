@@ -189,6 +189,36 @@ def test_pause_step_release_and_reset(tmp_path):
         np.testing.assert_array_equal(values, b.values[quantity])
 
 
+def test_a_killed_run_is_repeated_as_far_as_its_log_goes(tmp_path, tiny):
+    commands = [("/elbow/equilibrium_position", [0.5 * math.sin(0.1 * k)]) for k in range(400)]
+    run_live(tmp_path / "run", Script(commands), tiny.scenario, duration=5.0, changes={"compiled": False})
+    whole = (tmp_path / "run" / "log.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: int(0.7 * len(whole))])
+    found = repeat(tmp_path / "cut.mcap")
+    assert found.logged_status == "truncated"
+    assert found.identical
+    assert 1000 < found.samples < 5001
+
+
+def test_a_run_that_diverges_is_told_and_its_log_is_whole(tmp_path, monkeypatch):
+    from asrsim.simulation.divergence import runaway
+    from asrsim.simulation.simulation import Simulation
+
+    advance_to = Simulation.advance_to
+
+    def breaks(self, end):
+        if end > 500:
+            raise runaway("joint_1", 0.1, "its motion is no longer finite or sane", 0.1)
+        advance_to(self, end)
+
+    monkeypatch.setattr(Simulation, "advance_to", breaks)
+    _, summary = run_live(tmp_path / "run", Script([]), changes=PLAIN)
+    assert summary.status == "diverged"
+    assert not summary.ok
+    assert "joint_1" in summary.message
+    assert open_log(tmp_path / "run" / "log.mcap").status == "diverged"
+
+
 def test_every_message_of_the_log_is_read_by_its_schema(tmp_path):
     run_live(tmp_path / "run", Script(random_commands(4, 50)), changes=PLAIN, duration=0.1)
     topics = set()

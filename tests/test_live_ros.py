@@ -78,7 +78,9 @@ def server(tmp_path):
         pytest.skip("rclpy is not installed here")
     path = tmp_path / "arm.yaml"
     path.write_text(SCENARIO.format(root=ROOT))
-    command = [sys.executable, "-m", "asrsim", "live", path, "--on", "ros", "--domain", str(DOMAIN), "-o", tmp_path / "out"]
+    # At this rate a peer may stand still for seconds, on a machine that others use, before the oldest messages go.
+    options = ["--on", "ros", "--domain", str(DOMAIN), "--rate", "200", "-o", tmp_path / "out"]
+    command = [sys.executable, "-m", "asrsim", "live", path, *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stderr is not None
         line = process.stderr.readline()

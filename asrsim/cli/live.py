@@ -67,11 +67,14 @@ def live(
         names = [] if names == ["none"] else list(available(names))
         one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin or [])
         folder = out or Path("out") / one.name / f"{one.variant}_live"
+        missing = not names and on is None
         settings = Settings(
             speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused,
             access=Access(network=network, port=port, domain=domain),
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
+            if missing:
+                line.tell("nobody will hear it: no transport is installed (pip install 'asrsim[ros]' or 'asrsim[foxglove]')")
             session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
             with Interruption("") as interruption:
                 summary = session.run(stop=interruption.stop, status=lambda: line.show(session))

@@ -22,7 +22,7 @@ class StatusLine:
     def __init__(self, *, show: bool) -> None:
         self._talks = show
         self._shows = show and is_terminal(sys.stderr)
-        self._before = (0.0, 0.0, 0.0)
+        self._before = (clock.perf_counter(), 0.0, 0.0)
         """Of the line before: wall time, busy and simulated s."""
 
     def __enter__(self) -> Self:
