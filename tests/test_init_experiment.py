@@ -45,7 +45,7 @@ def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: obj
 
 def test_a_text_file_is_played_as_it_is(tmp_path: Path) -> None:
     made, scenario = make(tmp_path, lab(tmp_path))
-    assert [path.name for path in made.files] == ["s.yaml", "asrsim.schema.json"]
+    assert [path.name for path in made.files] == ["s.yaml", "s.fit.yaml", "asrsim.schema.json"]
     signal = scenario.references["joint_1"]["equilibrium_position"]
     np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-12)
     np.testing.assert_allclose(signal.values(TIME[:-1] + 0.005), 0.5 * (SMOOTH[1:] + SMOOTH[:-1]), atol=1e-9)
