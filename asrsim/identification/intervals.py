@@ -100,7 +100,8 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     covariance = np.zeros((n, n))
     covariance[np.ix_(free, free)] = ordinary
     return Uncertainty(
-        covariance=covariance, deviation=_spread_out(deviation, free), spread=_spread_out(np.sqrt(np.maximum(np.diag(spread), 0.0)), free),
+        covariance=covariance, deviation=_spread_out(deviation, free),
+        spread=_spread_out(np.sqrt(np.maximum(np.diag(spread), 0.0)), free),
         jacobian=jacobian, quantile=_spread_out(quantile, free),
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.layout import Layout
+from asrsim.identification.layout import Entry, Layout
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
@@ -37,8 +37,12 @@ class Combination:
 def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
     """Jacobian (m, n) by relative changes of the values, and the values (n,); sizes stand for values near 0."""
     values = layout.values(x)
-    scale = np.array([max(abs(v), 0.05 * entry.parameter.size) for v, entry in zip(values, layout.entries, strict=True)])
+    scale = np.array([_scale(entry, float(v)) for v, entry in zip(values, layout.entries, strict=True)])
     return jacobian * (scale / layout.slopes(x)), values
+
+
+def _scale(entry: Entry, value: float) -> float:
+    return value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
 
 
 def unknown_directions(jacobian: Array, variance: float) -> tuple[Array, Array]:
