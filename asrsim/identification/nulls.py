@@ -87,7 +87,9 @@ def combinations(layout: Layout, x: Array, jacobian: Array, variance: float, fre
                 text, value = _shown(names, numbers, float(-ratio))
                 found.append(Combination(text, value, margin, (free[other], free[pivot])))
     told = {i for one in found for i in one.keys}
-    lost = [i for i in range(len(free)) if alone[i] > UNKNOWN and free[i] not in told]
+    lost = [i for i in range(len(free)) if alone[i] > UNKNOWN]
+    if all(free[i] in told for i in lost):
+        return found
     return [*found, *_products(layout, values, scaled, free, lost, variance)]
 
 
@@ -151,5 +153,7 @@ def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple
     whole = round(factor)
     if whole != 0 and abs(factor - whole) < NICE * abs(whole) * 2.0:
         factor = float(whole)
+    if (not whole or factor != whole) and a > 0.0 and b > 0.0:
+        return f"{other} * {pivot}^{power:.2g}", a * b**power
     size = "" if abs(factor) == 1.0 else f"{abs(factor):.3g} "
     return f"{other} {'+' if factor > 0.0 else '-'} {size}{pivot}", a + factor * b
