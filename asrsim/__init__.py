@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
+    "asrsim.environment": ("make_env",),
     "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
     "asrsim.identification": ("identify",),
     "asrsim.log": ("Log", "open_log", "read_log"),
@@ -67,6 +68,7 @@ __all__ = [
     "identify",
     "load_robot",
     "load_scenario",
+    "make_env",
     "make_scenario",
     "open_log",
     "prepare",

@@ -11,12 +11,20 @@ import hashlib
 import os
 import sys
 import types
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from asrsim.rebind import called_names, rebind
+
+T = TypeVar("T")
+
+LOADED = 64
+"""Compiled functions of this process that are held for the next who asks."""
+_loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
 
 
 def available() -> bool:
@@ -43,29 +51,76 @@ def compile_function(
     """
     import numba
 
+    signature = tuple(type_of(value) for value in arguments)
+
+    def compiled(copy: types.FunctionType, kept: bool) -> Callable[..., Any]:
+        dispatcher: Any = numba.njit(signature, cache=kept)(copy)
+        entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
+
+        # The function itself, round the dispatcher that would look at the types of every call again. The dispatcher owns its
+        # machine code, so whoever holds the one must hold the other.
+        def call(*values: Any) -> Any:
+            return entry(*values)
+
+        call.owner = dispatcher  # type: ignore[attr-defined]
+        call.entry = entry  # type: ignore[attr-defined]
+        return call
+
+    return _through_cache(compiled, function, dict(names or {}), f"{version}\n{signature}", inline)
+
+
+@dataclass(frozen=True)
+class PackedFunction:
+    """A compiled function that takes a record by its address, and a number."""
+
+    symbol: str
+    """The name under which compiled code of this process finds it."""
+    call: Callable[[int, int], None]
+    """From Python, without the interpreter's lock."""
+    owner: Any
+
+
+def compile_packed(
+    function: Any, record: Any, *, names: Mapping[str, Any] | None = None, version: str = "", inline: tuple[str, ...] = ()
+) -> PackedFunction:
+    """`function(record, number)` compiled for records of these types in memory, of any sizes; see :mod:`asrsim.packed`.
+    Other arguments as in :func:`compile_function`."""
+    import ctypes
+
+    import numba
+    from llvmlite import binding
+
+    from asrsim.packed import reader
+
+    kind = type_of(record)
+
+    def compiled(copy: types.FunctionType, kept: bool) -> PackedFunction:
+        callback: Any = numba.cfunc(numba.types.void(numba.types.intp, numba.types.intp), cache=kept)(copy)
+        binding.add_symbol(copy.__name__, callback.address)
+        call = ctypes.CFUNCTYPE(None, ctypes.c_ssize_t, ctypes.c_ssize_t)(callback.address)
+        return PackedFunction(copy.__name__, call, callback)
+
+    given = {**(names or {}), "_unpacked": reader(kind), "_function": function}
+    return _through_cache(compiled, _at_address, given, f"{version}\n{kind}", inline)
+
+
+def _unbound(*arguments: Any) -> Any:
+    raise NotImplementedError("bound by compile_packed")
+
+
+_unpacked = _function = _unbound
+
+
+def _at_address(address: int, number: int) -> None:
+    _function(_unpacked(address), number)
+
+
+def type_of(value: Any) -> Any:
+    """Numba's type of an example; a type of Numba's itself."""
+    import numba
+
     kinds: Any = numba
-    typed = numba.types.Type
-    signature = tuple(value if isinstance(value, typed) else kinds.typeof(value) for value in arguments)
-    given = dict(names or {})
-    ingredients = [repr(inline), numba.__version__, sys.version, version, str(signature), repr(_code(function, given, set()))]
-    digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
-    try:
-        return _compiled(function, signature, given, digest, _kept(digest), inline)
-    except Exception:
-        # What is kept may be damaged, or the folder not be ours to write: do without.
-        return _compiled(function, signature, given, digest, None, inline)
-
-
-def fixed_tuple(count: int, place: int) -> Any:
-    """A function that compiled code may call: the numbers at `place` of the first `count` rows, as a tuple."""
-    import numba.np.unsafe.ndarray as arrays
-
-    to_fixed_tuple: Any = arrays.to_fixed_tuple
-
-    def as_tuple(rows: Any) -> Any:
-        return to_fixed_tuple(rows[:count, place], count)
-
-    return as_tuple
+    return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
 
 
 def tuple_reader(start: int, count: int) -> Any:
@@ -115,14 +170,40 @@ def borrow() -> Any:
     return intrinsic(borrowed)
 
 
-def _compiled(
-    function: types.FunctionType,
-    signature: Any,
+def _through_cache(
+    compiled: Callable[[types.FunctionType, bool], T],
+    function: Any,
     names: Mapping[str, Any],
-    digest: str,
-    kept: Path | None,
+    version: str,
     inline: tuple[str, ...],
-) -> Callable[..., Any]:
+) -> T:
+    """compiled(copy, kept) of a copy of the function that carries the digest of all its code; kept: Numba may keep it.
+
+    This process has each only once: loading what is kept costs as much as thousands of substeps.
+    """
+    import numba
+
+    ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
+    digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
+    kept = _kept(digest)
+    known = digest, kept
+    if known in _loaded:
+        _loaded.move_to_end(known)
+        return _loaded[known]  # type: ignore[no-any-return]
+    try:
+        made = compiled(_marked(function, names, digest, kept, inline), kept is not None)
+    except Exception:
+        # What is kept may be damaged, or the folder not be ours to write: do without.
+        made = compiled(_marked(function, names, digest, None, inline), False)
+    _loaded[known] = made
+    if len(_loaded) > LOADED:
+        _loaded.popitem(last=False)
+    return made
+
+
+def _marked(
+    function: Any, names: Mapping[str, Any], digest: str, kept: Path | None, inline: tuple[str, ...]
+) -> types.FunctionType:
     import numba
 
     first: list[types.FunctionType] = []
@@ -133,21 +214,11 @@ def _compiled(
             return copy
         return numba.njit(copy, forceinline=copy.__module__ in inline)
 
-    copy = rebind(function, wrap=wrap, names=names, mark=f"_{digest}")
+    copy: types.FunctionType = rebind(function, wrap=wrap, names=names, mark=f"_{digest}")
     if kept is not None:
         # Numba keeps code beside the file that it believes a function to be from.
         copy.__code__ = copy.__code__.replace(co_filename=str(kept))
-    dispatcher = numba.njit(signature, cache=kept is not None)(copy)
-    entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
-
-    # The function itself, round the dispatcher that would look at the types of every call again. The dispatcher owns its
-    # machine code, so whoever holds the one must hold the other.
-    def call(*values: Any) -> Any:
-        return entry(*values)
-
-    call.owner = dispatcher  # type: ignore[attr-defined]
-    call.entry = entry  # type: ignore[attr-defined]
-    return call
+    return copy
 
 
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:

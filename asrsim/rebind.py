@@ -8,7 +8,7 @@ from typing import Any
 
 
 def rebind(
-    function: types.FunctionType,
+    function: Any,
     exchange: Callable[[Any], Any] = lambda value: value,
     wrap: Callable[[Any], Any] = lambda copy: copy,
     *,

@@ -30,6 +30,37 @@ class JointInfo:
     """Names from :data:`asrsim.quantities.QUANTITIES` that this joint records."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """A link's frame in its parent's, for viewers."""
+
+    parent: str
+    """Link, or the world."""
+    child: str
+    position: tuple[float, float, float]
+    """m, where the joint is at 0."""
+    rotation: tuple[float, float, float, float]
+    """Quaternion x y z w, likewise."""
+    joint: str = ""
+    """The joint that moves it; empty: it stands still."""
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    """Of the joint, in its frame."""
+    prismatic: bool = False
+
+
+@dataclass(frozen=True)
+class Command:
+    """A value set from outside, as it took effect."""
+
+    substep: int
+    """Substeps that were done when it was set; it holds from there on."""
+    joint: str
+    reference: str
+    """Name in the joint's mode, or `external_torque`."""
+    value: float | None
+    """SI; None: the scenario's again."""
+
+
 TIP, TIP_GOAL = "tip", "tip_goal"
 """Bodies of a Cartesian task: its point, and where its path asks it to be."""
 
@@ -83,6 +114,10 @@ class RunInfo:
     """Versions, seed, engine, stepping, substeps, ... as text."""
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     """Further files a rerun needs (CSV playbacks, manager YAML), by name."""
+    frames: tuple[Frame, ...] = ()
+    """Of the links, for `/tf`; not read back."""
+    frame_rate: float = 30.0
+    """Hz of `/tf`, at most."""
 
     def __repr__(self) -> str:
         return f"RunInfo({self.robot}, variant {self.variant}, {len(self.joints)} joints, {self.scenario_path})"

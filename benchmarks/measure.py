@@ -13,6 +13,8 @@ from versions import Version, new, old
 from worlds import chain, humanoid, scenario
 
 Figures = dict[str, list[float]]
+SHARED = Path(__file__).parents[2] / "shared"
+"""Real robots, where they are there."""
 BESIDE = ("mujoco_", "bullet_", "check", "help", "start")
 """Rows that 0.1 is measured for."""
 
@@ -145,7 +147,8 @@ def _commands(take: Callable[[str, Callable[[], float]], None], here: Version, b
     """Whole processes of the command line."""
     short = scenario(chain(folder, 1), compiled=None, duration=0.001)
     second = scenario(chain(folder, 2), compiled=None, duration=1.0)
-    robot = str(humanoid(folder, 14, 48))
+    alterego = SHARED / "robots" / "alterego" / "alterego_v2_fixedbase-true_fixedhands-true.urdf"
+    robot = str(alterego if alterego.exists() else humanoid(folder, 14, 48))
 
     def run(version: Version, path: str, *more: str) -> float:
         return version.ask("command", arguments=["run", path, "--quiet", "--out", str(folder / "out"), "--overwrite", *more])

@@ -63,7 +63,7 @@ def _rows() -> dict[str, Row]:
         "joints_mujoco": ("80 joints with Coulomb friction / one joint, MuJoCo", 120.0),
         "joints_bullet": ("the same, PyBullet", 250.0),
         "pictures": ("asrsim run of 1 s, 2 joints, pictures included / without", 2.5),
-        "check": ("asrsim check of AlterEgo's size / 0.1", 0.333),
+        "check": ("asrsim check of AlterEgo v2 (of its size where it is not there) / 0.1", 0.333),
         "log": ("log of 5 joints, bytes per joint and step", 300.0),
         "log_compact": ("the same, log: compact", 190.0),
         "memory": ("memory of a run of 1000 s, 5 joints, MB", 200.0),

@@ -43,6 +43,8 @@ def parts() -> dict[str, str]:
         "actuators": actuators(),
         "steppings": steppings(),
         "engines": engines(),
+        "transports": transports(),
+        "live_topics": live_topics(),
         "truth": truth(),
         "speed": speed(),
     }
@@ -96,6 +98,32 @@ def engines() -> str:
     known = [(name, ENGINES.get(name)) for name in ENGINES]
     rows = [(f"`{name}`", f"`{one.module}`" if one.module else "nothing", one.doc) for name, one in known]
     return markdown_table(("engine", "needs the module", "what"), rows)
+
+
+def transports() -> str:
+    """Every transport of live runs and what must be installed for it."""
+    from asrsim.live import TRANSPORTS
+
+    known = [(name, TRANSPORTS.get(name)) for name in TRANSPORTS]
+    rows = [(f"`--on {name}`", one.doc, f"`pip install 'asrsim[{one.extra}]'`") for name, one in known]
+    return markdown_table(("transport", "what", "install"), rows)
+
+
+def live_topics() -> str:
+    """The topics of a live run of the first joint of an example, and those of the robot."""
+    from asrsim.live.board import Board
+    from asrsim.live.gate import Gate
+    from asrsim.scenario import load_scenario
+    from asrsim.simulation.ranges import ranges_of, with_ranges
+    from asrsim.simulation.simulation import Simulation
+
+    (scenario,) = load_scenario(ROOT / "examples" / "scenarios" / "step_2dof.yaml", variant="soft")
+    prepared = with_ranges(scenario)
+    with Simulation(prepared, compiled=False) as simulation:
+        outlets = [(one, "out, latched" if one.latched else "out") for one in Board(simulation, prepared.info).outlets]
+    inlets = [(one, "in") for one in Gate(prepared.info.joints, ranges_of(prepared)).inlets]
+    rows = [(f"`{one.name}`", one.message, way) for one, way in (*inlets, *outlets) if "joint_2" not in one.name]
+    return markdown_table(("topic", "message", "way"), rows)
 
 
 def steppings() -> str:

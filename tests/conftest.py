@@ -55,12 +55,13 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a test registers (plugin files do, in this process) ends with it: no test sees another's actuators."""
     from asrsim.actuators import ACTUATORS
     from asrsim.engines import ENGINES
+    from asrsim.live import TRANSPORTS
     from asrsim.metrics import MEASURES
     from asrsim.reproduce import FIGURES
     from asrsim.signals import SIGNALS
     from asrsim.simulation.steppings import STEPPINGS
 
-    for registry in (ACTUATORS, ENGINES, MEASURES, FIGURES, SIGNALS, STEPPINGS):
+    for registry in (ACTUATORS, ENGINES, MEASURES, FIGURES, SIGNALS, STEPPINGS, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import stat
+from collections import OrderedDict
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from asrsim import compiling
 from asrsim.actuators import MODES
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import SimulationError
@@ -241,4 +243,17 @@ def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.Mon
     assert kept
     for path in kept:
         path.write_bytes(b"damaged")
+    # Another process would find it so; this one holds what it has loaded.
+    monkeypatch.setattr(compiling, "_loaded", OrderedDict())
     assert_equal(*both(robot, scenario))
+
+
+def test_what_a_process_has_loaded_it_loads_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = make_robot(tmp_path, ("sea",), 3)
+    scenario = replace(make_scenario(robot, 3), compiled=True)
+    simulate(scenario, robot)
+    loads: list[object] = []
+    marked = compiling._marked
+    monkeypatch.setattr(compiling, "_marked", lambda *a: loads.append(a) or marked(*a))
+    simulate(scenario, robot)
+    assert not loads

@@ -41,10 +41,10 @@ def test_what_was_given_to_the_links_is_what_they_have(tmp_path: Path, engine: s
     keys = given.keys() | {"external_torques": {"j2": 0.2}}
     scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **keys)
     with Simulation(scenario, record=True, compiled=False) as simulation:
-        before = simulation._engine.mechanical_energy()
+        before = simulation.engine.mechanical_energy()
         simulation.advance(500)
         simulation.flush()
-        after, meter = simulation._engine.mechanical_energy(), simulation.recording.recorder.meter
+        after, meter = simulation.engine.mechanical_energy(), simulation.recording.recorder.meter
         assert before is not None
         assert after is not None
         assert abs(after - before) > 0.05

@@ -10,6 +10,8 @@ from scipy.stats import binom
 from asrsim.errors import RecordingError
 from asrsim.metrics.excitation import excited_band
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
+from asrsim.metrics.periodic import by_periods
+from asrsim.metrics.spectra import welch
 
 MOTOR_INERTIA, MOTOR_DAMPING, SPRING, LINK_INERTIA, LINK_DAMPING, LOOP = 0.01, 0.05, 4.0, 0.004, 0.01, 6.0
 """kg m^2, N m s/rad, N m/rad, kg m^2, N m s/rad; proportional gain of the motor's position loop, N m/rad."""
@@ -260,6 +262,29 @@ def test_bands_of_95_percent_hold_the_truth_at_90_to_98_over_50_records(kind: st
         assert 0.90 <= np.mean(shares) <= 0.99
 
 
+def test_two_periods_do_only_if_the_output_has_settled() -> None:
+    ticks = np.arange(2000)
+    u = np.sin(2 * np.pi * ticks * 8 / 1000) + np.sin(2 * np.pi * ticks * 20 / 1000)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(2000)
+    lines = np.array([8, 20])
+    assert by_periods(u, u + noise, 1e-3, 1000, lines) is not None
+    for decay in (300.0, 600.0):
+        assert by_periods(u, u + noise + 0.3 * np.exp(-ticks / decay), 1e-3, 1000, lines) is None
+
+
+def test_so_many_independent_averages_are_in_half_overlapping_windows() -> None:
+    """The spread of Welch's powers of white noise over many records: 1 / averages of their mean's square."""
+    from scipy.signal import welch as powers
+
+    step, n = 1e-3, 1024
+    found = welch(np.sin(2 * np.pi * 50 * step * np.arange(n)), np.zeros(n), step, 40.0, 60.0)
+    segment = round(1.0 / (found.resolution * step))
+    noise = np.random.default_rng(6).standard_normal((4000, n))
+    power = powers(noise, nperseg=segment, noverlap=segment // 2, detrend=False, axis=1)[1][:, 4 : segment // 2 - 4 : 4]
+    spread = np.mean(power.var(axis=0) / power.mean(axis=0) ** 2)
+    assert found.averages == pytest.approx(1.0 / spread, rel=0.03)
+
+
 def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
     rng = np.random.default_rng(2)
     found = frequency_response(TIME, rng.standard_normal(len(TIME)), rng.standard_normal(len(TIME)))
@@ -288,6 +313,13 @@ def test_an_output_that_does_not_move_is_said() -> None:
     assert held.resonance is None
     assert "does not move" in held.findings[-1].message
     assert frequency_response(TIME, u, np.zeros_like(u)).moves is False
+
+
+@pytest.mark.parametrize(("share", "moves"), [(1e-6, True), (1e-8, False)])
+def test_an_output_that_moves_by_millionths_of_its_offset_moves(share: float, moves: bool) -> None:
+    u = excitation("chirp")
+    y = simulate(u)
+    assert frequency_response(TIME, u, 0.3 + 0.3 * share / np.ptp(y) * y).moves is moves
 
 
 @pytest.mark.parametrize(("newtons", "metres"), [(549e3, 1.0), (1.0, 1 / 549e3), (1e-9, 1e-6)])

@@ -116,12 +116,15 @@ def test_step_stays_within_the_limits(tmp_path):
         {"name": "up", "lower": 0.5, "upper": 2},
         {"name": "down", "lower": -2, "upper": 0.1},
         {"name": "narrow", "lower": 0, "upper": 0.1},
+        {"name": "below", "lower": -2, "upper": -0.5},
     )
     write_starter(robot, tmp_path / "s.yaml")
     (scenario, _) = load_scenario(tmp_path / "s.yaml")
-    assert scenario.initial_positions == {"up": 0.5}
+    assert scenario.initial_positions == {"up": 0.5, "below": -0.5}
     steps = {joint: references["equilibrium_position"] for joint, references in scenario.references.items()}
-    assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow")] == [(0.5, 0.8), (0.0, -0.3), (0.0, 0.05)]
+    assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow", "below")] == [
+        (0.5, 0.8), (0.0, -0.3), (0.0, 0.05), (-0.5, -0.8),
+    ]  # fmt: skip
 
 
 def test_names_that_yaml_would_misread_are_quoted(tmp_path):

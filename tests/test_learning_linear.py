@@ -11,6 +11,7 @@ from random_arms import random_arm
 from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics import JointDrive
 from asrsim.kinematics.desired import DesiredMotion
+from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
 from asrsim.learning.arm import learning_model
 from asrsim.learning.contraction import FREQUENCIES, responses, zero_phase_amplitude
@@ -115,8 +116,15 @@ def test_errors_beyond_the_learnable_band_do_not_shrink():
     linear = linear_at(sea(), damping=0.005)
     band = learnable(linear, (0.5,))
     assert 0.0 < band < 20.0
-    assert factors(linear, (0.5,), np.array([0.98 * band])) < 1.0
-    assert factors(linear, (0.5,), np.array([1.1 * band])) >= 1.0
+    above = FREQUENCIES[np.flatnonzero(band < FREQUENCIES)[0]]
+    assert np.all(factors(linear, (0.5,), FREQUENCIES[band >= FREQUENCIES]) < 1.0)
+    assert factors(linear, (0.5,), np.array([above])) >= 1.0
+
+
+@pytest.mark.parametrize("motor", [0.81, 3.0, -3.0])
+def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
+    """At the limit it has no slope, and nothing could be learned from there."""
+    assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("damping", [0.0005, 0.005, 0.05])
@@ -140,3 +148,15 @@ def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
         inputs = inverse.inputs_at(plant.time)
     moved = plant.outputs(inputs + bump) - plant.outputs(inputs)
     assert np.abs(moved - expected).max() < 0.03 * np.abs(moved).max()
+
+
+@pytest.mark.parametrize("count", [201, 801])
+def test_motors_are_followed_as_their_equation_has_it(count):
+    """Without spring torque: J a + (D + d) v + P (theta - goal) = 0, from rest."""
+    time = np.linspace(0.0, 0.4, count)
+    drive = sea(mode=6, k=1e-12, max_torque=(1e3,), max_velocity=(1e3,))
+    found = motor_positions(drive, time, np.zeros(count), np.full(count, 0.5), np.zeros(count))[:, 0]
+    decay, natural = (0.27 + 4.5) / (2 * 0.0233), 125.0 / 0.0233
+    slow, fast = (-decay + root for root in (math.sqrt(decay**2 - natural), -math.sqrt(decay**2 - natural)))
+    expected = 0.5 * (1 - (fast * np.exp(slow * time) - slow * np.exp(fast * time)) / (fast - slow))
+    assert found == pytest.approx(expected, abs=2e-3 if count == 201 else 2e-4)

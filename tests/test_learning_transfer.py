@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from asrsim.learning import Spread, draw_plants, transfer
+from asrsim.learning.transfer import correlation_interval
 
 REFERENCE = np.linspace(0.0, 1.0, 11)[:, None]
 SPREAD = Spread(factors={"gain": 0.1, "idle": 0.2, "delay": 0.01})
@@ -80,3 +81,23 @@ def test_the_scenario_s_block_spreads_every_joint_on_its_own():
         "friction.two": 0.5,
         "delay": 0.002,
     }
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.6])
+def test_intervals_of_rank_correlations_hold_the_truth_as_often_as_they_say(strength):
+    """2000 samples of 10 pairs from a normal distribution, whose rank correlation is known (Pearson 1907)."""
+    generator = np.random.default_rng(3)
+    one = generator.standard_normal((2000, 10))
+    other = strength * one + np.sqrt(1.0 - strength**2) * generator.standard_normal(one.shape)
+    ranks = [values.argsort(axis=1).argsort(axis=1) - 4.5 for values in (one, other)]
+    found = (ranks[0] * ranks[1]).sum(axis=1) / (ranks[0] ** 2).sum(axis=1)
+    truth = 6.0 / np.pi * np.arcsin(0.5 * strength)
+    intervals = np.array([correlation_interval(float(value), 10, 0.95) for value in found])
+    held = np.mean((intervals[:, 0] <= truth) & (truth <= intervals[:, 1]))
+    assert 0.93 < held < 0.975
+
+
+@pytest.mark.parametrize(("count", "told"), [(3, 0), (6, 0), (7, 0), (8, 3), (30, 3)])
+def test_few_draws_tell_nothing_of_many_factors(count, told):
+    """Three factors: a regression on so many needs twice as many draws, and two."""
+    assert len(report(count=count).influences) == told

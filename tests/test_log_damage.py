@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import signal
@@ -14,10 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from log_example import INFO, assert_same, example_samples, part
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
+from asrsim.log.chunks import read_chunk
+from asrsim.log.columns import ColumnReader
+from asrsim.log.description import info_from
+from asrsim.log.structure import split_records
 from asrsim.samples import Samples
 
 COUNT = 6000
@@ -298,3 +304,41 @@ def test_memory_does_not_grow_with_duration(tmp_path: Path) -> None:
     short, long = peaks(10), peaks(400)
     assert long[0] < short[0] + 2_000_000
     assert long[1] < short[1] + 2_000_000
+
+
+@pytest.mark.parametrize(("place", "value"), [(0, 0x06), (0, 0xFF), (1, 0x01), (9, 0xEE)])
+def test_a_row_with_another_record_in_it_is_refused(whole: bytes, tmp_path: Path, place: int, value: int) -> None:
+    """Opcode, length and channel of every record must be those of the first row: numbers are read by their place alone."""
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole)
+    log = open_log(path)
+    with path.open("rb") as file:
+        data = bytearray(read_chunk(file, log._structure.chunks[0]))
+    names = {name for joint in INFO.joints for name in joint.quantities}
+    joints = {joint.name for joint in INFO.joints}
+    reader = ColumnReader(log._structure.channels)
+    assert reader.read(bytes(data), names, joints)
+    messages = [
+        start
+        for opcode, start, _ in split_records(bytes(data))
+        if opcode == Opcode.MESSAGE and reader._columns.get(int.from_bytes(data[start : start + 2], "little"))
+    ]
+    # Of the second row on.
+    for start in (messages[len(messages) // 2], messages[-3]):
+        changed = bytearray(data)
+        changed[start - 9 + place] = value if changed[start - 9 + place] != value else value - 1
+        with pytest.raises(ValueError, match="rows of a chunk differ"):
+            reader.read(bytes(changed), names, joints)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("log_every", 0), ("log_every", -1), ("step", 0.0), ("step", -1e-3), ("step", 1e301)]
+)
+def test_a_description_without_a_step_is_damaged(whole: bytes, tmp_path: Path, key: str, value: float) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole)
+    attachments = dict(open_log(path)._structure.attachments)
+    (name,) = (name for name, data in attachments.items() if b'"log_every"' in data and b'"format"' in data)
+    attachments[name] = json.dumps({**json.loads(attachments[name]), key: value}).encode()
+    with pytest.raises(LogError, match="larger than 0"):
+        info_from(attachments)

@@ -199,12 +199,14 @@ def test_r2() -> None:
 
 
 def test_displacement_of_a_body() -> None:
-    poses = np.zeros((len(TIME), 7))
+    poses = np.full((len(TIME), 7), 0.7)
     poses[:, 0], poses[:, 1], poses[:, 6] = 0.3 * np.sin(np.pi * TIME / 10), 0.04 * TIME, 1.0
+    away = np.hypot(poses[:, 0], poses[:, 1]).max()
+    poses[:, :3] += (-2.0, 0.5, 0.0)
     assert measure("displacement", TIME, poses) == pytest.approx(0.4)
     assert measure("displacement", TIME, poses, axis="y") == pytest.approx(0.4)
-    assert measure("maximum_displacement", TIME, poses) == pytest.approx(np.hypot(0.3 * np.sin(0.5 * np.pi), 0.2), rel=0.2)
-    assert measure("distance", TIME, poses, x=0.0, y=0.1, z=0.0) == pytest.approx(0.3)
+    assert measure("maximum_displacement", TIME, poses) == pytest.approx(away)
+    assert measure("distance", TIME, poses, x=-2.0, y=0.6, z=0.7) == pytest.approx(0.3)
 
 
 def test_wrong_use_is_explained() -> None:

@@ -83,6 +83,10 @@ def test_imports_are_declared():
         "llvmlite": "numba",
         "pinocchio": "pin",
         "mcap_ros2": "mcap-ros2-support",
+        "foxglove": "foxglove-sdk",
+        "rclpy": "ros-rclpy",
+        "rcl_interfaces": "ros-rclpy",
+        "std_srvs": "ros-common-interfaces",
     }
     used = set()
     for path in (ROOT / "asrsim").rglob("*.py"):

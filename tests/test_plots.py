@@ -13,7 +13,7 @@ from plot_example import made_up_log, simulated_log
 from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run, draw_runs, read_curves, style
-from asrsim.plots.curves import distinct_labels
+from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
@@ -256,6 +256,23 @@ def test_slow_motions_steps_and_noise_stay_lines(tmp_path: Path):
         assert not axes.collections
 
 
+def test_an_encoder_that_flickers_at_rest_between_steps_stays_a_line(tmp_path: Path):
+    time = np.arange(651) * 0.01
+    count = 2 * np.pi / 4096
+    rng = np.random.default_rng(3)
+    values = np.where(time > 3.5, 0.6, 0.0) + count * np.round(rng.random(651))
+    assert not shown("link_torque", values, tmp_path).collections
+
+
+def test_an_envelope_ends_where_a_step_begins(tmp_path: Path):
+    """A step beside a fast stretch is a line of its own: no wedge leads from the one to the other."""
+    time = np.arange(651) * 0.01
+    fast = np.where(time < 3.4, 0.05 * (-1.0) ** np.arange(651), 0.0)
+    axes = shown("link_torque", fast + np.where(time >= 3.45, 1.0, 0.0), tmp_path)
+    for envelope in axes.collections:
+        assert np.abs(envelope.get_paths()[0].vertices[:, 1]).max() < 0.06
+
+
 def test_limits_are_drawn_where_the_motion_comes_near_them(tmp_path: Path):
     log = simulated_log("step_2dof", tmp_path / "log.mcap", variant="stiff", duration=0.3)
     run = read_curves(log)
@@ -276,6 +293,9 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
     run = read_curves(log, start=0.2, end=0.5)
     time = run.get("joint_1", "link_position").time
     assert (time[0], time[-1]) == pytest.approx((0.2, 0.5))
+    for end in (0.5, 99.0):
+        source = CurveSource(log, end=end)
+        assert source.span(0.0) == pytest.approx((0.0, min(end, source.reader.duration)))
     with pytest.raises(LogError, match="in that time"):
         read_curves(log, start=7.0)
 

@@ -18,6 +18,8 @@ from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import draw_difference, draw_overlay
 from asrsim.plots.pairing import assign
+from asrsim.plots.world import WorldEnvelope
+from asrsim.samples import Samples
 
 
 def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
@@ -242,3 +244,20 @@ def test_identical_data_has_the_scale_of_what_is_compared(tmp_path: Path):
     draw_difference(axes, result.runs, result.compared, "joint_1", "link_position")
     assert axes.get_ylim()[1] < 0.1
     assert [text.get_text() for text in axes.texts] == ["RMSE 0 rad (0.0 %)"]
+
+
+def test_forces_on_an_object_count_on_whichever_side_of_a_pair_it_stands() -> None:
+    """The robot pushes with 3 N, another object pushes back with 1 N; what the ground does is left out."""
+    time = np.linspace(0.0, 1.0, 11)
+    force = np.tile([1.0, 0.0, 0.0], (11, 1))
+    poses = np.zeros((11, 7))
+    poses[:, 0] = 5.0 + time
+    samples = Samples(
+        time=time, joints=(), values={}, bodies={"box": poses},
+        contacts={"box/robot": 3.0 * force, "ball/box": force, "box/ground": 9.0 * force},
+    )  # fmt: skip
+    envelope = WorldEnvelope(samples, start=0.0, end=1.0, bins=5)
+    envelope.add(samples)
+    curves = envelope.curves()["box"]
+    np.testing.assert_allclose(curves["force"].values, 2.0)
+    assert (curves["dx"].values.min(), curves["dx"].values.max()) == pytest.approx((0.0, 1.0))

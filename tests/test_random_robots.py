@@ -6,12 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
-from independent_ode import solve
+from independent_ode import Truth, solve
 from random_runs import RandomRun, random_run
 
 import asrsim
 from asrsim.engines import ENGINES
+from asrsim.kinematics import model_of
+from asrsim.robot import load_robot
 from asrsim.samples import Samples
 from asrsim.simulation.run import simulate
 
@@ -19,6 +22,8 @@ Array = np.ndarray
 INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 ROUNDING = 1e-9
 """rad (m): below it no order can be measured."""
+CHANCE = 0.01
+"""Share of a run's error below which a part of it (links, motors, base) may have come out small by chance."""
 
 
 def errors(run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False) -> Array:
@@ -61,7 +66,8 @@ def check(run: RandomRun, folder: Path, engines: list[str], *, compiled: bool = 
         found = errors(run, folder, engine, truth, compiled=compiled)
         assert found[0].max() < 5e-5 * speed, (engine, found)
         for coarse, fine in zip(found[0], found[2], strict=True):
-            assert coarse < ROUNDING or np.log2(coarse / max(fine, 1e-16)) / 2.0 > order, (engine, found)
+            small = coarse < ROUNDING or (coarse < CHANCE * found[0].max() and fine < coarse)
+            assert small or np.log2(coarse / max(fine, 1e-16)) / 2.0 > order, (engine, found)
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(2, True), (7, True), (0, False), (3, False)])
@@ -77,6 +83,34 @@ def test_passive_trees_at_second_order(tmp_path: Path, fixed: bool) -> None:
 
 def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
     check(random_run(301, friction=True), tmp_path, INSTALLED[:1], order=0.8)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("seed", [5, 6])
+def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -> None:
+    """Those that fixed joints hold, too: the engines' bodies are made of several."""
+    run = random_run(seed)
+    scenario = asrsim.make_scenario(run.write(tmp_path), engine=engine, **run.keys())
+    truth = Truth(run)
+    q = np.array([joint.start for joint in run.joints])
+    placed = pinocchio.neutral(truth.model)
+    placed[truth.q_of] = q
+    pinocchio.computeJointJacobians(truth.model, truth.data, placed)
+    pinocchio.updateFramePlacements(truth.model, truth.data)
+    point = (0.1, -0.2, 0.3)
+    with model_of(scenario, load_robot(scenario.robot)) as model:
+        order = [model.joints.index(joint.name) for joint in run.joints]
+        for link in model.links:
+            frame = truth.model.getFrameId(link)
+            pose = truth.data.oMf[frame]
+            place, rotation = model.pose(q[np.argsort(order)], link, point)
+            np.testing.assert_allclose(place, truth.rotation @ (pose.translation + pose.rotation @ point), atol=1e-9)
+            np.testing.assert_allclose(rotation, truth.rotation @ pose.rotation, atol=1e-9)
+            slopes = pinocchio.getFrameJacobian(truth.model, truth.data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:, truth.v_of]
+            lever = pose.rotation @ point
+            slopes[:3] += np.cross(slopes[3:].T, lever).T
+            found = model.jacobian(q[np.argsort(order)], link, point)[:, order]
+            np.testing.assert_allclose(found, np.vstack([truth.rotation @ slopes[:3], truth.rotation @ slopes[3:]]), atol=1e-9)
 
 
 @pytest.mark.slow

@@ -166,6 +166,15 @@ def test_two_time_bases_fall_back_to_the_time_of_recording_and_say_so(tmp_path: 
     np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
 
 
+@pytest.mark.parametrize(("late", "same"), [(0.4, True), (-0.8, True), (1.5, False), (60.0, False)])
+def test_stamps_that_are_about_the_time_of_recording_count(tmp_path: Path, late: float, same: bool) -> None:
+    """Within a second it is the way of the messages; beyond, another clock, which not all topics have."""
+    recording = read_recording(write_ros1(tmp_path / "lab.bag", offset=round(late * 1e9)))
+    assert any(f.code == "two-time-bases" for f in recording.findings) != same
+    begins = [recording.column("elbow", name).time[0] for name in ("link_position", "reference_1")]
+    assert begins[0] - begins[1] == pytest.approx(late if same else 0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("name", ["lab.bag", "lab.mcap", "lab.db3"])
 def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
     path = tmp_path / name

@@ -10,6 +10,7 @@ import pytest
 from asrsim.errors import RecordingError, ScenarioError
 from asrsim.metrics.output import write_metrics_csv, write_metrics_json
 from asrsim.recordings import band, compare, read_recording, resample, suspect_scale
+from asrsim.recordings.align import align
 from asrsim.recordings.data import Recording
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario.data import Expectation
@@ -70,6 +71,28 @@ def test_alignment_prefers_the_reference_so_that_the_delay_of_the_response_stays
     series = result.find("elbow", "link_position")
     assert series is not None
     assert series.metrics["delay"] == pytest.approx(-0.05, abs=2e-3)  # the simulation comes earlier
+
+
+def test_alignment_takes_what_moves_in_both(tmp_path: Path) -> None:
+    """The command stands still in the laboratory's file, whatever it did in the simulation."""
+    path = laboratory(tmp_path, late=0.1)
+    lines = [line.rpartition(",")[0] + ",0.8" for line in path.read_text().splitlines()[1:]]
+    path.write_text("\n".join(["time,elbow_pos,elbow_cmd", *lines]))
+    result = compare(simulation(), read(path))
+    assert result.alignment.how == "cross-correlation of elbow.link_position"
+    assert result.alignment.lag == pytest.approx(0.1, abs=3e-4)
+
+
+@pytest.mark.parametrize(("correlation", "believed"), [(0.4, False), (0.53, False), (0.67, True), (0.9, True)])
+def test_a_lag_of_little_correlation_is_not_believed(correlation: float, believed: bool) -> None:
+    generator = np.random.default_rng(2)
+    clean = motion(TIME)
+    noise = np.std(clean) * np.sqrt(1.0 / correlation**2 - 1.0) * generator.standard_normal(len(TIME))
+    found = align(TIME, clean, TIME, motion(TIME - 0.1) + noise)
+    assert found.found is not None
+    assert found.found.correlation == pytest.approx(correlation, abs=0.04)
+    assert found.how.startswith("cross-correlation") == believed
+    assert found.lag == pytest.approx(0.1 if believed else 0.0, abs=0.02)
 
 
 def test_lag_can_be_set_limited_or_switched_off(tmp_path: Path) -> None:

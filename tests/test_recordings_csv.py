@@ -175,7 +175,9 @@ def test_dropped_samples_and_jitter_are_reported(tmp_path: Path) -> None:
 def test_constant_columns_and_stretches_without_numbers_are_reported(tmp_path: Path) -> None:
     lines = ["time,q1,q2", *[f"{t:.2f},{'nan' if 20 <= i < 30 else 0.1 * i},4" for i, t in enumerate(TIME)]]
     findings = read_recording(write(tmp_path / "lab.csv", lines)).findings
-    assert "10 of 50 samples" in finding(findings, "missing-stretch").message
+    message = finding(findings, "missing-stretch").message
+    assert "10 of 50 samples" in message
+    assert "the longest from 0.2 s to 0.29 s" in message
     assert finding(findings, "constant-column").key == "q2"
 
 
@@ -410,3 +412,21 @@ class TestRealRecordings:
         assert column.unit == "m"
         assert recording.column("joint_1", "link_torque").unit == "N"
         assert len(recording.time) == 24_841
+
+
+def test_files_with_unix_times_are_joined_by_them(tmp_path: Path) -> None:
+    """One began 0.5 s after the other."""
+    for name, column, zero in (("command", "q1", 1.7e9), ("response", "q2", 1.7e9 + 0.5)):
+        lines = [f"stamp,{column}", *[f"{zero + 0.01 * i:.2f},{0.1 * i}" for i in range(30)]]
+        write(tmp_path / f"{name}.csv", lines)
+    recording = read_recording(tmp_path / "command.csv+response.csv")
+    times = [column.time for column in recording.channels.values()]
+    assert [float(time[0]) for time in times] == pytest.approx([0.0, 0.5], abs=1e-6)
+    assert recording.epoch == pytest.approx(1.7e9)
+
+
+@pytest.mark.parametrize(("largest", "missing"), [(15.0, True), (25.0, False), (900.0, False)])
+def test_a_mark_for_missing_numbers_is_far_outside_of_the_others(tmp_path: Path, largest: float, missing: bool) -> None:
+    lines = ["time,q1", *[f"{0.01 * i:.2f},{-999.0 if i in (5, 6, 20) else largest * np.sin(0.3 * i)}" for i in range(60)]]
+    values = read_recording(write(tmp_path / "lab.csv", lines)).column("joint_1", "link_position").values
+    assert bool(np.any(values == -999.0)) != missing

@@ -270,3 +270,12 @@ def test_other_encodings_are_read(tmp_path: Path) -> None:
 
 def test_numbers_too_large_for_physics_are_refused(read: Callable[..., Robot]) -> None:
     assert fails(read, robot(GOOD.replace('mass value="1"', 'mass value="1e308"'))) == ["out-of-range"]
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "stops"), [("-inf", "inf", (None, None)), ("-1", "inf", (-1.0, None)), ("-inf", "2", (None, 2.0))]
+)
+def test_stops_at_infinity_are_none(lower: str, upper: str, stops: tuple[float | None, float | None], read) -> None:
+    limit = f'<limit effort="1" velocity="1" lower="{lower}" upper="{upper}"/>'
+    (found,) = read(robot(link("a", "") + joint("j", "a", "b", limit) + link("b"))).moving_joints
+    assert (found.lower, found.upper) == stops

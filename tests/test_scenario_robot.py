@@ -33,7 +33,10 @@ def arm(**modes):
         name="arm",
         path=Path("arm.urdf"),
         text="",
-        links=tuple(Link(name=joint.child, mass=1.0, inertia=(1, 0, 0, 1, 0, 1)) for joint in joints),
+        links=(
+            Link(name="base", mass=None, inertia=None),
+            *(Link(name=joint.child, mass=1.0, inertia=(1, 0, 0, 1, 0, 1)) for joint in joints),
+        ),
         joints=tuple(joints),
         actuators=tuple(block(joint, name, modes.get(joint, mode)) for joint, (name, mode) in actuators.items()),
     )

@@ -170,7 +170,7 @@ def test_noise_is_the_seeds(run: Run) -> None:
 def test_a_sensor_that_nobody_reads_is_a_warning(run: Run) -> None:
     words = " ".join(map(str, run(effects={"sensors": {"j": {"noise": 0.01}}}).summary.warnings))
     assert "no controller reads this sensor in mode 3" in words
-    words = " ".join(map(str, run(modes=6, effects={"sensors": {"j": {"delay": 0.0105}}}).summary.warnings))
+    words = " ".join(map(str, run(modes=6, effects={"sensors": {"j": {"delay": 0.0102}}}).summary.warnings))
     assert "no controller" not in words
     assert "may be rounded" in words
 

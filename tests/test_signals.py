@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from asrsim.document.block import declare
 from asrsim.document.kinds import Number
 from asrsim.errors import InputError, ScenarioError
 from asrsim.signals import SIGNALS, Chirp, Constant, Delay, Multisine, Signal, Sinusoid, Step, parse_signal
+from asrsim.signals.series import interpolate
 
 
 def at(data, *times):
@@ -223,3 +225,34 @@ def test_users_add_their_own_kind():
             parse_signal({"test_triangle": {"period": 0}})
     finally:
         SIGNALS._entries.pop(Triangle.kind)
+
+
+JUMPING = {
+    "pulses": {"pulse_train": {"high": 1.0, "period": 0.07, "width": 0.03, "start": 0.01, "count": 9}},
+    "late pulses": {"delay": {"by": 0.25, "of": {"pulse_train": {"high": 1.0, "period": 0.07, "width": 0.03}}}},
+    "held": {"waypoints": {"points": [[0.0, 1.0], [0.2, 2.0], [0.41, -1.0], [0.77, 0.5]], "interpolation": "hold"}},
+    "sum": {"sum": [{"step": {"at": 0.3, "to": 1.0}}, {"delay": {"by": 0.1, "of": {"step": {"at": 0.5, "to": 1.0}}}}]},
+    "scaled": {"scale": {"by": -2.0, "of": {"pulse_train": {"high": 1.0, "period": 0.11, "width": 0.05}}}},
+}
+
+
+@pytest.mark.parametrize("kind", JUMPING)
+def test_jumps_are_the_same_whatever_the_windows(kind):
+    """A run asks for them block by block; none is lost between two, none comes from outside."""
+    signal = parse_signal(JUMPING[kind])
+    whole = signal.jumps(0.0, 1.2)
+    assert len(whole) >= 2
+    for count in (3, 17, 101):
+        edges = np.linspace(0.0, 1.2, count + 1)
+        parts = [signal.jumps(float(a), float(b)) for a, b in pairwise(edges)]
+        assert all(np.all((a <= part) & (part <= b)) for part, (a, b) in zip(parts, pairwise(edges), strict=True))
+        np.testing.assert_allclose(np.unique(np.concatenate(parts).round(9)), whole.round(9))
+    fine = np.arange(0.0, 1.2, 1e-4) + 3e-5
+    changed = np.flatnonzero(np.diff(signal.values(fine)) != 0.0)
+    assert len(changed) == np.count_nonzero((whole > fine[0]) & (whole < fine[-1]))
+
+
+def test_a_held_sample_is_not_late_by_the_rounding_of_a_clock():
+    times = np.array([0.0, 100.2 - 100.0, 0.4])
+    assert times[1] > 0.2
+    assert interpolate(np.array([0.2, 0.1999]), times, np.array([1.0, 2.0, 3.0]), "hold").tolist() == [2.0, 1.0]

@@ -77,15 +77,16 @@ def test_an_arm_that_falls_is_told_of_and_the_values_proposed_hold_it(tmp_path):
         assert abs(held[joint].link_position[-500:].mean() - 0.5) < 0.3
 
 
-def test_motors_that_are_too_weak_are_told_from_springs(tmp_path):
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_motors_that_are_too_weak_are_told_from_springs(tmp_path, side):
     robot = write_plain_arm(tmp_path)
     keys = {
         "actuators": {"*": {"type": "sea", "parameters": {"spring_k": 300.0, "motor_1_max_torque": 0.5}}},
-        "references": {"*": {"equilibrium_position": 1.2}},
+        "references": {"*": {"equilibrium_position": 1.2 * side}},
     }
     scenario = scenario_of(robot, **keys)
     applied = apply_to_robot(scenario, checked_robot(scenario)[0])
-    problems = holding_findings(scenario, applied)
+    problems = holding_findings(scenario, applied, propose=True)
     assert problems
     assert all("motors are too weak" in problem.message for problem in problems)
     assert all("motor_1_max_torque" in values for values in judged(scenario).proposal.values())

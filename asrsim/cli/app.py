@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 COMMANDS = {
     "run": "asrsim.cli.run",
+    "live": "asrsim.cli.live",
     "plot": "asrsim.cli.plot",
     "render": "asrsim.cli.render",
     "report": "asrsim.cli.report_page",
@@ -83,7 +84,9 @@ def main() -> None:
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
+    from asrsim.processes import use_one_thread
 
+    use_one_thread(os.environ)
     clean_streams()
     code = _call()
     try:

@@ -105,7 +105,7 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
         except AsrsimError as error:
             errors.extend(problems_of(error, path))
             continue
-        wrong, notes = check_against_robot(scenario, robot)
+        wrong, notes = check_against_robot(scenario, robot, propose=True)
         errors.extend(wrong)
         known = robot.warnings
         if not wrong:

@@ -144,7 +144,7 @@ def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -
     if not silent:
         for line in (*prepared.notes, *reach_of(prepared)):
             say(line, "yellow" if line.startswith("out of reach") else "")
-        say(f"inverse dynamics in {folder / GUESS}; play it with: asrsim run {folder / GUESS_PLAYBACK}")
+        say(f"wrote {folder / GUESS}, of inverse dynamics; play it: asrsim run {folder / GUESS_PLAYBACK}")
     demands = [demand_data(demand) for demand in prepared.demands]
     return {"ok": True, "folder": str(folder), "demands": demands}
 
@@ -169,7 +169,7 @@ def _next(
             say(f"stalled: masses, stiffnesses and a delay were identified from the best trial, which they explain to {left}")
         if step.outcome:
             say(step.outcome, "green" if step.converged else "red")
-            say(f"the best input is in {folder / NEXT}")
+            say(f"wrote {folder / NEXT}, the best input")
         else:
             say(f"play {folder / NEXT} on the robot, record it, and give the recording to --next again")
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -103,7 +104,8 @@ def report(session: Session, folder: Path, *, silent: bool) -> dict[str, Any]:
         _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
     if session.replaced is not None:
         say(str(session.replaced))
-    say(f"results in {folder}; play them with: asrsim run {folder / 'learned.yaml'}")
+    say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
+    say(f"play what was learned: asrsim run {folder / 'learned.yaml'}")
     return data
 
 

@@ -41,7 +41,7 @@ class Interruption:
     """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt."""
 
     def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
-        """message: what the first signal says."""
+        """message: what the first signal says; empty: it is how one ends the command, there is nothing to say."""
         self.requested = False
         self._message = message
         self._before: dict[int, Any] = {}
@@ -68,7 +68,8 @@ class Interruption:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
-        complain(f"\n{self._message}")
+        if self._message:
+            complain(f"\n{self._message}")
 
 
 def _piped_stdout() -> Any:

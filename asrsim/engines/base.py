@@ -44,18 +44,21 @@ class Model(Protocol):
 @dataclass(frozen=True, kw_only=True)
 class EngineKernel:
     """A step of an engine as ordinary code on arrays, which a compiled loop runs for a whole stretch without the
-    interpreter."""
+    interpreter; or, where the engine is stepped from Python, what it adds to the torques before."""
 
-    look: Callable[..., None]
-    """look(world): fills in `world.positions` and `world.velocities` of the joints; before every move."""
     move: Callable[..., None]
-    """move(world): one step under `world.forces`, mean torques in N m."""
+    """move(world): one step under `world.forces`, mean torques in N m; or changes them, from `world.positions` and
+    `world.velocities`."""
+    look: Callable[..., None] | None = None
+    """look(world): fills in `world.positions` and `world.velocities` of the joints; before every move. None: `move` takes no
+    step."""
+    advance: Callable[[Sequence[float]], None] | None = None
+    """Where `move` takes no step: one step from Python under the forces that it left."""
     world: Any
-    """A named tuple of arrays and numbers: the engine's live state."""
+    """A named tuple of arrays and numbers: the engine's live state; (n,) arrays `positions`, `velocities`, `forces`."""
     compiled: Mapping[str, Any]
-    """Names that the code of look and move mentions -> what stands for them in compiled code."""
-    load: Callable[[], None]
-    """Makes the symbols that compiled code calls known to the process."""
+    """Names that the code of look and move mentions -> what stands for them in compiled code; symbols are known to the
+    process."""
     version: str
     """Of what is called: part of a kept kernel's name."""
     inline: tuple[str, ...] = ()
@@ -121,7 +124,7 @@ class Engine(Protocol):
         """The loop is compiled: compile what is the engine's own, too."""
 
     def kernel(self) -> EngineKernel | None:
-        """The engine's step for compiled loops; None where every step goes through Python."""
+        """The engine's part in compiled loops; None where it has none, and every step goes through Python."""
 
     def close(self) -> None:
         """Release everything."""

@@ -1,7 +1,7 @@
 """PyBullet behind the engine interface, set up so that its traps do not bite. The only module that imports pybullet.
 
 Undamped unless asked, inertia as in the data, true Coulomb friction of joints, no velocity clamp, no hidden motors, fixed links
-merged. Velocity torques, which Bullet takes at the lagging velocity, are corrected. Link damping is the loop's.
+merged. What Bullet's step lacks comes from :mod:`asrsim.engines.bullet_companion`. Link damping is the loop's.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.base import EngineKernel
-from asrsim.engines.bullet_coriolis import Coriolis, FixedBase, FloatingBase
-from asrsim.engines.bullet_friction import ExactFriction, without_stops
+from asrsim.engines.bullet_companion import Companion, without_stops
 from asrsim.engines.bullet_loading import load_body
 from asrsim.engines.bullet_model import BulletModel
 from asrsim.engines.bullet_saved import SavedState
@@ -57,12 +56,12 @@ class BulletEngine:
         self._scenario = scenario
         self._step = scenario.step
         merged = merge_fixed(robot)
-        exact = scenario.world.empty and any(joint.friction for joint in robot.moving_joints)
+        self._exact = exact = scenario.world.empty and any(joint.friction for joint in robot.moving_joints)
         shown = without_stops(merged.robot) if exact else merged.robot
         text, self.warnings = engine_urdf(shown, package_paths=scenario.package_paths)
         try:
             self._body = load_body(pybullet, self._client, text, scenario, robot)
-            self._set_up(exact)
+            self._set_up()
             links = {name: (self._link_index[place.body], place.pose) for name, place in merged.places.items()}
             self.model = BulletModel(
                 pybullet, self._client, self._body, self._indices, joints=self.joints, gravity=scenario.gravity,
@@ -78,13 +77,12 @@ class BulletEngine:
         self._apply = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
         self._simulate = partial(p.stepSimulation, client)
         self._start = (list(p.getBasePositionAndOrientation(body, client)), self._world.states())
-        self._coriolis: Coriolis | None = None
         positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
         self.set_state(positions, [0.0] * len(positions))
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
-    def _set_up(self, exact: bool) -> None:
+    def _set_up(self) -> None:
         p, client, body = self._p, self._client, self._body
         p.setGravity(*self._scenario.gravity, physicsClientId=client)
         self.base = p.getBodyInfo(body, client)[0].decode()
@@ -102,12 +100,8 @@ class BulletEngine:
         moving = self.robot.moving_joints
         self.joints = tuple(joint.name for joint in moving)
         self._indices = [index_of[joint.name] for joint in moving]
-        self._frictions = [joint.friction for joint in moving]
-        self._hold: ExactFriction | None = None
-        if exact:
-            # Bullet's solvers let joints creep that friction holds, or fail where a joint meets its stop.
-            self._hold = ExactFriction(self._scenario, self.robot)
-            self._frictions = [0.0] * len(moving)
+        self._frictions = [0.0 if self._exact else joint.friction for joint in moving]
+        self._companion: Companion | None = None
         p.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, physicsClientId=client
         )
@@ -117,14 +111,12 @@ class BulletEngine:
         self._step = step
         self._p.setTimeStep(step, physicsClientId=self._client)
         self._set_friction(1.0)
-        self._coriolis = None
-        if self._hold is not None:
-            self._hold.prepare(step, staggered=staggered)
-        if staggered:
-            if not self._scenario.fixed_base:
-                self._coriolis = FloatingBase(self._p, self._client, self._body, self._scenario, self.robot, step)
-            elif len(self.joints) > 1:
-                self._coriolis = FixedBase(self.model)
+        lagging = staggered and (len(self.joints) > 1 or not self._scenario.fixed_base)
+        self._companion = None
+        if self._exact or lagging:
+            self._companion = Companion(self, self._scenario, self.robot, exact=self._exact)
+            self._companion.prepare(step, staggered=staggered)
+            self._companion.reset()
 
     def _set_friction(self, fraction: float) -> None:
         """Velocity motors at target 0: with force 0 they free the joint, with a force they are its Coulomb friction.
@@ -147,14 +139,13 @@ class BulletEngine:
         for index, position, velocity in zip(self._indices, positions, velocities, strict=True):
             p.resetJointState(body, index, position, velocity, physicsClientId=client)
         self._world.set_states(objects)
-        for part in (self._coriolis, self._hold):
-            if part is not None:
-                part.reset()
+        if self._companion is not None:
+            self._companion.reset()
 
     def accelerate(self) -> None:
         """Compile what is the engine's own."""
-        if self._hold is not None:
-            self._hold.accelerate()
+        if self._companion is not None:
+            self._companion.accelerate()
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -183,10 +174,12 @@ class BulletEngine:
         if fraction != 1.0:
             self._first(forces, fraction)
             return
-        if self._hold is not None:
-            forces = self._hold.forces(self, *self.read(), forces)
-        if self._coriolis is not None:
-            forces = self._coriolis.corrected(self._seen or self.states(), forces)
+        if self._companion is not None:
+            forces = self._companion.forces(self._seen or self.states(), forces)
+        self._advance(forces)
+
+    def _advance(self, forces: Sequence[float]) -> None:
+        """One step under torques that the companion has completed."""
         self._apply(forces=forces)
         self._simulate()
         self._seen = None
@@ -194,11 +187,10 @@ class BulletEngine:
     def _first(self, forces: Sequence[float], fraction: float) -> None:
         """A step whose kick is only a part of one: everything that pushes acts with that part of its impulse."""
         p = self._p
-        if self._hold is not None:
-            forces = self._hold.forces(self, *self.read(), forces, fraction)
-        forces = [fraction * force for force in forces]
-        if self._coriolis is not None:
-            forces = self._coriolis.first(*self.read(), forces, fraction)
+        if self._companion is not None:
+            forces = self._companion.first(self.states(), forces, fraction)
+        else:
+            forces = [fraction * force for force in forces]
         p.setGravity(*(fraction * component for component in self._scenario.gravity), physicsClientId=self._client)
         self._set_friction(fraction)
         self._apply(forces=forces)
@@ -206,16 +198,21 @@ class BulletEngine:
         self._seen = None
         p.setGravity(*self._scenario.gravity, physicsClientId=self._client)
         self._set_friction(1.0)
-        if self._coriolis is not None:
-            self._coriolis.after_first(self.read()[1])
-        if self._hold is not None:
-            self._hold.after_first(self, self.read()[1])
+        if self._companion is not None:
+            self._companion.after_first(self.read()[1])
+
+    def push_base(self, force: Array, torque: Array) -> None:
+        """Force (3,) N and torque (3,) N m, world axes, on the base's centre of mass in the next step."""
+        p, client, body = self._p, self._client, self._body
+        centre = p.getBasePositionAndOrientation(body, client)[0]
+        p.applyExternalForce(body, -1, force.tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
+        p.applyExternalTorque(body, -1, torque.tolist(), p.WORLD_FRAME, physicsClientId=client)
 
     def apply_wrench(self, index: int, values: Sequence[float]) -> None:
         """Force and torque of the scenario's wrench `index` for the next step."""
         wrench = self._scenario.wrenches[index]
-        if self._hold is not None:
-            self._hold.wrench(index, values)
+        if self._companion is not None:
+            self._companion.wrench(index, values)
         p, client, body = self._p, self._client, self._body
         place, rotation = self.model.frame_now(wrench.link)
         force, torque = np.array(values[:3]), np.array(values[3:])
@@ -228,8 +225,8 @@ class BulletEngine:
         p.applyExternalTorque(body, number, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
 
     def kernel(self) -> EngineKernel | None:
-        """None: every step goes through PyBullet's Python functions."""
-        return None
+        """What completes the torques; steps go through PyBullet's Python functions."""
+        return None if self._companion is None else self._companion.kernel(self._advance)
 
     def vary(self, robot: Robot) -> bool:
         """False but for damping and motors, which are not the engine's: changed bodies would differ from loaded ones."""
@@ -239,17 +236,16 @@ class BulletEngine:
     def snapshot(self) -> Any:
         """The engine's whole state."""
         state = self._p.saveState(physicsClientId=self._client)
-        parts = [part and part.snapshot() for part in (self._coriolis, self._hold)]
-        return SavedState(self._p, self._client, state, self._alive), parts
+        companion = self._companion and self._companion.snapshot()
+        return SavedState(self._p, self._client, state, self._alive), companion
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
-        saved, states = state
+        saved, companion = state
         self._seen = None
         self._p.restoreState(saved.number, physicsClientId=self._client)
-        for part, kept in zip((self._coriolis, self._hold), states, strict=True):
-            if part is not None:
-                part.restore(kept)
+        if self._companion is not None:
+            self._companion.restore(companion)
 
     # -- what is around ---------------------------------------------------------------------------------------------
 

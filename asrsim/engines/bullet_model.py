@@ -6,8 +6,6 @@ Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
-from operator import sub
 from typing import Any
 
 import numpy as np
@@ -39,8 +37,6 @@ class BulletModel:
         self._to_bullet = sorted(range(len(self._indices)), key=self._indices.__getitem__)
         self._from_bullet = [self._to_bullet.index(j) for j in range(len(self._indices))]
         self._same_order = self._to_bullet == list(range(len(self._indices)))
-        # The client by name: the fifth argument is one for flags.
-        self._inverse = partial(p.calculateInverseDynamics, body, physicsClientId=client)
         self._zero = [0.0] * len(self._indices)
 
     def index_of(self, link: str) -> int:
@@ -93,16 +89,6 @@ class BulletModel:
             base, cross = matrix[:6, :6], matrix[:6, 6:]
             matrix = matrix[6:, 6:] - cross.T @ np.linalg.solve(base, cross)
         return matrix[-n:, -n:][np.ix_(self._from_bullet, self._from_bullet)]
-
-    def bias_difference(self, positions: Sequence[float], velocities: Sequence[float], others: Sequence[float]) -> list[float]:
-        """Velocity torques in N m at `velocities` less those at `others`, on a base that is held."""
-        if self._same_order:
-            return list(
-                map(sub, self._inverse(positions, velocities, self._zero), self._inverse(positions, others, self._zero))
-            )
-        here = self._inverse(self._ordered(positions), self._ordered(velocities), self._zero)
-        there = self._inverse(self._ordered(positions), self._ordered(others), self._zero)
-        return [here[k] - there[k] for k in self._from_bullet]
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
         """(n,) N m that give no acceleration, on a base that is held."""

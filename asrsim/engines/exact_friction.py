@@ -17,14 +17,17 @@ SLACK = 1e-12
 """Relative excess of an impulse over its bound that rounding may give."""
 
 
-def mj_solveM(*arguments: Any) -> None:  # noqa: N802  (the library's name)
-    """Bound by :mod:`asrsim.engines.mujoco_library`."""
-    raise NotImplementedError
+def _unbound(*arguments: Any) -> None:
+    raise NotImplementedError("bound by asrsim.engines.mujoco_library")
+
+
+mj_solveM = mj_fullM = _unbound  # noqa: N816  (the library's names)
 
 
 def settle(world: Any, kick: float) -> None:
     """Change of velocity under the impulses, with friction and stops: each keeps its joint at `target` or gives its bound."""
     active = 0
+    world.known[len(world.friction)] = 0
     for j in range(len(world.friction)):
         most = world.friction[j] * kick
         low, high, target = -most, most, 0.0
@@ -50,7 +53,7 @@ def settle(world: Any, kick: float) -> None:
 
 
 def _try(world: Any) -> None:
-    """Change of velocity with the joints held or sliding as `held` says; impulses of the held ones in the square's diagonal."""
+    """Change of velocity with the joints held or sliding as `held` says; the impulses of the held ones are left in `push`."""
     count = 0
     for i in range(len(world.qvel)):
         world.push[i] = world.impulse[i]
@@ -61,10 +64,17 @@ def _try(world: Any) -> None:
                 count += 1
             else:
                 world.push[world.joint_v[j]] += world.high[j] if world.held[j] > 0 else world.low[j]
-    mj_solveM(world.model, world.data, world.at_change, world.at_push, 1)
-    if not count:
-        return
+    if 2 * count > len(world.qvel):
+        _move_others(world, count)
+    else:
+        _hold(world, count)
+
+
+def _hold(world: Any, count: int) -> None:
+    """Impulses of the `count` held joints from what a unit impulse at each gives the others."""
     size = len(world.qvel)
+    square = world.square
+    mj_solveM(world.model, world.data, world.at_change, world.at_push, 1)
     for a in range(count):
         j = world.pick[a]
         if not world.known[j]:
@@ -73,34 +83,80 @@ def _try(world: Any) -> None:
             world.push[world.joint_v[j]] = 1.0
             mj_solveM(world.model, world.data, world.at_columns + 8 * size * int(j), world.at_push, 1)
             world.known[j] = 1
-    # Cholesky of what a unit impulse at each held joint gives the others.
-    square = world.square
     for a in range(count):
         column = world.columns[world.pick[a]]
         for b in range(a, count):
-            value = column[world.joint_v[world.pick[b]]]
-            for c in range(a):
-                value -= square[a, c] * square[b, c]
-            if b == a:
-                square[a, a] = value**0.5
-            else:
-                square[b, a] = value / square[a, a]
-    for a in range(count):
-        j = world.pick[a]
-        place = world.joint_v[j]
-        value = world.target[j] - world.qvel[place] - world.change[place]
-        for c in range(a):
-            value -= square[a, c] * world.push[c]
-        world.push[a] = value / square[a, a]
-    for a in range(count - 1, -1, -1):
-        value = world.push[a]
-        for c in range(a + 1, count):
-            value -= square[c, a] * world.push[c]
-        world.push[a] = value / square[a, a]
+            square[b, a] = column[world.joint_v[world.pick[b]]]
+        place = world.joint_v[world.pick[a]]
+        world.push[a] = world.target[world.pick[a]] - world.qvel[place] - world.change[place]
+    _solve(square, world.push, count)
     for a in range(count):
         column = world.columns[world.pick[a]]
         for i in range(size):
             world.change[i] += world.push[a] * column[i]
+
+
+def _move_others(world: Any, count: int) -> None:
+    """The same where most are held: first the change of what is not, then what it takes to hold the `count` others."""
+    size = len(world.qvel)
+    mass, change, loose, square = world.mass, world.change, world.loose, world.square
+    if not world.known[len(world.friction)]:
+        mj_fullM(world.model, world.data, world.at_mass)
+        world.known[len(world.friction)] = 1
+    for i in range(size):
+        loose[i] = i
+        change[i] = 0.0
+    for a in range(count):
+        place = world.joint_v[world.pick[a]]
+        loose[place] = -1
+        change[place] = world.target[world.pick[a]] - world.qvel[place]
+    free = 0
+    for i in range(size):
+        if loose[i] >= 0:
+            loose[free] = loose[i]
+            free += 1
+    for a in range(free):
+        i = loose[a]
+        value = world.push[i]
+        for k in range(size):
+            value -= mass[i, k] * change[k]
+        world.rest[a] = value
+        for b in range(a, free):
+            square[b, a] = mass[loose[b], i]
+    _solve(square, world.rest, free)
+    for a in range(free):
+        change[loose[a]] = world.rest[a]
+    for a in range(count):
+        place = world.joint_v[world.pick[a]]
+        value = -world.push[place]
+        for k in range(size):
+            value += mass[place, k] * change[k]
+        world.rest[a] = value
+    for a in range(count):
+        world.push[a] = world.rest[a]
+
+
+def _solve(square: Any, values: Any, count: int) -> None:
+    """Solve a positive definite system of `count`, whose lower half is given, in place (Cholesky)."""
+    for a in range(count):
+        for c in range(a):
+            square[a, a] -= square[a, c] * square[a, c]
+        square[a, a] = square[a, a] ** 0.5
+        for b in range(a + 1, count):
+            value = square[b, a]
+            for c in range(a):
+                value -= square[b, c] * square[a, c]
+            square[b, a] = value / square[a, a]
+    for a in range(count):
+        value = values[a]
+        for c in range(a):
+            value -= square[a, c] * values[c]
+        values[a] = value / square[a, a]
+    for a in range(count - 1, -1, -1):
+        value = values[a]
+        for c in range(a + 1, count):
+            value -= square[c, a] * values[c]
+        values[a] = value / square[a, a]
 
 
 def _swap(world: Any, single: bool) -> bool:

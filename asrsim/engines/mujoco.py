@@ -6,7 +6,8 @@ for whole stretches; friction of joints and their stops are exact. With contacts
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,11 @@ from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
-from asrsim.engines.mujoco_library import INLINE, compile_stage, load, plain_stage, say_nothing, symbols
+from asrsim.engines.mujoco_library import compiled_stage, plain_stage, say_nothing
 from asrsim.engines.mujoco_model import MujocoModel
+from asrsim.engines.mujoco_world import make_world
 from asrsim.errors import Problem
+from asrsim.packed import pack
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import MergedRobot, merge_fixed
@@ -29,10 +32,6 @@ from asrsim.scenario.data import Scenario, for_joint
 
 def _unpack(states: tuple[Array, Array], j: int) -> tuple[float, float]:
     return float(states[0][j]), float(states[1][j])
-
-
-PATIENCE = 300
-"""Steps from Python in a compiled run after which its stages are compiled too; below, compiling would take longer."""
 
 
 class MujocoEngine:
@@ -60,11 +59,14 @@ class MujocoEngine:
         self._home = self._m.qpos0.copy()
         self.model = MujocoModel(mujoco, self._m, joints=self.joints, home=self._home, places=places)
         self._at_q, self._at_v = self.model.at_q, self.model.at_v
-        self._wrenches = [places[wrench.link] for wrench in scenario.wrenches]
         self._contacts = MujocoContacts(mujoco, self._m, self._d, scenario.world) if contacts else None
-        self._world = self.state = self._make_world(robot)
-        self._patience = -1
-        self._look, self._move = plain_stage(stages.look), plain_stage(stages.move)
+        self._world = self.state = make_world(
+            self._m, self._d, robot, at_q=self._at_q, at_v=self._at_v, free=bool(self.base), wrenches=scenario.wrenches,
+            places=places,
+        )  # fmt: skip
+        self._packed = pack(self._world)
+        self.stage: Callable[[int], None] = partial(plain_stage(), self._world)
+        """Runs one of the stages of :mod:`asrsim.engines.mujoco_stages`."""
         positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
         self.prepare(scenario.step, staggered=True)
         self.set_state(positions, [0.0] * len(positions))
@@ -99,37 +101,6 @@ class MujocoEngine:
             for name, place in merged.places.items()
         }
 
-    def _make_world(self, robot: Robot) -> stages.World:
-        m, d = self._m, self._d
-        n, size = len(self.joints), m.nv
-        moving = robot.moving_joints
-        wrenches = self._scenario.wrenches
-        points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, self._wrenches, strict=True)]
-        arrays: dict[str, Any] = {
-            "previous": np.zeros(size), "velocity": np.zeros(size), "bias": np.zeros(size), "impulse": np.zeros(size),
-            "change": np.zeros(size), "push": np.zeros(size), "columns": np.zeros((n, size)), "vectors": np.zeros((3, 3)),
-        }  # fmt: skip
-        addresses = {
-            f"at_{name}": arrays[name].ctypes.data for name in ("bias", "impulse", "change", "push", "columns", "vectors")
-        }
-        return stages.World(
-            model=m._address, data=d._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]),
-            qpos=d.qpos, qvel=d.qvel,
-            positions=np.zeros(n), velocities=np.zeros(n), forces=np.zeros(n), joint_q=self._at_q, joint_v=self._at_v,
-            free=int(bool(self.base)),
-            friction=np.array([joint.friction for joint in moving]),
-            lower=np.array([-np.inf if joint.lower is None else joint.lower for joint in moving]),
-            upper=np.array([np.inf if joint.upper is None else joint.upper for joint in moving]),
-            held=np.zeros(n, dtype=np.int64), low=np.zeros(n), high=np.zeros(n), target=np.zeros(n),
-            known=np.zeros(n, dtype=np.int64), pick=np.zeros(n, dtype=np.int64), square=np.zeros((n, n)),
-            xpos=d.xpos, xmat=d.xmat, wrench=np.zeros((len(wrenches), 6)),
-            wrench_body=np.array([place[0] for place in self._wrenches], dtype=np.int64),
-            wrench_point=np.array(points).reshape(len(wrenches), 3),
-            wrench_turn=np.array([turn for _, _, turn in self._wrenches]).reshape(len(wrenches), 3, 3),
-            wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
-            at_qpos=d.qpos.ctypes.data, at_qvel=d.qvel.ctypes.data, **arrays, **addresses,
-        )  # fmt: skip
-
     def prepare(self, step: float, *, staggered: bool) -> None:
         """Before the first step."""
         self._world.scheme[:] = (step, 1.5, -0.5, 1.0) if staggered else (step, 1.0, 0.0, 1.0)
@@ -151,7 +122,7 @@ class MujocoEngine:
 
     def states(self) -> tuple[Array, Array]:
         """Positions and velocities of the joints, the engine's own arrays."""
-        self._look(self._world)
+        self.stage(stages.LOOK)
         return self._world.positions, self._world.velocities
 
     unpack = staticmethod(_unpack)
@@ -172,20 +143,15 @@ class MujocoEngine:
         """One step under mean torques."""
         world = self._world
         world.forces[:] = forces
-        if self._patience > 0:
-            self._patience -= 1
-            if not self._patience:
-                self._look = compile_stage(stages.look, world, self.version)
-                self._move = compile_stage(stages.move, world, self.version)
         start = None
         if fraction != 1.0:
             start = world.qvel.copy()
             world.scheme[1:] = (1.0, 0.0, fraction)
         if self._contacts is not None:
             self._contacts.move(world)
+            world.wrench[:] = 0.0
         else:
-            self._move(world)
-        world.wrench[:] = 0.0
+            self.stage(stages.MOVE)
         if start is not None:
             # The velocity half a step before the start, as if the first kick had been a whole one.
             world.previous[:] = 2.0 * start - world.qvel
@@ -195,26 +161,44 @@ class MujocoEngine:
         """Turn a floating base."""
         self._mujoco.mju_mat2Quat(self._world.qpos[3:7], np.ascontiguousarray(rotation).ravel())
 
+    def velocity_torques(self) -> Array:
+        """(v,) N m, N: Coriolis and centrifugal torques in the state that the stages saw last."""
+        velocity = self._d.qvel.copy()
+        both = np.zeros((2, self._m.nv))
+        for row, speed in zip(both, (velocity, 0.0), strict=True):
+            self._d.qvel[:] = speed
+            self._mujoco.mj_comVel(self._m, self._d)
+            self._mujoco.mj_rne(self._m, self._d, 0, row)
+        self._d.qvel[:] = velocity
+        difference: Array = both[0] - both[1]
+        return difference
+
     def apply_wrench(self, index: int, values: Sequence[float]) -> None:
         """Force and torque of wrench `index` for the next step."""
         self._world.wrench[index] = values
 
     def accelerate(self) -> None:
-        """Compile what is not compiled with the loop, once it is called often: most runs step seldom from Python."""
-        self._patience = PATIENCE if self._contacts is None else -1
+        """Steps from Python through compiled code, too."""
+        self.stage = partial(compiled_stage(self._world, self.version).call, self._packed.ctypes.data)
 
     def kernel(self) -> EngineKernel | None:
         """The step for compiled loops; with contacts there is none."""
-        if self._contacts is not None:
-            return None
+        return self.kernel_of(stages.move_at, stages.look_at) if self._contacts is None else None
+
+    def kernel_of(
+        self,
+        move: Callable[[Any], None],
+        look: Callable[[Any], None] | None = None,
+        advance: Callable[[Sequence[float]], None] | None = None,
+    ) -> EngineKernel:
+        """Of compiled stages; see :class:`asrsim.engines.base.EngineKernel`."""
+        from numba import types
+
+        world, packed = self._world, compiled_stage(self._world, self.version)
+        handle = stages.Handle(self._packed.ctypes.data, world.positions, world.velocities, world.forces, world.wrench)
+        symbol = types.ExternalFunction(packed.symbol, types.void(types.intp, types.intp))
         return EngineKernel(
-            look=stages.look,
-            move=stages.move,
-            world=self._world,
-            compiled=symbols(),
-            load=load,
-            version=self.version,
-            inline=INLINE,
+            move=move, look=look, advance=advance, world=handle, compiled={"compiled_stage": symbol}, version=self.version
         )
 
     def vary(self, robot: Robot) -> bool:

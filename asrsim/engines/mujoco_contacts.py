@@ -8,8 +8,8 @@ import numpy as np
 
 from asrsim.engines.exact_friction import STOP_SHARE
 from asrsim.engines.mujoco_build import GROUND, HARD
-from asrsim.engines.mujoco_stages import BEFORE, FRACTION, NOW, STEP
-from asrsim.engines.mujoco_stages import World as State
+from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP
+from asrsim.engines.mujoco_world import World as State
 from asrsim.scenario.data import World
 
 NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0

@@ -7,8 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from asrsim.compiling import compile_function
+from asrsim.compiling import PackedFunction, compile_packed, type_of
 from asrsim.engines import mujoco_stages as stages
+from asrsim.engines.mujoco_world import World
 from asrsim.rebind import rebind
 
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
@@ -37,32 +38,25 @@ def _library() -> Any:
 
 
 @cache
-def plain_stage(function: Any) -> Any:
-    """A stage that calls the library through ctypes."""
-    return rebind(function, names={name: getattr(_library(), name) for name in stages.ROUTINES})
+def plain_stage() -> Any:
+    """:func:`asrsim.engines.mujoco_stages.stage`, which calls the library through ctypes."""
+    return rebind(stages.stage, names={name: getattr(_library(), name) for name in stages.ROUTINES})
+
+
+def compiled_stage(world: World, version: str) -> PackedFunction:
+    """:func:`asrsim.engines.mujoco_stages.stage` through Numba: the same code for all robots."""
+    return _compiled_stage(type_of(world), version)
 
 
 @cache
-def symbols() -> dict[str, Any]:
-    """The routines for code that Numba compiles: called by their names, so that kept code finds them in every process."""
+def _compiled_stage(kind: Any, version: str) -> PackedFunction:
+    from llvmlite import binding
     from numba import types
 
+    binding.load_library_permanently(_library()._name)
     kinds = {"m": types.intp, "i": types.intc, "d": types.float64}
-    return {
+    names = {
         name: types.ExternalFunction(name, types.void(*(kinds[kind] for kind in arguments)))
         for name, arguments in stages.ROUTINES.items()
     }
-
-
-@cache
-def load() -> None:
-    """Make the routines known to compiled code of this process."""
-    from llvmlite import binding
-
-    binding.load_library_permanently(_library()._name)
-
-
-def compile_stage(function: Any, world: stages.World, version: str) -> Any:
-    """A stage through Numba."""
-    load()
-    return compile_function(function, (world,), names=symbols(), version=version, inline=INLINE)
+    return compile_packed(stages.stage, kind, names=names, version=version, inline=INLINE)

@@ -6,16 +6,11 @@ symbols for compiled code. Coulomb friction and joint stops are exact: impulses 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numpy.typing import NDArray
-
 from asrsim.engines.exact_friction import settle
-
-STEP, NOW, BEFORE, FRACTION = range(4)
-"""Places in `World.scheme`: s; weights of the last two velocities in that of the whole step; part of the kick."""
-
-Numbers = NDArray[Any]
+from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP, Numbers, World
 
 
 def _unbound(*arguments: Any) -> None:
@@ -27,101 +22,116 @@ mj_rne = mj_solveM = mj_integratePos = mj_applyFT = _unbound  # noqa: N816
 
 ROUTINES = {
     "mj_kinematics": "mm", "mj_comPos": "mm", "mj_makeM": "mm", "mj_factorM": "mm", "mj_comVel": "mm", "mj_rne": "mmim",
-    "mj_solveM": "mmmmi", "mj_integratePos": "mmmd", "mj_applyFT": "mmmmmim",
+    "mj_solveM": "mmmmi", "mj_fullM": "mmm", "mj_integratePos": "mmmd", "mj_applyFT": "mmmmmim",
 }  # fmt: skip
 """Routines of the library with the kinds of their arguments: m address, i int, d double."""
 
 
-class World(NamedTuple):
-    """The engine's live state; arrays are views of MuJoCo's own, or work space. n joints, v degrees of freedom."""
+LOOK, MOVE, HOLD, CORRECT = range(4)
+"""What :func:`stage` does.
 
-    model: int
-    data: int
-    scheme: Numbers
-    """(4,): see STEP, NOW, BEFORE, FRACTION."""
-    qpos: Numbers
-    qvel: Numbers
-    previous: Numbers
-    """(v,) velocities before the last kick."""
-    velocity: Numbers
-    """(v,) at the whole step."""
-    bias: Numbers
-    impulse: Numbers
-    change: Numbers
+LOOK: positions and velocities of the joints, after what of the model depends on positions alone. MOVE: a step under the forces.
+The others serve another engine in the state of `positions` and `velocities`, which takes velocity torques at the lagging
+velocity: CORRECT adds to the forces, and as `lag` to those on a free base, what they lack to be of the whole step; HOLD adds
+those of friction and stops, too.
+"""
+
+
+def stage(world: World, number: int) -> None:
+    """One of the above. Each part is called from one place: calls of compiled code are inlined, and the whole is compiled."""
+    if number != MOVE:
+        if number != LOOK:
+            _put_joints(world)
+        mj_kinematics(world.model, world.data)
+        mj_comPos(world.model, world.data)
+        if number != CORRECT:
+            mj_makeM(world.model, world.data)
+            mj_factorM(world.model, world.data)
+        if number == LOOK:
+            _read_joints(world)
+            return
+        mj_comVel(world.model, world.data)
+        mj_rne(world.model, world.data, 0, world.at_lag)
+    kick = _push(world)
+    if number != CORRECT:
+        settle(world, kick)
+    if number == MOVE:
+        _drift(world)
+        return
+    if number == HOLD:
+        _add_held(world, kick)
+    for i in range(len(world.lag)):
+        world.lag[i] -= world.bias[i]
+    for j in range(len(world.joint_v)):
+        world.forces[j] += world.lag[world.joint_v[j]]
+
+
+class Handle(NamedTuple):
+    """What compiled loops know of the world: its address, and the arrays that they read and write."""
+
+    address: int
     positions: Numbers
-    """(n,) of the joints: rad, rad/s, and the mean torques (N m) of the next move."""
     velocities: Numbers
     forces: Numbers
-    joint_q: Numbers
-    """(n,) places of the joints in qpos, and in qvel:"""
-    joint_v: Numbers
-    free: int
-    """1 if the base floats."""
-    friction: Numbers
-    """(n,) N m, Coulomb."""
-    lower: Numbers
-    upper: Numbers
-    held: Numbers
-    """(n,) integers: 0 sticking, 1 and -1 sliding under the upper and the lower bound of the impulse."""
-    low: Numbers
-    high: Numbers
-    target: Numbers
-    """(n,) velocity that a held joint takes."""
-    columns: Numbers
-    """(n, v) velocities that a unit impulse at a joint gives, where `known` is 1."""
-    known: Numbers
-    pick: Numbers
-    square: Numbers
-    """(n, n) work space."""
-    push: Numbers
-    xpos: Numbers
-    xmat: Numbers
     wrench: Numbers
-    """(w, 6) N, N m: the next step's."""
-    wrench_body: Numbers
-    wrench_point: Numbers
-    """(w, 3) m, in the body's frame."""
-    wrench_turn: Numbers
-    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
-    wrench_local: Numbers
-    """(w,) 1 where the wrench is given in the link's frame."""
-    vectors: Numbers
-    """(3, 3) work space: force, torque, point."""
-    at_qpos: int
-    """Addresses of arrays above."""
-    at_qvel: int
-    at_bias: int
-    at_impulse: int
-    at_change: int
-    at_push: int
-    at_columns: int
-    at_vectors: int
 
 
-def look(world: World) -> None:
-    """Positions and velocities of the joints, after what of the model depends on positions alone."""
-    mj_kinematics(world.model, world.data)
-    mj_comPos(world.model, world.data)
-    mj_makeM(world.model, world.data)
-    mj_factorM(world.model, world.data)
+compiled_stage: Callable[[int, int], None] = _unbound
+
+
+def correct_at(handle: Handle) -> None:
+    """CORRECT from a compiled loop."""
+    compiled_stage(handle.address, CORRECT)
+
+
+def hold_at(handle: Handle) -> None:
+    """HOLD from a compiled loop."""
+    compiled_stage(handle.address, HOLD)
+
+
+def look_at(handle: Handle) -> None:
+    """LOOK from a compiled loop."""
+    compiled_stage(handle.address, LOOK)
+
+
+def move_at(handle: Handle) -> None:
+    """MOVE from a compiled loop."""
+    compiled_stage(handle.address, MOVE)
+
+
+def _put_joints(world: World) -> None:
+    for j in range(len(world.joint_q)):
+        world.qpos[world.joint_q[j]] = world.positions[j]
+        world.qvel[world.joint_v[j]] = world.velocities[j]
+
+
+def _read_joints(world: World) -> None:
     for j in range(len(world.joint_q)):
         world.positions[j] = world.qpos[world.joint_q[j]]
         world.velocities[j] = world.qvel[world.joint_v[j]]
 
 
-def move(world: World) -> None:
-    """A step under the forces."""
-    kick = _push(world)
-    qvel = world.qvel
-    settle(world, kick)
+def _drift(world: World) -> None:
+    qvel, step = world.qvel, world.scheme[STEP]
     for i in range(len(qvel)):
         qvel[i] += world.change[i]
-    step = world.scheme[STEP]
     if world.free:
         mj_integratePos(world.model, world.at_qpos, world.at_qvel, step)
     else:
         for i in range(len(qvel)):
             world.qpos[i] += step * qvel[i]
+
+
+def _add_held(world: World, kick: float) -> None:
+    """Mean torques of friction and stops."""
+    count = 0
+    for j in range(len(world.friction)):
+        if world.high[j] > world.low[j]:
+            if world.held[j] == 0:
+                world.forces[j] += world.push[count] / kick
+                count += 1
+            else:
+                world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
 
 
 def _push(world: World) -> float:
@@ -145,27 +155,6 @@ def _push(world: World) -> float:
     if len(world.wrench):
         _add_wrenches(world, world.scheme[STEP])
     return kick
-
-
-def hold(world: World) -> None:
-    """Adds to the forces those of friction and stops, for another engine that is in the world's state.
-
-    Velocity torques are those of the whole step, as in `move`.
-    """
-    mj_kinematics(world.model, world.data)
-    mj_comPos(world.model, world.data)
-    mj_makeM(world.model, world.data)
-    mj_factorM(world.model, world.data)
-    kick = _push(world)
-    settle(world, kick)
-    count = 0
-    for j in range(len(world.friction)):
-        if world.high[j] > world.low[j]:
-            if world.held[j] == 0:
-                world.forces[j] += world.push[count] / kick
-                count += 1
-            else:
-                world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
 
 
 def _add_wrenches(world: World, kick: float) -> None:
@@ -192,5 +181,7 @@ def _add_wrenches(world: World, kick: float) -> None:
                     world.vectors[kind, row] = world.wrench[index, 3 * kind + row]
         at = world.at_vectors
         mj_applyFT(world.model, world.data, at, at + 24, at + 48, int(body), world.at_push)
+        for i in range(6):
+            world.wrench[index, i] = 0.0
     for i in range(len(world.qvel)):
         world.impulse[i] += kick * world.push[i]

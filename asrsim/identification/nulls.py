@@ -151,7 +151,7 @@ def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple
     # d a / a + power d b / b = 0: a + (power a / b) b is constant nearby.
     factor = power * a / b if b else 0.0
     whole = round(factor)
-    if whole != 0 and abs(factor - whole) < NICE * abs(whole) * 2.0:
+    if 0 < abs(whole) <= 4 and abs(factor - whole) < NICE * abs(whole) * 2.0:
         factor = float(whole)
     if (not whole or factor != whole) and a > 0.0 and b > 0.0:
         return f"{other} * {pivot}^{power:.2g}", a * b**power

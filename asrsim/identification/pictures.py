@@ -132,6 +132,10 @@ def _matrix(result: Result) -> Any:
     return figure
 
 
+CERTAIN = 3.84
+"""Chi squared of one parameter at the ends of a 95 % interval."""
+
+
 def _profiles(result: Result) -> Any:
     """Cost over each parameter with the others as they are, and where they follow by their correlation."""
     with ExitStack() as stack:
@@ -152,13 +156,14 @@ def _profiles(result: Result) -> Any:
             if np.isfinite(one.low):
                 axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
             axis.axvline(one.value, color="0.3", linewidth=0.7)
-            top = min(max(*alone, 1.05), 10.0 * min(alone))
-            axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(0.98 * min(alone), 1.05 * top))
+            axis.axhline(CERTAIN, color="0.3", linewidth=0.7, linestyle=":")
+            axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.5, 4.0 * CERTAIN))
             axis.xaxis.label.set_fontsize("x-small")
             axis.tick_params(labelsize="x-small")
             axis.locator_params(axis="x", nbins=3)
         axes[0, 0].legend(fontsize="xx-small")
-        axes[0, 0].set_ylabel("mean square residual", fontsize="x-small")
+        for axis in axes[:, 0]:
+            axis.set_ylabel("misfit above the best [$\\chi^2$]", fontsize="x-small")
     return figure
 
 
@@ -168,4 +173,7 @@ def _of(result: Result, track: int) -> list[Any]:
 
 
 def _costs(residuals: Callable[[Array], Array], x: Array, moves: Array, direction: Array) -> list[float]:
-    return [min(float(np.mean(residuals(x + move * direction) ** 2)), 1e6) for move in moves]
+    """Sums of squares above that of `x`, in units of its mean square: chi squared, if residuals were white."""
+    best = residuals(x)
+    least, unit = float(np.sum(best**2)), max(float(np.mean(best**2)), 1e-300)
+    return [min((float(np.sum(residuals(x + move * direction) ** 2)) - least) / unit, 1e6) for move in moves]

@@ -7,6 +7,7 @@ droop by under load is left out.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.vectorised import over_arrays, references_over_arrays
-from asrsim.robot import ActuatorBlock, Robot
+from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
@@ -85,33 +86,34 @@ def _goals(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array
 
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
     """Each joint at the instant at which it is worst, by overdamped motion from where references ask it to be."""
-    chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+    chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
     time = _instants(scenario, blocks)
     wanted = {
         joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
         for joint in robot.moving_joints
     }
-    springs = {}
+    goals: dict[str, tuple[Array, Array]] = {}
     for block in blocks:
         first, second, goal = _goals(scenario, block, time)
         wanted[block.joint] = np.clip(goal, *_stops(robot, block.joint))
-        springs[block.joint] = _Spring(block, first, second)
+        goals[block.joint] = first, second
+    groups = [
+        _Springs([block for block in blocks if block.actuator == actuator], goals)
+        for actuator in dict.fromkeys(block.actuator for block in blocks)
+    ]
     start = chain.gravity_load(wanted, scenario.gravity)
-    weight = {name: _weight(robot, name, scenario) for name in wanted}
     positions = {name: values.copy() for name, values in wanted.items()}
+    for springs in groups:
+        springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
+        springs.low, springs.high = np.array([_stops(robot, name) for name in springs.names]).T[:, :, None]
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)
-        largest = 0.0
-        for name, spring in springs.items():
-            torque, stiffness = spring.at(positions[name])
-            step = np.clip((torque + loads[name]) / (stiffness + weight[name]), -LARGEST_STEP, LARGEST_STEP)
-            after = np.clip(positions[name] + step, *_stops(robot, name))
-            largest = max(largest, float(np.max(np.abs(after - positions[name]))))
-            positions[name] = after
+        largest = max(springs.settle(positions, loads) for springs in groups)
         if largest < 1e-5:
             break
+    limited = {name: row for springs in groups for name, row in springs.limited(positions).items()}
     found = []
-    for name, spring in springs.items():
+    for name in goals:
         off = np.abs(positions[name] - wanted[name])
         worst = int(np.argmax(off))
         low, high = _stops(robot, name)
@@ -119,41 +121,59 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(spring.limited(positions[name])[worst]), time=float(time[worst]),
+                limited=bool(limited[name][worst]), time=float(time[worst]),
             )
         )  # fmt: skip
     return tuple(found)
 
 
-class _Spring:
-    """The springs of one joint with motors held where they are asked to stand, (n,) instants."""
+class _Springs:
+    """The springs of all joints (j) with one actuator, motors held where they are asked to stand at (n,) instants."""
 
-    def __init__(self, block: ActuatorBlock, first: Array, second: Array) -> None:
-        self._actuator = ACTUATORS.get(block.actuator)
-        values = block.values()
-        self._parameters = tuple(values[parameter.name] for parameter in self._actuator.parameters)
-        self._law = over_arrays(self._actuator.elastic_torques)
-        self._goals = first, second
-        ideal = not MODES[block.mode].motor
-        self._limits = [math.inf if ideal else values[f"motor_{i}_max_torque"] for i in range(1, self._actuator.motors + 1)]
+    def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, Array]]) -> None:
+        actuator = ACTUATORS.get(blocks[0].actuator)
+        values = [block.values() for block in blocks]
+        self.names = [block.joint for block in blocks]
+        self._parameters = tuple(np.array([[given[p.name]] for given in values]) for p in actuator.parameters)
+        self._law = over_arrays(actuator.elastic_torques)
+        self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(2))
+        self._limits = np.array(
+            [
+                [
+                    [given[f"motor_{i}_max_torque"] if MODES[block.mode].motor else math.inf]
+                    for block, given in zip(blocks, values, strict=True)
+                ]
+                for i in range(1, actuator.motors + 1)
+            ]
+        )
+        """(motors, j, 1) N m."""
+        self.weight = self.low = self.high = np.zeros((len(blocks), 1))
+        """How fast gravity's torques may change with posture, N m/rad, and the joints' stops, rad or m."""
 
     def _torques(self, position: Array) -> Array:
+        """(motors, j, n) N m."""
         return self._law(position, *self._goals, self._parameters)
 
-    def at(self, position: Array) -> tuple[Array, Array]:
-        """Torque on the link (n,) N m, and how it stiffens, N m/rad: a motor gives way at its largest torque."""
-        torques = self._torques(position)
-        near = self._torques(position + 1e-4)
-        for motor, limit in enumerate(self._limits):
-            torques[motor], near[motor] = np.clip(torques[motor], -limit, limit), np.clip(near[motor], -limit, limit)
-        torque: Array = torques.sum(axis=0)
-        return torque, np.maximum((torque - near.sum(axis=0)) / 1e-4, 0.0)
+    def settle(self, positions: dict[str, Array], loads: Mapping[str, Array]) -> float:
+        """Let the joints give way to their loads by a step; returns the largest, rad or m. A motor gives way at its largest
+        torque."""
+        position = np.stack([positions[name] for name in self.names])
+        here, near = self._torques(position), self._torques(position + 1e-4)
+        motors = len(self._limits)
+        for torques in (here, near):
+            torques[:motors] = np.clip(torques[:motors], -self._limits, self._limits)
+        torque = here.sum(axis=0)
+        stiffness = np.maximum((torque - near.sum(axis=0)) / 1e-4, 0.0)
+        load = np.stack([loads[name] for name in self.names])
+        step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
+        after = np.clip(position + step, self.low, self.high)
+        positions.update(zip(self.names, after, strict=True))
+        return float(np.max(np.abs(after - position)))
 
-    def limited(self, position: Array) -> Array:
-        """(n,) whether some motor gives way."""
-        torques = self._torques(position)
-        yields: Array = np.any([abs(torques[motor]) > limit for motor, limit in enumerate(self._limits)], axis=0)
-        return yields
+    def limited(self, positions: Mapping[str, Array]) -> dict[str, Array]:
+        """Joint -> (n,) whether some motor gives way."""
+        torques = self._torques(np.stack([positions[name] for name in self.names]))[: len(self._limits)]
+        return dict(zip(self.names, np.any(np.abs(torques) > self._limits, axis=0), strict=True))
 
 
 def _stops(robot: Robot, name: str) -> tuple[float, float]:

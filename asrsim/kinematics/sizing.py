@@ -13,6 +13,7 @@ from asrsim.errors import Problem
 from asrsim.kinematics.holding import Holding, holdings
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.scenario.check import made_elsewhere
+from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
@@ -46,13 +47,16 @@ class Sizing:
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
 
-    Nothing is said of floating bases, of modes without spring, of references that are torques or that a task or learning
-    makes, which see to it themselves.
+    Nothing is said of floating bases, of modes without spring, of references that are torques, that a task or learning
+    makes, or beside which a `desired` motion of the link stands: they see to it themselves.
     """
     blocks = [
         block
         for block in robot.actuators
-        if MODES[block.mode].spring and block.mode != 4 and not made_elsewhere(scenario, block.joint)
+        if MODES[block.mode].spring
+        and block.mode != 4
+        and not made_elsewhere(scenario, block.joint)
+        and for_joint(scenario.desired, block.joint) is None
     ]
     if not scenario.fixed_base or not any(scenario.gravity) or not blocks:
         return Sizing(joints=())
@@ -75,18 +79,22 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     return Sizing(joints=joints)
 
 
-def holding_findings(scenario: Scenario, robot: Robot) -> tuple[Problem, ...]:
-    """Warnings of joints that sag or fall under the arm's own weight, with parameters that hold it."""
-    return problems_of_weight(sizing(scenario, robot), robot, scenario.path)
+def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tuple[Problem, ...]:
+    """Warnings of joints that sag or fall under the arm's own weight; propose: with parameters that hold it, which takes some
+    ten times as long."""
+    cure = "Choose stiffer actuators or a lighter arm" if propose else "`asrsim check` proposes parameters that hold the arm"
+    return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path, cure=cure)
 
 
-def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:
-    """A warning for each joint that sags or falls."""
+def problems_of_weight(
+    found: Sizing, robot: Robot, file: Path | None = None, *, cure: str = "Choose stiffer actuators or a lighter arm"
+) -> tuple[Problem, ...]:
+    """A warning for each joint that sags or falls; cure: what to do where nothing is proposed."""
     values = ", ".join(
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
     )
-    cure: str | None = f"parameters: {{{values}}} holds the arm" if values else "Choose stiffer actuators or a lighter arm"
+    hint: str | None = f"parameters: {{{values}}} holds the arm" if values else cure
     problems = []
     for one in found.weak:
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
@@ -94,8 +102,8 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
         why = "its motors are too weak" if one.limited else "its springs are too soft"
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
-        problems.append(Problem(message=message, file=file, key=one.joint, hint=cure, code=code))
-        cure = None
+        problems.append(Problem(message=message, file=file, key=one.joint, hint=hint, code=code))
+        hint = None
     return tuple(problems)
 
 

@@ -42,7 +42,7 @@ class TipPoses:
     def added(self, samples: Samples) -> Samples:
         """The samples with the bodies `tip` and `tip_goal`; the goal turns with the tip where its orientation is free."""
         table = dict(zip(samples.joints, samples.values["link_position"].T, strict=True))
-        root = self._chain.root
+        root = self._chain.robot.root.name
         place, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)
         goal, turned = self._path.at(samples.time)
         poses = {TIP: _row(place, rotation), TIP_GOAL: _row(goal, rotation if turned is None else turned)}

@@ -64,10 +64,8 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
         ax.semilogy(numbers, expected, "+", ms=9, color=style.SKY, label="as the model predicted it", zorder=3)
     for column, joint in enumerate(problem.joints):
         largest = [trial.largest[column] for trial in result.trials]
-        ax.semilogy(
-            numbers, largest, ".", linestyle=style.line_style(1 + column), color=style.VERMILION, label=f"largest |e|, {joint}"
-        )
-    ax.axhline(settings.tolerance, color=style.GREEN, label="tolerance")
+        ax.semilogy(numbers, largest, ".", linestyle="--", color=style.variant_colour(column), label=f"largest |e|, {joint}")
+    ax.axhspan(0.0, settings.tolerance, color=style.GREEN, alpha=0.13, linewidth=0, label="tolerance")
     ax.set(xlabel="iteration", ylabel="error (rad)")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -93,7 +91,7 @@ def _draw_joint(
         linewidth=0,
         label="tolerance",
     )
-    for trial in (*result.trials, result.best_trial):
+    for trial in (*(trial for trial in result.trials if trial is not result.best_trial), result.best_trial):
         last = trial is result.best_trial
         strength = 1.0 if last else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
         for ax, values, shade, label in (
@@ -123,7 +121,7 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
         _draw_distribution(ax, nominal.worst, style.GREY, "learned on one plant")
     else:
         for column, joint in enumerate(report.joints):
-            _draw_distribution(ax, report.largest[:, column], style.VERMILION, joint, line=style.line_style(1 + column))
+            _draw_distribution(ax, report.largest[:, column], style.variant_colour(column), joint, line="--")
     ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
     ax.set(xlabel="largest error (rad)", ylabel="share of plants within", ylim=(0.0, 1.02))
     errors = np.concatenate([report.worst, [] if nominal is None else nominal.worst])

@@ -46,10 +46,14 @@ class CdrBuilder:
 
     def header(self, frame: str = "") -> CdrBuilder:
         """A std_msgs/Header."""
+        return self.stamp().string(frame)
+
+    def stamp(self) -> CdrBuilder:
+        """A builtin_interfaces/Time."""
         self._align(4)
         self._stamps.append(len(self._data))
         self._data += bytes(8)
-        return self.string(frame)
+        return self
 
     def uint32(self, value: int) -> CdrBuilder:
         """A number that does not change, such as the length of a sequence."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -30,6 +30,9 @@ from asrsim.log.topics import Topic
 
 COLUMNS_KEY = "asrsim_columns"
 """Channel metadata: JSON list of [offset in the message's data, kind, name, part] of the numbers read back from it."""
+
+Aside = tuple[int, int, bytes]
+"""A message that is in no row: channel, time in ns, data."""
 
 _ZSTD_LEVEL = -1
 """On these rows as small as level 1 to 1 %, in four fifths of its time; 3 is slower still and no smaller."""
@@ -106,18 +109,28 @@ class McapContainer:
             self._pending += encode(channel)
         return self._channels[key].id
 
-    def chunk(self, rows: RowBuffer, single: tuple[int, bytes] | None = None) -> None:
-        """Writes a chunk: channels not yet written, a single message (channel, data) at the first time, the rows."""
+    def chunk(self, rows: RowBuffer, asides: Sequence[Aside] = ()) -> None:
+        """Writes a chunk: channels not yet written, messages that are in no row, the rows."""
         start, end = rows.span()
-        prefix = self._pending
+        if asides:
+            times = [time for _, time, _ in asides]
+            start, end = (min(start, *times), max(end, *times)) if rows.count else (min(times), max(times))
         index = b""
         index_offsets: list[tuple[int, int]] = []
-        if single is not None:
-            channel, data = single
-            index += struct.pack("<BQHIQQ", Opcode.MESSAGE_INDEX, 22, channel, 16, start, len(prefix))
-            index_offsets.append((channel, 0))
+        places: dict[int, list[bytes]] = {}
+        parts = [self._pending]
+        size = len(self._pending)
+        for channel, time, data in asides:
+            places.setdefault(channel, []).append(struct.pack("<QQ", time, size))
             length = MESSAGE_HEADER.size - 9 + len(data)
-            prefix += MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel, 0, start, start) + data
+            parts.append(MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel, self._counts[channel], time, time) + data)
+            self._counts[channel] += 1
+            size += len(parts[-1])
+        prefix = b"".join(parts)
+        for channel, entries in places.items():
+            index_offsets.append((channel, len(index)))
+            length = 16 * len(entries)
+            index += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + length, channel, length) + b"".join(entries)
         if rows.count:
             records, size = rows.message_indexes(len(prefix))
             index_offsets += [(channel, len(index) + size * i) for i, channel in enumerate(rows.channels)]
@@ -141,8 +154,6 @@ class McapContainer:
         self._pending = b""
         for channel in rows.channels:
             self._counts[channel] += rows.count
-        if single is not None:
-            self._counts[single[0]] += 1
         first, last = self._span or (start, end)
         self._span = (min(first, start), max(last, end))
 

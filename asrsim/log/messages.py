@@ -1,4 +1,4 @@
-"""ROS 2 message definitions (`ros2msg` text) of everything a log contains: standard ones and three of our own."""
+"""ROS 2 message definitions (`ros2msg` text) of everything a log contains or a live run sends: standard ones and ours."""
 
 from __future__ import annotations
 
@@ -38,10 +38,18 @@ _FIELDS: dict[str, str] = {
     "sensor_msgs/JointState": (
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
     ),
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
+    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
+    "rosgraph_msgs/Clock": "builtin_interfaces/Time clock",
+    "asrsim_msgs/Command": "std_msgs/Header header\nstring joint\nstring reference\nuint64 substep\nfloat64 value",
     "asrsim_msgs/LinkState": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in LINK_STATE_FIELDS)]),
     "asrsim_msgs/JointSample": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in QUANTITIES)]),
     "asrsim_msgs/JointDetails": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in DETAIL_FIELDS)]),
 }
+
+OWN_MESSAGES = {name.split("/")[1]: text + "\n" for name, text in _FIELDS.items() if name.startswith("asrsim_msgs/")}
+"""Name -> definition of our own messages: what the ROS package `asrsim_msgs` holds."""
 
 _SEPARATOR = "=" * 80
 

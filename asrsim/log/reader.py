@@ -15,10 +15,11 @@ from asrsim.errors import LogError, Problem, did_you_mean
 from asrsim.log.cdr import Column
 from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
+from asrsim.log.commands import CommandReader
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
 from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_structure
 from asrsim.quantities import QUANTITIES
-from asrsim.samples import Array, RunInfo, Samples
+from asrsim.samples import Array, Command, RunInfo, Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,6 +162,28 @@ class LogReader:
             raise LogError(
                 Problem(message=f"cannot read the log: {error.strerror or error}", file=self.path, code="unreadable-log")
             ) from error
+
+    def commands(self) -> Iterator[Command]:
+        """What was set from outside in a live run, in the order in which it took effect. Raises LogError."""
+        finder = CommandReader()
+        for place, _, data in self._chunk_data():
+            try:
+                yield from finder.read(data)
+            except (ValueError, struct.error, UnicodeDecodeError) as error:
+                raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
+
+    def _chunk_data(self) -> Iterator[tuple[ChunkPlace, int, bytes]]:
+        """The chunks that can be read, with their numbers; in a log that was cut, its last may be damaged."""
+        last = len(self._structure.chunks) - 1
+        with self.path.open("rb") as file:
+            for number, place in enumerate(self._structure.chunks):
+                try:
+                    data = read_chunk(file, place)
+                except (ValueError, struct.error, EOFError) as error:
+                    if self.truncated and number == last:
+                        return
+                    raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
+                yield place, number, data
 
     def _selection(
         self, quantities: Sequence[str] | None, joints: Sequence[str] | None

@@ -60,7 +60,7 @@ def robot_topics(
         topics += _array_topics(members, _ros_path(namespace))
     if joints:
         columns = [_of(joints, f"link_{what}") for what in ("position", "velocity", "torque")]
-        topics.append(_joint_state("/joint_states", joints, columns, canonical=False))
+        topics.append(joint_state("/joint_states", joints, columns, canonical=False))
     return tuple(topics)
 
 
@@ -132,7 +132,7 @@ def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[To
     for index in (1, 2):
         quantities = [f"motor_{index}_{what}" for what in ("position", "velocity", "torque")]
         if recorded(quantities):
-            yield _joint_state(f"{path}/motor_{index}_state", [joint], [_of([joint], quantity) for quantity in quantities])
+            yield joint_state(f"{path}/motor_{index}_state", [joint], [_of([joint], quantity) for quantity in quantities])
     for index in (1, 2):
         yield from scalar(f"torque_el{index}_state", f"elastic_torque_{index}")
     for index, name in enumerate(REFERENCE_TOPICS.get(joint.mode, ()), start=1):
@@ -157,12 +157,13 @@ def _array_topics(joints: Sequence[JointInfo], path: str) -> Iterator[Topic]:
     for name, quantities in names.items():
         if any(quantity in joint.quantities for joint in joints for quantity in quantities):
             columns = [_of(joints, quantity) for quantity in quantities]
-            yield _joint_state(f"{path}/{name}", joints, columns, canonical=False)
+            yield joint_state(f"{path}/{name}", joints, columns, canonical=False)
 
 
-def _joint_state(
+def joint_state(
     name: str, joints: Sequence[JointInfo], columns: Sequence[Sequence[Column | None]], *, canonical: bool = True
 ) -> Topic:
+    """A JointState of some joints; columns: sources of positions, velocities and efforts, None for NaN."""
     builder = CdrBuilder().header().strings([joint.name for joint in joints])
     for sequence in columns:
         builder.float64s(sequence)

@@ -11,6 +11,7 @@ from asrsim.errors import OutputError
 from asrsim.log.cdr import CdrBuilder
 from asrsim.log.container import McapContainer
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_attachments, info_metadata
+from asrsim.log.frames import FrameMessages
 from asrsim.log.rows import RowBuffer
 from asrsim.log.topics import DESCRIPTION_TOPIC, Topic, body_topic, contact_topic, robot_topics
 from asrsim.samples import RunInfo, Samples
@@ -50,7 +51,9 @@ class LogWriter:
         self._description = Topic(
             name=DESCRIPTION_TOPIC, message="std_msgs/String", template=CdrBuilder().string(info.urdf).build()
         )
-        self._described = not info.urdf
+        self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate > 0.0 else None
+        self._asides: list[tuple[int, int, bytes]] = []
+        self._begun = False
         self._failed = False
         self._closed = False
 
@@ -68,6 +71,11 @@ class LogWriter:
             self._flush()
             self._layout = layout
             self._rows = self._row_buffer()
+        if not self._begun and len(samples.time):
+            self._begin(float(samples.time[0]))
+        if self._frames is not None:
+            for time, data in self._frames.messages(samples):
+                self.aside(self._frames.topic, time, data)
         start = 0
         while start < len(samples.time):
             taken = self._rows.append(samples, start, self.samples)
@@ -75,6 +83,18 @@ class LogWriter:
             self.samples += taken
             if self._rows.count == self._rows.capacity:
                 self._flush()
+
+    def aside(self, topic: Topic, time: float, data: bytes) -> None:
+        """Adds a message of `topic` at `time` s that is no part of the samples; it goes to the file with those of its time."""
+        self._asides.append((self._container.channel(topic), round(time * 1e9), data))
+
+    def _begin(self, time: float) -> None:
+        """What is said once, at the first sample's time."""
+        self._begun = True
+        if self.info.urdf:
+            self.aside(self._description, time, self._description.template.data)
+        if self._frames is not None and self._frames.static is not None:
+            self.aside(self._frames.static_topic, time, self._frames.static)
 
     def close(self, metadata: Mapping[str, str] | None = None) -> None:
         """Writes what is left, the result as metadata record `asrsim_result`, and the index. Further calls do nothing.
@@ -110,15 +130,16 @@ class LogWriter:
         return RowBuffer([(self._container.channel(topic), topic) for topic in topics])
 
     def _flush(self, *, last: bool = False) -> None:
-        if not self._rows.count and (self._described or not last):
+        if last and not self._begun:
+            self._begin(0.0)
+        end = self._rows.span()[1]
+        ready = [aside for aside in self._asides if last or aside[1] <= end]
+        if not self._rows.count and not (last and ready):
             return
-        single = None
-        if not self._described:
-            single = (self._container.channel(self._description), self._description.template.data)
         try:
-            self._container.chunk(self._rows, single)
+            self._container.chunk(self._rows, ready)
         except OutputError:
             self._failed = True
             raise
-        self._described = True
+        self._asides = [] if last else [aside for aside in self._asides if aside[1] > end]
         self._rows.clear()

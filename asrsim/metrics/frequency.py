@@ -31,8 +31,6 @@ _STILL, _NOTHING = 1e-7, 1e-12
 """Share of the output's own size, and size in any SI unit, up to which it "does not move"."""
 _TRUSTED = 0.5
 """Coherence below which a point says nothing."""
-_STILL = 1e-4
-"""Share of the input's motion below which the output "does not move"."""
 
 
 @dataclass(frozen=True, kw_only=True)

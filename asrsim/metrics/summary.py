@@ -34,24 +34,26 @@ class JointSummary:
         return {name: value if math.isfinite(value) else None for name, value in self.__dict__.items()}
 
 
-def summarise(time: Array, columns: Mapping[str, Array]) -> JointSummary:
+def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0) -> JointSummary:
     """Summary of one joint.
 
     Args:
         time: (n,) s.
         columns: Quantity -> (n,): `link_position`, and where there are `position_error` and `deflection` (derived, see
             :mod:`asrsim.log.derived`), without which their numbers are NaN.
+        step: Sample from which overshoot and settling count; None: there is no step, and they are NaN.
     """
     q = columns.get("link_position")
     if q is None or not np.isfinite(q).any():
         nan = math.nan
         return JointSummary(steady_state=nan, steady_state_error=nan, overshoot=nan, settling=nan, frequency=nan,
                             peak_deflection=_of(columns, "peak", "deflection", time))  # fmt: skip
+    stepped = None if step is None else (time[step:], q[step:])
     return JointSummary(
         steady_state=measure("steady_state", time, q),
         steady_state_error=_of(columns, "steady_state", "position_error", time),
-        overshoot=measure("overshoot", time, q),
-        settling=measure("settling", time, q),
+        overshoot=math.nan if stepped is None else measure("overshoot", *stepped),
+        settling=math.nan if stepped is None else measure("settling", *stepped),
         frequency=measure("frequency", time, q),
         peak_deflection=_of(columns, "peak", "deflection", time),
     )

@@ -26,6 +26,8 @@ BLOCK, BEATS = 4.2, 7.0
 10 pixels a period; where they are samples, at 4 samples a period. Noise from sample to sample comes to 5."""
 BEAT = 36
 """Samples that an envelope's extremes are taken from, at least."""
+THIN = 0.012
+"""Share of the range below which a line of usual width covers an envelope: noise of an encoder at rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +61,7 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     way = np.convolve(way, np.ones(3), "same")
     coarse = len(inside) // 5 < pixels / WINDOW
     fast = way > (BEATS if coarse else BLOCK) * size
-    fast &= size > 1e-3 * float(np.ptp(values))
+    fast &= size > THIN * float(np.ptp(values))
     # One window alone is no stretch.
     fast &= _beside(fast, -1, False) | _beside(fast, 1, False)
     if not fast.any():
@@ -67,8 +69,9 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     # A window that holds no whole period, or not the samples of a whole beat, has its extremes beside it.
     beside = int(np.clip(np.ceil((BEAT * count / len(inside) - 1) / 2), 0, 3))
     slow = way < BEATS * size
-    low = np.where(slow & (beside < 1), wide_low, -_widened(-low, beside))
-    high = np.where(slow & (beside < 1), wide_high, _widened(high, beside))
+    # Of the windows beside only those count that are too fast as well: a step that begins there is a line of its own.
+    low = np.where(slow & (beside < 1), wide_low, -_widened(np.where(fast, -low, -np.inf), beside))
+    high = np.where(slow & (beside < 1), wide_high, _widened(np.where(fast, high, -np.inf), beside))
     shown = np.array(curve.values)
     shown[inside[fast[window]]] = np.nan
     edges = start + np.arange(count + 1) * (end - start) / count

@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Picture, Table
 from asrsim.reproduce.law import RATIO, damping_overrides, swings
+from asrsim.reproduce.newton import ALTEREGO, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 
 if TYPE_CHECKING:
@@ -39,7 +40,11 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         text="Two links, each a qbMove cube on its flange, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
         "friction "
         "0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
-        claims=(*_settled(plain, "AlterEgo's springs"), *_faster(plain)),
+        claims=(
+            *_settled(plain, "AlterEgo's springs"),
+            *_faster(plain),
+            *motion_claims(12, {name: run.samples for name, run in plain.items()}, [ALTEREGO] * 2, hangs=False),
+        ),
         tables=(_table(plain),),
         pictures=(_picture("figure_12", "Both joints' links (solid) and equilibria (dashed), soft and stiff.", plain),),
     )

@@ -11,6 +11,7 @@ from asrsim.reproduce.claim import Claim
 from asrsim.reproduce.figure import FIGURES, Figure, Part
 from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.newton import ALTEREGO, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 from asrsim.reproduce.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
 
@@ -45,7 +46,10 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         text="One qbMove that carries a second one, hanging, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
         "friction 0.025 N m. The paper leaves the chirp's law, its length and the load open: linear, 20 s, one cube. Gain and "
         "phase come from a sweep at the same rate over a little more than the band, at whose ends a chirp's power fades.",
-        claims=tuple(_claims(results, wide, found)),
+        claims=(
+            *_claims(results, wide, found),
+            *motion_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO], hangs=True),
+        ),
         tables=(response_table(found),),
         pictures=pictures,
     )

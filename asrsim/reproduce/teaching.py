@@ -11,6 +11,7 @@ import numpy as np
 from asrsim.learning.folder import LOG
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
+from asrsim.reproduce.newton import IDENTIFIED, motion_claims
 from asrsim.reproduce.pictures import films, picture
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from asrsim.learning.session import Session
     from asrsim.reproduce.lab import Lab
+    from asrsim.samples import Samples
 
 SCENARIO = "ilc_2dof"
 GOAL, TOLERANCE = 0.8, 0.08
@@ -88,8 +90,11 @@ def _session(lab: Lab, name: str, *, with_transfer: bool = False, overrides: Seq
 
 
 def _claims(session: Session, origin: Origin) -> list[Claim]:
+    from asrsim.log import open_log
+
     result = session.result
     norms = [trial.norm for trial in result.trials]
+    last = open_log(session.folder / LOG).read(quantities=["link_position", "motor_1_position", "motor_2_position"]).samples
     predicted = [abs(t.ratio - t.predicted) for t in result.trials if t.ratio is not None and t.predicted is not None]
     return [
         Claim(
@@ -107,7 +112,7 @@ def _claims(session: Session, origin: Origin) -> list[Claim]:
             origin=origin,
             text="then both joints stay within 0.08 rad of the minimum-jerk motion",
             quantity="largest error of both joints in the last run's log",
-            measured=_error_of_log(session),
+            measured=_error(last),
             comparison="<=",
             value=TOLERANCE,
             unit="rad",
@@ -130,14 +135,12 @@ def _claims(session: Session, origin: Origin) -> list[Claim]:
             comparison="<",
             value=0.05,
         ),
+        *motion_claims(15, {"with the learned input": last}, IDENTIFIED, hangs=True),
     ]
 
 
-def _error_of_log(session: Session) -> float:
+def _error(samples: Samples) -> float:
     """Largest error of the last trial in rad: its log against the motion's closed form, neither of which learning judged by."""
-    from asrsim.log import open_log
-
-    samples = open_log(session.folder / LOG).read(quantities=["link_position"]).samples
     s = samples.time / samples.time[-1]
     wanted = GOAL * (10 * s**3 - 15 * s**4 + 6 * s**5)
     return float(np.max(np.abs(samples.values["link_position"] - wanted[:, None])))

@@ -58,6 +58,14 @@ def roll_pitch_yaw(rotation: Array) -> Vector:
     return roll, pitch, yaw
 
 
+def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
+    """Unit quaternion x y z w of URDF's roll, pitch, yaw in rad."""
+    (sr, cr), (sp, cp), (sy, cy) = ((sin(0.5 * angle), cos(0.5 * angle)) for angle in rpy)
+    return (
+        sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
+    )  # fmt: skip
+
+
 def link_poses(robot: Robot) -> dict[str, Pose]:
     """Pose of every link in the root's frame at the zero pose, parents before children."""
     children: dict[str, list[int]] = {}

@@ -27,6 +27,8 @@ from asrsim.signals.sampled import Sampled
 
 UNREPEATABLE = "unrepeatable"
 """Metadata: what was changed about a run that no document can say."""
+LIVE = "live"
+"""Metadata: the run was stepped in real time; its log holds what was set from outside."""
 _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
     "resolved", "lines", "joint_order", "namespace", "desired", "inverse_dynamics",

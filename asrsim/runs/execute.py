@@ -17,9 +17,10 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.crosscheck import COMPARED, other_engine, require_other_engine
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
+from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.side_by_side import COMPARED
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
 from asrsim.summary.claims import check_claims
 
@@ -103,7 +104,7 @@ def execute(
         writer.close(result_metadata(run, error, certificate))
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
-        claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path)
+        claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path, checked=True)
     log = folder / LOG
     summary = make_summary(run, collector, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
     if certificate is not None:
@@ -119,8 +120,13 @@ def write_summary(executed: Executed) -> Executed:
     """Write `summary.json` beside the log; the summary then lists it. Raises OutputError."""
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
-    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
+    save_summary(summary, path)
     return replace(executed, summary=summary)
+
+
+def save_summary(summary: RunSummary, path: Path) -> None:
+    """A summary as a file. Raises OutputError."""
+    write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
 
 
 def steps_of(scenario: Scenario) -> int:

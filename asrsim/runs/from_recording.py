@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import AsrsimError, OutputError, RecordingError
-from asrsim.identification.starter import fit_text
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
@@ -19,6 +18,7 @@ from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.start_file import SCHEMA_FILE, is_foreign, relative_path, write_new
+from asrsim.scenario.starter_fit import fit_text
 from asrsim.scenario.starter_playback import Plan, extract, make_plan
 from asrsim.scenario.starter_recording import STEP, First, Names, first_claims, placeholders, recording_text
 from asrsim.simulation.run import simulate

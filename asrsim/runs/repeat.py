@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from asrsim.errors import ActuatorError, DivergenceError, LogError, Problem
 from asrsim.log import LogReader, LogWriter, open_log
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
-from asrsim.runs.described import UNREPEATABLE
+from asrsim.runs.described import LIVE, UNREPEATABLE
 from asrsim.runs.execute import PLUGINS, result_metadata
 from asrsim.runs.folder import LOG, new_log, open_folder
 from asrsim.runs.lock import owned
@@ -133,7 +134,12 @@ def repeat(
 
         error: DivergenceError | None = None
         try:
-            run = simulate(scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended)
+            # A live run lasted as long as its log, and was told what to do.
+            live = LIVE in reader.metadata
+            run = simulate(
+                scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended,
+                commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
+            )  # fmt: skip
         except DivergenceError as caught:
             if not isinstance(caught.run, Run):
                 raise
@@ -160,6 +166,12 @@ def repeat(
         },
         log=folder / LOG if folder is not None else None,
     )
+
+
+def _whole_steps(reader: LogReader) -> float:
+    """s that a log lasts; its last chunk may hold a command that came after its last sample."""
+    step = reader.info.step
+    return max(1, math.floor(reader.duration / step + 1e-6)) * step
 
 
 def _require_engine(reader: LogReader, name: str) -> None:

@@ -35,10 +35,11 @@ def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot
     return robot, warnings
 
 
-def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem], list[Problem]]:
+def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = False) -> tuple[list[Problem], list[Problem]]:
     """(errors, warnings): names that the robot does not have, values that it cannot take, references that are missing.
 
-    `robot` is the file's; the scenario's modes and parameters are applied here.
+    `robot` is the file's; the scenario's modes and parameters are applied here. propose: parameters that hold an arm that
+    falls, which takes a while.
     """
     errors: list[Problem] = []
     warnings: list[Problem] = []
@@ -54,6 +55,7 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     errors.extend(placed(scenario, problem) for problem in _unknown_names(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
+    errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _task(scenario))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
@@ -62,7 +64,7 @@ def check_against_robot(scenario: Scenario, robot: Robot) -> tuple[list[Problem]
     if not errors:
         from asrsim.kinematics.sizing import holding_findings
 
-        warnings.extend(holding_findings(scenario, changed))
+        warnings.extend(holding_findings(scenario, changed, propose=propose))
     return errors, warnings
 
 
@@ -73,6 +75,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     by_joint: tuple[tuple[str, Iterable[str], tuple[str, ...]], ...] = (
         ("initial", scenario.initial_positions, moving),
         ("references", scenario.references, actuated),
+        ("reference_ranges", scenario.reference_ranges, moving),
         ("external_torques", scenario.external_torques, moving),
         ("effects.commands", scenario.command_effects, actuated),
         ("effects.sensors", scenario.sensor_effects, actuated),
@@ -197,6 +200,19 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             elif not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
                 yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
+
+
+def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Ranges of references that no joint has, or not the joint that they stand under."""
+    blocks = {block.joint: _names(block) for block in robot.actuators}
+    for joint, ranges in scenario.reference_ranges.items():
+        known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
+        choices = (*sorted(known), "external_torque")
+        for name in ranges:
+            if name not in choices:
+                key, hint = f"reference_ranges.{joint}.{name}", did_you_mean(name, choices)
+                message = "there is no such reference in the mode"
+                yield Problem(message=message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
 def _names(block: ActuatorBlock) -> tuple[str, ...]:

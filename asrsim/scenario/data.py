@@ -19,6 +19,7 @@ from asrsim.scenario.joint_keys import (
     MODE,
     MOTION,
     PARAMETERS,
+    RANGES_BY_JOINT,
     Effects,
     GivenActuator,
     JointReferences,
@@ -26,7 +27,7 @@ from asrsim.scenario.joint_keys import (
     References,
     Start,
 )
-from asrsim.scenario.kinds import ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
+from asrsim.scenario.kinds import NOT_NEGATIVE, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
 from asrsim.scenario.learning_keys import LEARNING
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
@@ -132,6 +133,9 @@ class Scenario:
         default="full",
         doc="full: the toolbox's topics; compact: one message a joint and `/joint_states`",
     )
+    tf_rate: float = declare(
+        NOT_NEGATIVE, default=30.0, unit="Hz", doc="of the links' frames on `/tf` in the log, at most; 0: none"
+    )
     seed: int = declare(Integer(minimum=0), default=0, doc="of all noise")
     engine: str = declare(
         Optional(Choice(engines), word="auto"),
@@ -190,6 +194,13 @@ class Scenario:
         unit="rad",
         shown="the reference",
         doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
+    )
+    reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
+        RANGES_BY_JOINT,
+        default={},
+        doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
+        "library): beyond, they are clamped; substeps are chosen for them",
+        shown="live: the robot's limits",
     )
     external_torques: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"

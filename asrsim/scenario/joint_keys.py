@@ -62,6 +62,19 @@ ACTUATORS_BY_JOINT = MapOf(of=block_of(GivenActuator, "actuator", main="type"), 
 EFFECTS_BY_JOINT = MapOf(of=block_of(Effects, "effects"))
 DAMPING_BY_JOINT = MapOf(of=block_of(LinkDamping, "damping law"))
 
+
+class Range(ListOf[float]):
+    """Two numbers, the smaller first."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> tuple[float, ...]:
+        found = super().read(node, path, reading)
+        if found[0] > found[1]:
+            raise reading.fault(node, path, "the least value is larger than the largest", code="range")
+        return found
+
+
+RANGES_BY_JOINT = MapOf(of=MapOf(of=Range(of=NUMBER, length=2, names=("least", "largest")), noun="reference", star=False))
+
 _MOTORS = ListOf(of=NUMBER, minimum=1)
 START: Block[Keys] = Block(
     keys=(

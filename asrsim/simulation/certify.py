@@ -13,11 +13,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from asrsim.robot.model import Robot
-from asrsim.samples import Array, Samples
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import Run, blame_laws
-from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.side_by_side import COMPARED, Track, laggard
 from asrsim.simulation.steppings import STEPPINGS
 
 ORDER_TOLERANCE = 0.35
@@ -59,10 +58,6 @@ class Certificate:
         return data
 
 
-COMPARED = ("link_position", "link_torque")
-"""What the error is estimated of."""
-
-
 def certify(
     scenario: Scenario,
     run: Run,
@@ -79,17 +74,16 @@ def certify(
     stepping = STEPPINGS.get(scenario.stepping)
     differences = _Differences()
     with blame_laws(), ExitStack() as stack:
-        tracks = [_Track(stack, _finer(scenario, run, finer), robot) for finer in (2, 4)]
+        tracks = [Track(stack, _finer(scenario, run, finer), robot) for finer in (2, 4)]
         if run.samples is None:
-            tracks.insert(0, _Track(stack, scenario, robot))
+            tracks.insert(0, Track(stack, scenario, robot))
         else:
-            tracks.insert(0, _Track(stack, None, robot))
+            tracks.insert(0, Track(stack, None, robot))
             tracks[0].write(run.samples)
         while any(track.running for track in tracks):
             if stop is not None and stop():
                 return None
-            last = min((track for track in tracks if track.running), key=lambda track: track.time)
-            last.advance()
+            laggard(tracks).advance()
             differences.add(*tracks)
             if progress is not None:
                 progress("finer steps", min(track.time for track in tracks[1:]))
@@ -130,49 +124,6 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
     return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
 
 
-class _Track:
-    """One of the runs, a chunk at a time; a sink that keeps what is not compared yet."""
-
-    def __init__(self, stack: ExitStack, scenario: Scenario | None, robot: Robot | None) -> None:
-        """scenario: None for a run that is there already."""
-        self.waiting: list[Array] = []
-        """(samples, quantities, joints) each."""
-        self._simulation: Simulation | None = None
-        if scenario is not None:
-            self._simulation = stack.enter_context(Simulation(prepare(scenario, robot), sinks=[self]))
-
-    @property
-    def time(self) -> float:
-        """s that are simulated."""
-        return math.inf if self._simulation is None else self._simulation.time
-
-    @property
-    def running(self) -> bool:
-        """Not at its end yet; one row beyond it completes the last velocity."""
-        return self._simulation is not None and self._simulation.substep < self._simulation.total
-
-    def advance(self) -> None:
-        """Another chunk."""
-        if self._simulation is not None:
-            self._simulation.advance_to(self._simulation.next_chunk(self._simulation.total))
-            self._simulation.flush()
-
-    def write(self, samples: Samples) -> None:
-        """Take samples."""
-        self.waiting.append(np.stack([samples.values[name] for name in COMPARED], axis=1))
-
-    def taken(self, count: int) -> Array:
-        """The next rows."""
-        rows = self.waiting[0] if len(self.waiting) == 1 else np.concatenate(self.waiting)
-        self.waiting = [rows[count:]]
-        return rows[:count]
-
-    @property
-    def count(self) -> int:
-        """Rows that wait."""
-        return sum(map(len, self.waiting))
-
-
 class _Differences:
     """Sums of what three runs differ by."""
 
@@ -186,7 +137,7 @@ class _Differences:
         """Of coarse run and quarter step."""
         self._largest: Array | float = 0.0
 
-    def add(self, *tracks: _Track) -> None:
+    def add(self, *tracks: Track) -> None:
         """Compare the rows that all three runs have."""
         count = min(track.count for track in tracks)
         if count:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -12,7 +13,8 @@ from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.run import Sink, simulate
+from asrsim.simulation.run import Sink, blame_laws, simulate
+from asrsim.simulation.side_by_side import COMPARED, Track, laggard
 from asrsim.simulation.steppings import STEPPINGS
 
 LIMIT = 1e-8
@@ -21,7 +23,6 @@ NUDGE = 1e-12
 """rad (m) by which the start is moved to see how much the motion multiplies differences."""
 SENSITIVE = 100.0
 """Engines may differ by so many times what the nudge leads to: they round in every step, not in the first only."""
-COMPARED = ("link_position", "link_torque")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,16 +171,21 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
 
     known = robot if robot is not None else checked_robot(scenario)[0]
     nudged = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) + NUDGE for joint in known.moving_joints}
-    tell = None if progress is None else lambda time: progress("sensitivity", time)
+    largest = 0.0
     try:
-        # Two whole runs of positions are kept here, of those few runs whose difference asks for it.
-        plain = simulate(scenario, known, progress=tell).samples
-        moved = simulate(replace(scenario, initial_positions=nudged), known, progress=tell).samples
+        with blame_laws(), ExitStack() as stack:
+            tracks = [Track(stack, one, known) for one in (scenario, replace(scenario, initial_positions=nudged))]
+            while any(track.running for track in tracks):
+                laggard(tracks).advance()
+                count = min(track.count for track in tracks)
+                if count:
+                    plain, moved = (track.taken(count)[:, COMPARED.index("link_position")] for track in tracks)
+                    largest = max(largest, float(np.max(np.abs(plain - moved), initial=0.0)))
+                if progress is not None:
+                    progress("sensitivity", min(track.time for track in tracks))
     except DivergenceError:
         return math.inf
-    if plain is None or moved is None:
-        return 0.0
-    return float(np.max(np.abs(plain.values["link_position"] - moved.values["link_position"]), initial=0.0))
+    return largest
 
 
 class _Compared:

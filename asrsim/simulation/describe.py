@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from asrsim.robot.model import Robot
-from asrsim.samples import JointInfo, RunInfo
+from asrsim.robot.poses import quaternion
+from asrsim.samples import Frame, JointInfo, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.recorder import has_second_reference, recorded_quantities
@@ -63,4 +64,28 @@ def describe(
             "gravity": repr(tuple(scenario.gravity)),
         },
         attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
+        frames=link_frames(scenario, robot),
+        frame_rate=scenario.tf_rate,
     )
+
+
+WORLD, MAP = "world", "map"
+
+
+def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
+    """Every link's frame in its parent's; the root's in the world where it is fixed there (else it is one of the bodies)."""
+    frames = [
+        Frame(
+            parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),
+            joint=joint.name if joint.moves else "", axis=joint.axis, prismatic=joint.kind == "prismatic",
+        )
+        for joint in robot.joints
+    ]  # fmt: skip
+    if scenario.fixed_base:
+        root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
+        # Many robots call their root link as viewers call the world; there it stands, unless the scenario moves it.
+        if root != WORLD or any((*position, *rpy)):
+            frames.append(
+                Frame(parent=MAP if root == WORLD else WORLD, child=root, position=position, rotation=quaternion(rpy))
+            )
+    return tuple(frames)

@@ -72,15 +72,15 @@ class Evaluation(Simulation):
             varied = _started(varied, positions or varied.initial_positions, motors or {})
         self.substep = 0
         self._take_over(varied)
-        self._engine.set_state(varied.initial_positions, velocities or varied.initial_velocities)
-        self._loop.reset()
-        self._loop.refresh_response(0)
+        self.engine.set_state(varied.initial_positions, velocities or varied.initial_velocities)
+        self.loop.reset()
+        self.loop.refresh_response(0)
         count = (self.steps if steps is None else min(steps, self.steps)) * self.substeps + 2
         if self._first is None or len(self._first) < count or (references is not None and references is not self._signals):
             self._renew_inputs(references or {}, self.steps * self.substeps + 2)
         assert self._first is not None  # it was made just now
         try:
-            raw = self._loop.run(self._first, 0, count)
+            raw = self.loop.run(self._first, 0, count)
         except NoValueError as fault:
             raise DivergenceError(str(fault), joint=fault.joint, time=fault.substep * self.prepared.substep) from fault
         bad = not_finite(raw)
@@ -92,10 +92,10 @@ class Evaluation(Simulation):
 
     def engine_of(self, robot: Robot) -> Engine:
         """The engine with other inertials: for its model; runs take their own again."""
-        if not self._engine.vary(robot):
-            self._engine.close()
-            self._engine = make_engine(self.home.scenario, robot)[0]
-        return self._engine
+        if not self.engine.vary(robot):
+            self.engine.close()
+            self.engine = make_engine(self.home.scenario, robot)[0]
+        return self.engine
 
     def _renew_inputs(self, references: Mapping[str, Mapping[str, Signal]], count: int) -> None:
         own = {joint: {k: v for k, v in table.items() if k != EXTERNAL} for joint, table in references.items()}

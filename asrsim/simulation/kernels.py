@@ -18,6 +18,9 @@ from asrsim.actuators.motor import motor_kick
 
 Advance = Callable[[Any, Any, float, float, float, float], tuple[float, Any, tuple[float, ...]]]
 
+MOTOR_STATE = 4
+"""Numbers of a motor's state: position (rad), velocity (rad/s), where Dahl's bristles stick (rad), the controller's integral
+(N m)."""
 RECORD = (
     "torque_1", "torque_2",
     "position_1", "velocity_1", "drive_1", "friction_1",

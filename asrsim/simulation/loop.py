@@ -20,15 +20,14 @@ from asrsim.simulation.damping import make_damping_law, mean_response
 from asrsim.simulation.drives import Drive
 from asrsim.simulation.inputs import Block, input_columns
 from asrsim.simulation.kernels import make_substepped
-from asrsim.simulation.memory import compiled_memory, plain_memory, shape_of
+from asrsim.simulation.memory import compiled_memory, flatten, plain_memory, shape_of
 from asrsim.simulation.rows import joint_row
 from asrsim.simulation.splits import Splits, floats
 from asrsim.simulation.steppings import Stepping
-from asrsim.simulation.stretches import UNDEFINED, NoValueError, plain_stretch, stepped_stretch, whole_stretch
+from asrsim.simulation.stretches import UNDEFINED, NoValueError, no_kernel, plain_stretch, stepped_stretch, whole_stretch
 from asrsim.simulation.substep import (
     BRAKE,
     DAMPING,
-    FORCE,
     LAST_FORCE,
     PREVIOUS,
     RAW,
@@ -76,8 +75,9 @@ class Loop:
         self._now, self._before = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
         count = len(self.drives)
         self._motor_substeps = [motor_substeps if drive.dynamic_motors and not stepping.released else 1 for drive in drives]
-        self._constants = [d.constants(substep / n) for d, n in zip(drives, self._motor_substeps, strict=True)]
-        self._rings = [0 if s is None else 2 * (s.delay + 1) + 3 for s in sensings]
+        self._constants = self._constants_of(self.drives)
+        self._flat = [flatten(constants) for constants in self._constants] if compiled else self._constants
+        self._rings = [0 if s is None else 2 * (s.delay + 2) + 3 for s in sensings]
         self._memories = [self._memory(j) for j in range(count)]
         self._damped = _is_damped(drives)
         self._coupled: bool | None = None
@@ -93,6 +93,9 @@ class Loop:
         self._stretch = self._compile(laws) if compiled else plain_stretch(engine, laws, self.joints)
 
     # -- setting up -------------------------------------------------------------------------------------------------
+
+    def _constants_of(self, drives: Sequence[Drive]) -> list[Any]:
+        return [drive.constants(self.substep / n) for drive, n in zip(drives, self._motor_substeps, strict=True)]
 
     def _memory(self, j: int) -> Memory:
         if not self.compiled:
@@ -125,35 +128,27 @@ class Loop:
     def _compile(self, laws: Step) -> Any:
         """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot
         be."""
-        count = len(self.drives)
+        count, engine = len(self.drives), self.engine
         inputs, rows = np.zeros((1, count, input_columns(self._sensings))), np.zeros((1, count, len(RAW)))
         try:
-            kernel = self.engine.kernel()
-            if kernel is not None:
-                kernel.load()
-                names = {
-                    "laws": laws,
-                    "borrow": compiling.borrow(),
-                    "look": kernel.look,
-                    "move": kernel.move,
-                    **kernel.compiled,
-                }
+            kernel = engine.kernel() or no_kernel(engine)
+            names = {"laws": laws, "borrow": compiling.borrow(), "move": kernel.move, **kernel.compiled}
+            how: dict[str, Any] = {"version": kernel.version, "inline": kernel.inline}
+            engine.accelerate()
+            if kernel.look is not None:
                 wrenches = np.zeros((1, *kernel.world.wrench.shape))
                 arguments: tuple[Any, ...] = (0, 1, self.joints, inputs, rows, wrenches, kernel.world)
-                whole = compiling.compile_function(
-                    stretch.stretch, arguments, names=names, version=kernel.version, inline=kernel.inline
-                )
-                self.engine.accelerate()
+                names["look"] = kernel.look
+                whole = compiling.compile_function(stretch.stretch, arguments, names=names, **how)
                 return whole_stretch(kernel, whole, self.joints)
-            names = {"laws": laws, "borrow": compiling.borrow(), "as_tuple": compiling.fixed_tuple(count, FORCE)}
-            arguments = (0, self.engine.states_type(), self.joints, inputs, rows)
-            one = compiling.compile_function(stretch.substep, arguments, names=names)
-            self.engine.accelerate()
+            names |= {"unpack": engine.unpack, "as_tuple": compiling.tuple_reader(0, count)}
+            arguments = (0, engine.states_type(), self.joints, inputs, rows, kernel.world)
+            one = compiling.compile_function(stretch.substep, arguments, names=names, **how)
         except Exception as error:
             # A law may be any Python, and Numba may fail on it in any way.
             first = (str(error).strip().splitlines() or [type(error).__name__])[0]
             raise SimulationError(f"the joints cannot be compiled: {first}") from error
-        return stepped_stretch(self.engine, one, self.joints)
+        return stepped_stretch(engine, kernel, one, self.joints)
 
     def reset(self) -> None:
         """Joints as at the start of a run; the engine is somebody else's to put there."""
@@ -161,9 +156,7 @@ class Loop:
         count = len(self.drives)
         rows: list[list[Any]] = []
         for j, (drive, sensing) in enumerate(zip(self.drives, self._sensings, strict=True)):
-            row = joint_row(
-                drive, sensing, self._constants[j], positions[j], velocities[j], self.substep, compiled=self.compiled
-            )
+            row = joint_row(drive, sensing, self._flat[j], positions[j], velocities[j], self.substep, compiled=self.compiled)
             rows.append(row)
         if self.compiled:
             width = max(map(len, rows))
@@ -265,8 +258,10 @@ class Loop:
         """Other numbers for the same kinds of joints; :meth:`reset` puts them to use. False: they need a loop of their own."""
         if _is_damped(drives) != self._damped:
             return False
+        if any(drive.values is not before.values for drive, before in zip(drives, self.drives, strict=True)):
+            self._constants = self._constants_of(drives)
+            self._flat = [flatten(constants) for constants in self._constants] if self.compiled else self._constants
         self.drives = tuple(drives)
-        self._constants = [d.constants(self.substep / n) for d, n in zip(drives, self._motor_substeps, strict=True)]
         self._splits.take_drives(drives)
         return True
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from asrsim.compiling import tuple_reader
+from asrsim.simulation.kernels import MOTOR_STATE
 from asrsim.simulation.substep import LAWS, STATE, Memory
 
 RINGS = STATE + 2
 """In a plain row: state, constants, what sensors saw, then the response."""
-STATE_NUMBERS = 8
+STATE_NUMBERS = 2 * MOTOR_STATE
 """Room for a state in a compiled row; the constants follow."""
 
 
@@ -80,7 +81,7 @@ def _load_eight(row: Any) -> Any:
     )  # fmt: skip
 
 
-LOADS = {0: _load_none, 1: _load_one, 4: _load_four, 8: _load_eight}
+LOADS = {0: _load_none, 1: _load_one, MOTOR_STATE: _load_four, 2 * MOTOR_STATE: _load_eight}
 """Numbers of a state -> what reads them: of no motor, of a link's controller, of one motor, of two. Run in plain Python too."""
 
 

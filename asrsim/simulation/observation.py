@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
+from asrsim.simulation.kernels import MOTOR_STATE
 from asrsim.simulation.loop import Loop
 
 
@@ -48,7 +49,7 @@ def observe(time: float, drives: Sequence[Drive], loop: Loop, substep: float) ->
     for j, (drive, state) in enumerate(zip(drives, loop.motor_states(), strict=True)):
         lag = drive.stepping.first_drift * substep
         for i in range(drive.dynamic_motors):
-            position, velocity = state[4 * i : 4 * i + 2]
+            position, velocity = state[MOTOR_STATE * i :][:2]
             motors[2 * i : 2 * i + 2, j] = position + lag * velocity, velocity
     return Observation(
         time=time,

@@ -20,7 +20,7 @@ from asrsim.simulation.describe import describe
 from asrsim.simulation.drives import Drive, make_drives
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
-from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared, make_engine
 from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
@@ -42,7 +42,7 @@ def prepare(
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
     variant, overrides: of a scenario's file, as :func:`asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
-    largest value that may be set while it runs; substeps are chosen for them.
+    largest value that may be set while it runs, beside those that the scenario declares; substeps are chosen for them.
     """
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
@@ -71,7 +71,9 @@ def prepare(
     try:
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
-        resolution = _resolve(scenario, drives, engine, ranges or {})
+        ranges = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
+                  for joint in {**scenario.reference_ranges, **(ranges or {})}}  # fmt: skip
+        resolution = _resolve(scenario, drives, engine, ranges)
         substep = scenario.step / resolution.substeps
         sensors = tuple(
             sensor_of(drive, for_joint(scenario.sensor_effects, drive.name), substep=substep, index=index, seed=scenario.seed)
@@ -92,7 +94,7 @@ def prepare(
         warnings=(*robot.warnings, *warnings, *engine_warnings),
         initial_positions=tuple(drive.initial_position for drive in drives),
         initial_velocities=tuple(float(for_joint(scenario.initial_velocities, drive.name, 0.0)) for drive in drives),
-        ranges=ranges or {},
+        ranges=ranges,
         _spare=[engine],
     )
 
@@ -145,12 +147,14 @@ def _with_ranges(
     sampled: tuple[Array, Array, Array], drives: Sequence[Drive], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> tuple[Array, Array, Array]:
     """References in which those that may be set take their least and largest values, too, in turns."""
-    tables = [sampled[0].copy(), sampled[1].copy(), sampled[2]]
+    tables = [table.copy() for table in sampled]
     for j, drive in enumerate(drives):
         given = {**ranges.get("*", {}), **ranges.get(drive.name, {})}
         for slot, name in enumerate(drive.mode.references if drive.mode else ()):
             if name in given:
                 tables[slot][1::4, j], tables[slot][3::4, j] = given[name]
+        if EXTERNAL_TORQUE in given:
+            tables[2][1::4, j], tables[2][3::4, j] = given[EXTERNAL_TORQUE]
     return tables[0], tables[1], tables[2]
 
 

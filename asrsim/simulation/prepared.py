@@ -18,6 +18,9 @@ from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
 
+EXTERNAL_TORQUE = "external_torque"
+"""Name under which the external torque on a link is set from outside, as references are by theirs."""
+
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
     """The scenario's engine, at its step. Raises SimulationError if it is not installed."""
@@ -72,7 +75,8 @@ class Prepared:
         return given.get(reference, (-math.inf, math.inf))
 
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
-        """Number of the joint, and 0 or 1 for the reference of that name in its mode; raises InputError."""
+        """Number of the joint, and 0 or 1 for the reference of that name in its mode, 2 for `external_torque`; raises
+        InputError."""
         names = tuple(drive.name for drive in self.drives)
         if joint not in names:
             hint = did_you_mean(joint, names)
@@ -80,9 +84,11 @@ class Prepared:
         j = names.index(joint)
         mode = self.drives[j].mode
         known = mode.references if mode else ()
+        if reference == EXTERNAL_TORQUE:
+            return j, 2
         if reference not in known:
             message = f"joint '{joint}' has no reference '{reference}'"
-            raise InputError(Problem(message=message, choices=known, code="unknown-reference"))
+            raise InputError(Problem(message=message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference"))
         return j, known.index(reference)
 
     def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:

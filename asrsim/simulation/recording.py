@@ -47,7 +47,9 @@ class Recording:
         self._sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
-        self.recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=last)
+        self._last = last
+        self._blank = self._make_recorder()
+        self.recorder = copy.deepcopy(self._blank)
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
         closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
@@ -62,7 +64,6 @@ class Recording:
         energy = engine.mechanical_energy()
         self._alone = energy is not None and not scenario.wrenches
         self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
-        self._last = last
         self._raw: list[tuple[tuple[Array, ...], Array]] = []
         self._sides: dict[int, Array] = {}
 
@@ -135,15 +136,22 @@ class Recording:
         """Go on with other numbers, and maybe another engine."""
         self._prepared, self._engine = varied, engine
         self._world.engine = engine
-        self._tip = _tip_of(varied) if self.active else None
+        if self.active:
+            self._blank = self._make_recorder()
+            self._tip = _tip_of(varied)
+
+    def _make_recorder(self) -> Recorder:
+        prepared = self._prepared
+        substeps = prepared.resolution.substeps
+        return Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=self._last)
 
     def renew(self) -> None:
         """A fresh start, with the numbers that were taken over last; the engine is at its start."""
-        prepared, engine = self._prepared, self._engine
-        substeps = prepared.resolution.substeps
-        self.recorder = Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=self._last)
-        energy = engine.mechanical_energy()
-        self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
+        if not self.active:
+            return
+        self.recorder = copy.deepcopy(self._blank)
+        if self._guard is not None:
+            self._guard = EnergyGuard(self._engine.mechanical_energy() or 0.0)
         self._raw, self._sides = [], {}
         self._world.put_back(copy.deepcopy(self._first_world))
 

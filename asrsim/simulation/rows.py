@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.memory import STATE_NUMBERS, flatten
+from asrsim.simulation.kernels import MOTOR_STATE
+from asrsim.simulation.memory import STATE_NUMBERS
 from asrsim.simulation.substep import (
     BASE,
     BRAKE,
@@ -30,7 +31,8 @@ from asrsim.simulation.substep import (
 def joint_row(
     drive: Drive, sensing: Sensing | None, constants: Any, position: float, velocity: float, substep: float, *, compiled: bool
 ) -> list[Any]:
-    """The row without its response; position (rad) and velocity (rad/s) of the link at the start, substep in s."""
+    """The row without its response; position (rad) and velocity (rad/s) of the link at the start, substep in s. constants: of
+    the law, as plain Python takes them; compiled: in a row."""
     row: list[Any] = [0.0] * len(PLACES)
     gains, law = drive.derivative_gains, drive.link_damping
     given = {
@@ -46,7 +48,7 @@ def joint_row(
     if compiled:
         state = [float(number) for number in drive.initial_state]
         room = [0.0] * (STATE_NUMBERS - len(state))
-        row[STATE:] = [*state, *room, *flatten(constants), *rings[0], *rings[1]]
+        row[STATE:] = [*state, *room, *constants, *rings[0], *rings[1]]
     else:
         row[STATE:] = [drive.initial_state, constants, *rings]
     return row
@@ -57,5 +59,5 @@ def _ring(drive: Drive, sensing: Sensing | None, i: int, position: float, veloci
     if sensing is None:
         return []
     state = drive.initial_state
-    x, v = (position, velocity) if sensing.on_link or len(state) < 4 * i + 4 else state[4 * i : 4 * i + 2]
-    return [x, v] * (sensing.delay + 1) + [0.0, x, v]
+    x, v = (position, velocity) if sensing.on_link or len(state) < MOTOR_STATE * (i + 1) else state[MOTOR_STATE * i :][:2]
+    return [x, v] * (sensing.delay + 2) + [0.0, x, v]

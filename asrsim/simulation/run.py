@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.compiling import available
 from asrsim.errors import DivergenceError, Problem, SimulationError
 from asrsim.robot.model import Robot
-from asrsim.samples import RunInfo, Samples
+from asrsim.samples import Command, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
@@ -59,19 +59,22 @@ def simulate(
     keep: bool = True,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    commands: Iterable[Command] = (),
+    duration: float | None = None,
 ) -> Run:
     """Run one variant.
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
-    the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly.
+    the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly;
+    commands: values to be set from outside, in the order of time; duration: s that are run, instead of the scenario's.
     Raises InputError (ActuatorError if a user's law raises) and SimulationError; DivergenceError carries the run so far as
     `.run`.
     """
     with blame_laws():
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
         _keep_freed_memory()
-        with Simulation(prepared, sinks=sinks, record=keep) as simulation:
-            return run_to_end(simulation, progress=progress, stop=stop)
+        with Simulation(prepared, sinks=sinks, record=keep, duration=duration) as simulation:
+            return run_to_end(simulation, progress=progress, stop=stop, commands=commands)
 
 
 @contextmanager
@@ -98,45 +101,56 @@ def _keep_freed_memory() -> None:
 
 
 def run_to_end(
-    simulation: Simulation, *, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None
-) -> Run:
+    simulation: Simulation, *, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+    commands: Iterable[Command] = (),
+) -> Run:  # fmt: skip
     """Run a simulation to the end of its scenario's duration; arguments and errors as for :func:`simulate`."""
     prepared = simulation.prepared
     status, error = "complete", None
     began = clock.perf_counter()
     # One row beyond the end completes the last velocity.
     total = simulation.total
+    waiting = iter(commands)
+    command = next(waiting, None)
     try:
         while simulation.substep < total:
             if stop is not None and stop():
                 status = "interrupted"
                 break
-            simulation.advance_to(simulation.next_chunk(total))
+            while command is not None and command.substep <= simulation.substep:
+                simulation.set_reference(command.joint, command.reference, command.value)
+                command = next(waiting, None)
+            until = total if command is None else min(total, command.substep)
+            simulation.advance_to(simulation.next_chunk(until))
             if progress is not None:
                 progress(min(simulation.substep, simulation.last) * prepared.substep)
         simulation.flush()
     except DivergenceError as caught:
         status, error = "diverged", caught
-    wall = clock.perf_counter() - began
-    recording = simulation.recording
-    run = Run(
+    run = run_of(simulation, status, wall_time=clock.perf_counter() - began, message=str(error or ""))
+    if error is not None:
+        error.run = run
+        raise error
+    return run
+
+
+def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
+    """What a simulation has done so far, as a run."""
+    prepared, recording = simulation.prepared, simulation.recording
+    return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
         info=prepared.info,
         status=status,
         resolution=prepared.resolution,
         counts=recording.recorder.counts,
-        wall_time=wall,
+        wall_time=wall_time,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
         samples=join(recording.kept) if recording.kept else None,
-        message=str(error) if error is not None else "",
+        message=message,
         warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, recording.recorder.counts)),
         compiled=simulation.compiled,
     )
-    if error is not None:
-        error.run = run
-        raise error
-    return run
 
 
 def _slow(simulation: Simulation) -> Iterator[Problem]:

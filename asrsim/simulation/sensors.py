@@ -51,6 +51,10 @@ def sensor_of(drive: Drive, effects: Effects | None, *, substep: float, index: i
     if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
         return None
     count = max(drive.dynamic_motors, 1)
-    sensing = Sensing(delay=round(effects.delay / substep), quantum=effects.quantum, on_link=not drive.mode.motor, count=count)
+    sensing = Sensing(
+        delay=round(effects.delay / substep), quantum=effects.quantum, on_link=not drive.mode.motor, count=count,
+        # The motors' positions and velocities are those of half a substep ago; a link's are brought to the present.
+        ahead=drive.stepping.first_drift if drive.mode.motor else 0.0,
+    )  # fmt: skip
     noises = tuple(Noise((seed, index, 2 + i), effects.noise) if effects.noise else None for i in range(count))
     return Sensor(effects, sensing, noises)

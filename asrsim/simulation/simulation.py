@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any
 
 from asrsim.errors import InputError, Problem, SimulationError
-from asrsim.samples import RunInfo
+from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.choice import pays
@@ -55,36 +55,40 @@ class Simulation:
         record: bool = False,
         compiled: bool | None = None,
         expected_substeps: int | None = None,
+        duration: float | None = None,
+        chunk: int | None = None,
     ) -> None:
         """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
         take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether the loop is
-        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many.
-        """
+        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many. duration: s that
+        are recorded, instead of the scenario's; chunk: substeps, at most, between samples handed on."""
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
         self.prepared, self.scenario = scenario, scenario.scenario
         self.substeps = scenario.resolution.substeps
         """Of a step."""
-        self._engine = scenario.make_engine()
+        self.engine = scenario.make_engine()
         try:
-            self._begin(sinks, record, compiled, expected_substeps)
+            self._begin(sinks, record, compiled, expected_substeps, duration, chunk)
         except BaseException:
-            self._engine.close()
+            self.engine.close()
             raise
 
-    def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: int | None) -> None:
-        prepared, scenario, engine = self.prepared, self.scenario, self._engine
+    def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: Any, duration: Any, chunk: Any) -> None:
+        prepared, scenario, engine = self.prepared, self.scenario, self.engine
         substep, staggered = prepared.substep, prepared.stepping.staggered
         engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
-        self.last = round(scenario.duration / scenario.step) * self.substeps
+        self.last = round((duration or scenario.duration) / scenario.step) * self.substeps
         """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
-        self._loop = self._make_loop(compiled, expected)
-        self._chunk = max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
+        self.loop = self._make_loop(compiled, expected)
+        self._chunk = chunk or max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
+        self.row: tuple[Array, list[Array]] | None = None
+        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
         self._block: Block | None = None
         self._first: Block | None = None
         self.substep = 0
@@ -112,12 +116,12 @@ class Simulation:
             try:
                 if not available():
                     raise SimulationError("Numba is not installed")
-                return Loop(self._engine, prepared.drives, prepared.stepping, compiled=True, **options)
+                return Loop(self.engine, prepared.drives, prepared.stepping, compiled=True, **options)
             except SimulationError as error:
                 if wanted:
                     raise
                 self.slow_because = str(error)
-        return Loop(self._engine, prepared.drives, prepared.stepping, compiled=False, **options)
+        return Loop(self.engine, prepared.drives, prepared.stepping, compiled=False, **options)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -129,7 +133,7 @@ class Simulation:
     @property
     def compiled(self) -> bool:
         """Whether the loop runs compiled."""
-        return self._loop.compiled
+        return self.loop.compiled
 
     def advance(self, steps: int = 1) -> None:
         """Go on by a number of steps. Raises DivergenceError; what was recorded by then has gone to the sinks."""
@@ -141,9 +145,7 @@ class Simulation:
             block = self._block
             if block is None or self.substep >= block.first + len(block):
                 block = self._block = self._next_block()
-            start = self.substep - block.first
-            stop = min(end - block.first, len(block))
-            self._run(block, start, stop)
+            self._run(block, self.substep - block.first, min(end - block.first, len(block)))
             if self.substep == block.first + len(block):
                 self.flush()
 
@@ -171,13 +173,14 @@ class Simulation:
     def _run(self, block: Block, start: int, stop: int) -> None:
         h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
         try:
-            raw = self._loop.run(block, start, stop)
+            raw = self.loop.run(block, start, stop)
         except NoValueError as fault:
             self.recording.flush(self.substep, check=False)
             raise runaway(fault.joint, fault.substep * h, str(fault), omega_h) from fault
         row = not_finite(raw)
         if row is None:
             self.recording.take(block, start, raw)
+            self.row = raw[-1], [array[stop - 1] for array in block.arrays]
             self.substep += stop - start
             return
         self.recording.take(block, start, raw[: max(row, 1)])
@@ -193,7 +196,7 @@ class Simulation:
     # -- from outside -----------------------------------------------------------------------------------------------
 
     def set_reference(self, joint: str, reference: str, value: float | None) -> float | None:
-        """Hold a reference (by its mode's name) at `value` from the next step on, or None: follow the scenario again.
+        """Hold a reference (by its mode's name), or `external_torque`, at `value` from now on, or None: follow the scenario.
 
         Returns what is held: values beyond the declared range are clamped to it. Raises InputError for unknown names and
         values that are not finite.
@@ -214,25 +217,25 @@ class Simulation:
 
     def observe(self) -> Observation:
         """The state now."""
-        return observe(self.time, self.prepared.drives, self._loop, self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self.loop, self.prepared.substep)
 
     def snapshot(self) -> Snapshot:
         """The state, to be given to :meth:`restore`; what is recorded, too."""
         return Snapshot(
             substep=self.substep,
-            engine=self._engine.snapshot(),
-            joints=self._loop.snapshot(),
+            engine=self.engine.snapshot(),
+            joints=self.loop.snapshot(),
             held=dict(self._inputs.held),
             record=self.recording.state(),
         )
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there."""
-        self._engine.restore(snapshot.engine)
-        self._loop.restore(snapshot.joints)
+        self.engine.restore(snapshot.engine)
+        self.loop.restore(snapshot.joints)
         self.substep = snapshot.substep
         self._inputs.held = dict(snapshot.held)
-        self._block = None
+        self._block = self.row = None
         self.recording.put_back(snapshot.record)
 
     def reset(
@@ -250,41 +253,37 @@ class Simulation:
         if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
             return
-        self.substep, self._block, self._inputs.held = 0, None, {}
+        self.substep, self._block, self.row, self._inputs.held = 0, None, None, {}
         if parameters is not None:
             self._take_over(self.prepared.vary(parameters))
             self._start = None  # what was kept of the start has other numbers
-        positions = _given(initial, self.joints, self.prepared.initial_positions)
-        speeds = _given(velocities, self.joints, self.prepared.initial_velocities)
-        self._engine.set_state(positions, speeds)
+        starts = (initial, self.prepared.initial_positions), (velocities, self.prepared.initial_velocities)
+        positions, speeds = ([float((a or {}).get(n, b)) for n, b in zip(self.joints, rest, strict=True)] for a, rest in starts)
+        self.engine.set_state(positions, speeds)
         self.recording.renew()
         if initial:
             drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
-            self._loop.take_drives(drives)
-        self._loop.reset()
-        self._loop.refresh_response(0)
+            self.loop.take_drives(drives)
+        self.loop.reset()
+        self.loop.refresh_response(0)
 
     def _take_over(self, varied: Prepared) -> None:
-        same = self._engine.vary(varied.robot)
+        same = self.engine.vary(varied.robot)
         if not same:
-            self._engine.close()
-            self._engine = varied.make_engine()
-            self._engine.prepare(varied.substep, staggered=varied.stepping.staggered)
+            self.engine.close()
+            self.engine = varied.make_engine()
+            self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
-        self.recording.take_over(varied, self._engine)
-        if not (same and self._loop.take_drives(varied.drives)):
-            self._loop = self._make_loop(self._loop.compiled, None)
+        self.recording.take_over(varied, self.engine)
+        if not (same and self.loop.take_drives(varied.drives)):
+            self.loop = self._make_loop(self.loop.compiled, None)
 
     def close(self) -> None:
         """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
-        self._engine.close()
+        self.engine.close()
 
     def __enter__(self) -> Simulation:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def _given(values: Mapping[str, float] | None, joints: Sequence[str], others: Sequence[float]) -> list[float]:
-    return [float((values or {}).get(name, other)) for name, other in zip(joints, others, strict=True)]

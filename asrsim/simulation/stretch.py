@@ -3,7 +3,7 @@ names."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from asrsim.simulation.substep import FORCE
 
@@ -12,16 +12,32 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("bound by asrsim.simulation.loop")
 
 
-laws = look = move = as_tuple = borrow = _unbound
-"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`); the
-forces of a row of joints as the engine takes them; arrays without their count of references."""
+laws = look = move = unpack = as_tuple = borrow = _unbound
+"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`), and a
+joint of the states that it gives; an array of the joints as a tuple; arrays without their count of references."""
 
 
-def substep(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> Any:
-    """One substep of the joints; gives the torques on the links."""
-    joints, inputs, rows = borrow((joints, inputs, rows))
+class Joints(NamedTuple):
+    """What `move` is given of an engine that has no kernel."""
+
+    positions: Any
+    velocities: Any
+    forces: Any
+
+
+def leave(world: Any) -> None:
+    """`move` of an engine that has no kernel: the forces are what they are."""
+
+
+def substep(k: int, states: Any, joints: Any, inputs: Any, rows: Any, world: Any) -> Any:
+    """One substep of the joints; gives the torques on the links, completed by the engine."""
+    joints, inputs, rows, world = borrow((joints, inputs, rows, world))
     laws(k, states, joints, inputs, rows)
-    return as_tuple(joints)
+    for j in range(len(world.forces)):
+        world.positions[j], world.velocities[j] = unpack(states, j)
+        world.forces[j] = joints[j][FORCE]
+    move(world)
+    return as_tuple(world.forces)
 
 
 def stretch(first: int, last: int, joints: Any, inputs: Any, rows: Any, wrenches: Any, world: Any) -> None:

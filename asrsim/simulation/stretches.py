@@ -11,6 +11,7 @@ import numpy as np
 from asrsim.engines.base import Engine, EngineKernel
 from asrsim.samples import Array
 from asrsim.simulation.inputs import Block
+from asrsim.simulation.stretch import Joints, leave
 from asrsim.simulation.substep import FORCE, RAW, Step
 
 FLUSH = 4_000
@@ -66,9 +67,15 @@ def plain_stretch(engine: Engine, laws: Step, joints: Any) -> Stretch:
     return run
 
 
-def stepped_stretch(engine: Engine, one: Callable[..., Any], joints: Any) -> Stretch:
+def no_kernel(engine: Engine) -> EngineKernel:
+    """For an engine without a part in compiled loops."""
+    empty = [np.zeros(len(engine.joints)) for _ in range(3)]
+    return EngineKernel(move=leave, world=Joints(*empty), compiled={}, version="", advance=engine.advance)
+
+
+def stepped_stretch(engine: Engine, kernel: EngineKernel, one: Callable[..., Any], joints: Any) -> Stretch:
     """The joints' substep compiled (`one`), the engine stepped from Python."""
-    states, advance = engine.states, engine.advance
+    states, advance, world = engine.states, kernel.advance or engine.advance, kernel.world
     step = getattr(one, "entry", one)
 
     def run(start: int, end: int, rows: Array, block: Block) -> None:
@@ -76,7 +83,7 @@ def stepped_stretch(engine: Engine, one: Callable[..., Any], joints: Any) -> Str
         for k in range(end - start):
             if pushed:
                 push_links(engine, block.wrenches[start + k])
-            advance(step(k, states(), joints, inputs, rows))
+            advance(step(k, states(), joints, inputs, rows, world))
 
     run.owner = one  # type: ignore[attr-defined]
     return run

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import floor
 from typing import Any
 
-from asrsim.simulation.kernels import RECORD, Advance
+from asrsim.simulation.kernels import MOTOR_STATE, RECORD, Advance
 
 PLACES = (
     "previous", "speed", "torque", "last_force", "force", "drag", "effort", "fastest", "damping", "brake", "spring", "rest",
@@ -65,6 +65,8 @@ class Sensing:
     on_link: bool
     count: int
     """Controllers: 1 or 2."""
+    ahead: float
+    """Part of a substep by which what is read of a velocity lies before its position."""
 
 
 def make_group(
@@ -146,28 +148,31 @@ def lend(state: Any, push_1: float, push_2: float) -> Any:
 
 def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
     """What the controllers of a joint read: the past position and velocity, held, the position with noise and quantisation."""
-    size = sensing.delay + 1
+    size = sensing.delay + 2
     quantum, on_link, count, ring_of = sensing.quantum, sensing.on_link, sensing.count, memory.ring
+    now, before = 1.0 + sensing.ahead, -sensing.ahead
 
     def measure(joint: Any, state: Any, goals: Any, q: float, v: float) -> None:
         for i in range(count):
             ring = ring_of(joint, i)
-            x, speed = q, v
+            x, lagging = q, v
             if not on_link:
-                speed = state[4 * i + 1]
-                x = state[4 * i] + joint[LAG] * speed
+                lagging = state[MOTOR_STATE * i + 1]
+                x = state[MOTOR_STATE * i] + joint[LAG] * lagging
             # The ring's last three numbers: the place of the present, position and velocity that are held.
             place = int(ring[2 * size])
+            speed = now * lagging + before * ring[2 * ((place + size - 1) % size) + 1]
             ring[2 * place] = x
-            ring[2 * place + 1] = speed
+            ring[2 * place + 1] = lagging
             oldest = (place + 1) % size
             ring[2 * size] = float(oldest)
             if goals[READINGS + 2 * i] != 0.0:
-                seen = ring[2 * oldest] + goals[READINGS + 2 * i + 1]
+                late = (place + 2) % size
+                seen = ring[2 * late] + goals[READINGS + 2 * i + 1]
                 if quantum > 0.0:
                     seen = quantum * floor(seen / quantum + 0.5)
                 ring[2 * size + 1] = seen
-                ring[2 * size + 2] = ring[2 * oldest + 1]
+                ring[2 * size + 2] = now * ring[2 * late + 1] + before * ring[2 * oldest + 1]
             joint[READ_1 + 2 * i] = ring[2 * size + 1] - x
             joint[PUSH_1 + 2 * i] = -joint[GAIN_1 + i] * (ring[2 * size + 2] - speed)
 

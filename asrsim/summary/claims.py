@@ -40,9 +40,17 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
 
 
 def claim_results(
-    claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
+    claims: Sequence[Expectation],
+    joints: Sequence[JointInfo],
+    read: Reader,
+    *,
+    file: Path | None = None,
+    checked: bool = False,
 ) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`."""
+    """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`.
+
+    checked: :func:`check_claims` has passed them already.
+    """
     if not claims:
         return ()
     from asrsim.recordings import RecordedSeries
@@ -53,19 +61,21 @@ def claim_results(
         try:
             if claim.body is not None:
                 samples = read((), ())
-                results.append(evaluate_expectation(claim, samples.time, body_columns(samples, claim.body)))
+                results.append(evaluate_expectation(claim, samples.time, body_columns(samples, claim.body), checked=checked))
             for joint in _joints_of(claim, joints):
                 one = replace(claim, joint=joint.name)
                 if claim.against is not None:
                     series = recorded.series(one, joint)
                     columns = {claim.quantity: series.simulation}
                     results.append(
-                        evaluate_expectation(one, series.time, columns, reference=series.recording, prismatic=joint.prismatic)
+                        evaluate_expectation(
+                            one, series.time, columns, reference=series.recording, prismatic=joint.prismatic, checked=checked
+                        )
                     )
                 else:
                     samples = read(*_needed(claim, joint))
                     columns = _columns(claim, samples, joint)
-                    results.append(evaluate_expectation(one, samples.time, columns, prismatic=joint.prismatic))
+                    results.append(evaluate_expectation(one, samples.time, columns, prismatic=joint.prismatic, checked=checked))
         except InputError as error:
             raise ScenarioError([replace(problem, file=problem.file or file) for problem in error.problems]) from error
     return tuple(results)

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.log.reader import concatenate
-from asrsim.metrics import JointSummary, measure, summarise
+from asrsim.metrics import JointSummary, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
 from asrsim.summary.claims import needs_of
 
@@ -145,17 +145,9 @@ def joint_measures(
 def _summary(time: Array, position: Array, reference: Array) -> JointSummary:
     if not np.isfinite(reference).all():
         return summarise(time, {"link_position": position})
-    whole = summarise(time, {"link_position": position, "position_error": reference - position})
     start = step_start(reference, float(position[0]))
-    if start is None:
-        return replace(whole, overshoot=math.nan, settling=math.nan)
-    if start:
-        whole = replace(
-            whole,
-            overshoot=measure("overshoot", time[start:], position[start:]),
-            settling=measure("settling", time[start:], position[start:]),
-        )
-    return whole if not whole.overshoot > SHAKEN else replace(whole, overshoot=math.nan)
+    found = summarise(time, {"link_position": position, "position_error": reference - position}, step=start)
+    return found if not found.overshoot > SHAKEN else replace(found, overshoot=math.nan)
 
 
 def step_start(reference: Array, initial: float) -> int | None:

@@ -106,6 +106,8 @@ class RunSummary:
     """Numerical error, of a certified run."""
     cross_check: Mapping[str, Any] = field(default_factory=dict)
     """Differences to the run in another engine, where that was asked for (:class:`asrsim.simulation.crosscheck.CrossCheck`)."""
+    live: Mapping[str, Any] = field(default_factory=dict)
+    """Of a run in real time: lateness, load and commands (:class:`asrsim.live.session.Session`)."""
     versions: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -165,6 +167,7 @@ class RunSummary:
             "replaced": [str(path) for path in self.replaced],
             "certificate": dict(self.certificate),
             "cross_check": dict(self.cross_check),
+            **({"live": dict(self.live)} if self.live else {}),
             "versions": dict(self.versions),
         }
 

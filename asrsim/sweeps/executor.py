@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import SimulationError
+from asrsim.processes import use_one_thread
 from asrsim.sweeps.cases import Payload
 from asrsim.sweeps.runner import Row, lost
 
@@ -30,9 +31,7 @@ class _Worker:
 
     def __init__(self, greeting: bytes) -> None:
         environment = dict(os.environ)
-        # The library's threads would fight over the cores that the workers fill.
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-            environment.setdefault(name, "1")
+        use_one_thread(environment)
         root = str(Path(__file__).parents[2])
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, [root, environment.get("PYTHONPATH", "")]))
         program = "from asrsim.sweeps.worker import main; main()"

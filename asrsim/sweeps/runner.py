@@ -21,7 +21,7 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run, blame_laws, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
-from asrsim.summary.claims import needs_of
+from asrsim.summary.claims import check_claims, needs_of
 from asrsim.sweeps.cases import LIMITS, MEASURES, TIP, Case, Payload
 
 BASES = 8
@@ -78,7 +78,7 @@ class Runner:
             for name, places in sorted(plan.references.items(), key=lambda item: "*" not in item[0]):
                 for joint, reference in places:
                     simulation.set_reference(joint, reference, float(values[name]))
-            return self._finished(simulation, tap)
+            return self._finished(simulation, tap, checked=True)
         except BaseException:
             # What a fault leaves behind is nobody's fresh start.
             kept = self._bases.pop(key, None)
@@ -96,6 +96,7 @@ class Runner:
         quick = {**plan.parameters, **plan.references, **plan.inertials}
         base = {name: (first if name in quick else values)[name] for name in values}
         prepared = case.prepared(base)
+        check_claims(prepared.scenario.expect, prepared.info.joints, file=prepared.scenario.path)
         tap = _Tap(self.study.signals, self.study.rate)
         tap.begin(prepared)
         cells = math.prod(self.study.grid) * self.study.draws if not plan.read_again(values) else 1
@@ -113,7 +114,7 @@ class Runner:
         with Simulation(prepared, sinks=[tap]) as simulation:
             return self._finished(simulation, tap)
 
-    def _finished(self, simulation: Simulation, tap: _Tap) -> dict[str, Any]:
+    def _finished(self, simulation: Simulation, tap: _Tap, *, checked: bool = False) -> dict[str, Any]:
         scenario = simulation.scenario
         try:
             run = run_to_end(simulation)
@@ -123,7 +124,7 @@ class Runner:
             run = error.run
         claims: tuple[ExpectationResult, ...] = ()
         if run.status == "complete":
-            claims = claim_results(scenario.expect, run.info.joints, tap.collector.read, file=scenario.path)
+            claims = claim_results(scenario.expect, run.info.joints, tap.collector.read, file=scenario.path, checked=checked)
         summary = make_summary(run, tap.collector, samples=0, claims=claims)
         return {**_summary_cells(summary), **tap.cells()}
 

@@ -146,6 +146,37 @@ def velocity_limit() -> Iterator[Check]:
         )  # fmt: skip
 
 
+def toolbox_stepping() -> Iterator[Check]:
+    """The released order of a step against Gazebo: all runs finish; what differs are coordinates, and it goes with the step."""
+    stopped = 0
+    for case, known in CASES.items():
+        for kind, (friction, effort, speed) in KINDS.items():
+            ours = simulate_case(case, kind, stepping="toolbox")
+            stopped += ours.status != "complete"
+            q, theirs = positions(ours), recorded(case, kind)
+            if kind == "_ideal" and known is not None:
+                count = min(len(q), len(theirs))
+                off = float(np.max(np.abs(theirs[:count] - np.load(DATA / "ideal.npz")[case][:count, 1])))
+                apart = float(np.max(np.abs(q[:count] - theirs[:count])))
+                yield Check(
+                    name=f"largest distance to Gazebo's run over Gazebo's own error, toolbox stepping, {case}",
+                    figure=apart / off, bound=1.0, source=f"{apart:.1e} rad of {off:.1e}",
+                )  # fmt: skip
+            if not kind:
+                step, duration = 2e-5, 0.25
+                path = ode_hinge(
+                    spring_law(ours, case), step=step, duration=duration, friction=friction, effort=effort, speed=speed
+                )
+                fine = positions(simulate_case(case, kind, stepping="toolbox", step=step, duration=duration))[: len(path)]
+                yield Check(
+                    name=f"distance to Gazebo's model at 20 us, toolbox stepping, {case}",
+                    figure=float(np.max(np.abs(fine - path))), bound=1e-4, unit="rad", source="Gazebo resolves the springs",
+                )  # fmt: skip
+    yield Check(
+        name=f"of {len(CASES) * len(KINDS)} recorded runs, toolbox stepping stops", figure=stopped, bound=0, source="Gazebo"
+    )
+
+
 def resting_places() -> Iterator[Check]:
     """With friction a link rests wherever spring and weight differ by less than it: both simulators' links do."""
     for case in CASES:

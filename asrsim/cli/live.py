@@ -1,0 +1,106 @@
+"""`asrsim live`: a simulation in real time, with the toolbox's topics in ROS 2 or a browser."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from asrsim.cli.completion import variants
+from asrsim.cli.options import Overrides, Plugins, load_plugins
+
+
+def live(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
+    variant: Annotated[
+        str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
+    ] = None,
+    on: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--on", metavar="NAME", help="Transport: ros, foxglove, none; may be repeated.", show_default="all installed"
+        ),
+    ] = None,
+    speed: Annotated[str, typer.Option(metavar="FACTOR", help="Simulated seconds a second, or max.")] = "1",
+    duration: Annotated[float | None, typer.Option(help="Simulated s.", show_default="until Ctrl-C")] = None,
+    rate: Annotated[float, typer.Option(help="Hz at which topics are published, at most.")] = 1000.0,
+    namespace: Annotated[str, typer.Option(help="Stands before the topics' names.")] = "",
+    domain: Annotated[int | None, typer.Option(help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")] = None,
+    port: Annotated[int, typer.Option(help="Of the WebSocket; 0: any that is free.")] = 8765,
+    network: Annotated[bool, typer.Option("--network", help="Other machines may listen and command, too.")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="Begin paused; the service 'pause' lets it go.")] = False,
+    overrides: Overrides = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", show_default="out/<scenario>/<variant>_live", help="Folder for log and summary."),
+    ] = None,
+    plugin: Plugins = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+) -> None:
+    """Run a scenario in real time; references come from its signals until a topic overrides them.
+
+    Topics have the toolbox's names. The log holds every step and every command as it took effect: `asrsim rerun` repeats it.
+    Listens on this machine only. Ctrl-C ends the run. Exit code: 0, 1 if the run failed or diverged.
+
+    Example: asrsim live examples/scenarios/step_2dof.yaml --variant soft --on none --duration 2
+    """
+    from asrsim.cli.console import json_errors, say_json
+
+    _check(duration, rate, port, domain)
+    pace = _speed(speed)
+    with json_errors(json):
+        from asrsim.cli.interrupt import Interruption
+        from asrsim.cli.live_status import StatusLine, print_live
+        from asrsim.live.session import Session, Settings
+        from asrsim.live.transport import TRANSPORTS, Access, available
+        from asrsim.runs.execute import with_plugins
+        from asrsim.scenario import load_scenario, only_variant
+
+        load_plugins(plugin)
+        names = (
+            [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
+        )
+        names = [] if names == ["none"] else list(available(names))
+        one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin or [])
+        folder = out or Path("out") / one.name / f"{one.variant}_live"
+        settings = Settings(
+            speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused,
+            access=Access(network=network, port=port, domain=domain),
+        )  # fmt: skip
+        with StatusLine(show=not quiet and not json) as line:
+            session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
+            with Interruption("") as interruption:
+                summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
+    if json:
+        say_json({"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]})
+    else:
+        print_live(session, summary, quiet=quiet)
+    if not summary.ok:
+        raise typer.Exit(1)
+
+
+def _speed(text: str) -> float:
+    if text == "max":
+        return math.inf
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not 1e-3 <= speed <= 1e3:
+        raise typer.BadParameter(f"'{text}' is no number from 0.001 to 1000, and not max", param_hint="--speed")
+    return speed
+
+
+def _check(duration: float | None, rate: float, port: int, domain: int | None) -> None:
+    def refuse(good: bool, name: str, message: str) -> None:
+        if not good:
+            raise typer.BadParameter(message, param_hint=name)
+
+    refuse(duration is None or (math.isfinite(duration) and duration > 0), "--duration", "must be a number of seconds above 0")
+    refuse(math.isfinite(rate) and rate > 0, "--rate", "must be a number above 0")
+    refuse(0 <= port <= 65535, "--port", "must be from 0 to 65535")
+    refuse(domain is None or 0 <= domain <= 232, "--domain", "must be from 0 to 232")

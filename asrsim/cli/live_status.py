@@ -1,0 +1,90 @@
+"""What `asrsim live` shows while it runs, and at its end."""
+
+from __future__ import annotations
+
+import sys
+import time as clock
+from collections.abc import Mapping
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from asrsim.cli.console import complain, is_terminal, say
+from asrsim.cli.report import print_run
+
+if TYPE_CHECKING:
+    from asrsim.live.session import Session
+    from asrsim.summary import RunSummary
+
+
+class StatusLine:
+    """One line on stderr that is written anew, where somebody watches; sentences go above it."""
+
+    def __init__(self, *, show: bool) -> None:
+        self._talks = show
+        self._shows = show and is_terminal(sys.stderr)
+        self._before = (0.0, 0.0, 0.0)
+        """Of the line before: wall time, busy and simulated s."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._wipe()
+
+    def tell(self, text: str) -> None:
+        """A sentence that stays."""
+        self._wipe()
+        if self._talks:
+            complain(text)
+
+    def show(self, session: Session) -> None:
+        """How the run stands."""
+        if not self._shows:
+            return
+        now, figures = clock.perf_counter(), session.figures()
+        busy, simulated = figures["busy"], session.simulation.time
+        wall = now - self._before[0]
+        load, speed = ((value - before) / wall for value, before in zip((busy, simulated), self._before[1:], strict=True))
+        self._before = (now, busy, simulated)
+        state = "paused" if session.paused else f"{speed:.2f} x real time"
+        text = (
+            f"{simulated:9.2f} s  {state}  load {100 * load:3.0f} %  late {1e3 * figures['late_p50']:.2f} ms, "
+            f"p99 {1e3 * figures['late_p99']:.2f} ms  {commands(figures)}"
+        )
+        sys.stderr.write(f"\r\x1b[K{text}")
+        sys.stderr.flush()
+
+    def _wipe(self) -> None:
+        if self._shows:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def commands(figures: Mapping[str, Any]) -> str:
+    """Commands in short: how many came, and what became of those that did not get through."""
+    parts = [f"{figures['commands']} commands"]
+    for name in ("clamped", "dropped"):
+        count = sum(figures[name].values())
+        parts += [f"{count} {name}"] if count else []
+    parts += [f"{figures['lost']} lost"] if figures["lost"] else []
+    return ", ".join(parts)
+
+
+def print_live(session: Session, summary: RunSummary, *, quiet: bool) -> None:
+    """Summary of the last episode, with lateness and commands."""
+    print_run(summary, quiet=quiet)
+    if quiet:
+        return
+    figures = session.figures()
+    wall = max(sum(each.wall_time for each in session.summaries), 1e-9)
+    if figures["ticks"]:
+        say(
+            f"ticks late by {1e3 * figures['late_p50']:.2f} ms (median), {1e3 * figures['late_p99']:.2f} ms (p99), "
+            f"{1e3 * figures['late_worst']:.1f} ms (worst); busy {100 * figures['busy'] / wall:.0f} % of the time"
+        )
+    if figures["slips"]:
+        say(f"fell behind {figures['slips']} times by {figures['slipped']:.2f} s in all: this machine was too slow", "yellow")
+    say(commands(figures) + f"; {figures['applied']} changed a reference, {figures['overtaken']} were overtaken within a tick")
+    for reason, count in (*figures["dropped"].items(), *((f"{key}: clamped", n) for key, n in figures["clamped"].items())):
+        say(f"  {count} x {reason}", "dim")
+    say(f"repeat it: asrsim rerun {summary.files['log']}")

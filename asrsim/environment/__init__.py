@@ -1,0 +1,82 @@
+"""Environments for learning (Gymnasium): a scenario as an environment, and example tasks; needs the extra `gym`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asrsim.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from asrsim.environment.env import SoftRobotEnv, State
+    from asrsim.scenario.data import Scenario
+
+OBSERVED = ("link_position", "link_velocity")
+
+
+def make_env(
+    scenario: str | Path | Scenario,
+    *,
+    variant: str | None = None,
+    overrides: Any = (),
+    control_rate: float = 50.0,
+    observe: Sequence[str] = OBSERVED,
+    act: Sequence[str] = (),
+    reward: Callable[[State], float] | None = None,
+    terminated: Callable[[State], bool] | None = None,
+    randomise: Mapping[str, Any] | None = None,
+    initial: Mapping[str, Any] | None = None,
+    goal: Mapping[str, Any] | None = None,
+    tip: tuple[str, Sequence[float]] | None = None,
+    render_mode: str | None = None,
+    size: int = 256,
+) -> SoftRobotEnv:
+    """A scenario as a Gymnasium environment. An episode lasts the scenario's duration; then it is truncated.
+
+    Args:
+        scenario: File, or a scenario that was loaded; variant, overrides: as :func:`asrsim.run` takes them.
+        control_rate: Hz of actions; a whole number of steps lies between two.
+        observe: Quantities, each of all joints that have it, in the order of the joints: those of
+            :data:`asrsim.quantities.QUANTITIES` but works, energies and losses; and `tip`, (3,) m.
+        act: References that actions set: names of the joints' modes, or `joint.name`; none: the first one of every joint.
+            An action is in [-1, 1] and goes through the reference's range (`reference_ranges`, else the robot's limits).
+        reward: Of the state after each action; none: 0.
+        terminated: Whether the episode is over, of the same state.
+        randomise: Key -> law, drawn at every reset: keys and laws as `asrsim sweep --over` takes them, of numbers that need
+            no new reading (parameters, damping, masses, constant references).
+        initial: Joint -> law of its position at the start, rad or m.
+        goal: Name -> law, drawn at every reset; the values stand at the end of the observation.
+        tip: Link and point on it (m) whose position in the world is wanted.
+        render_mode: `rgb_array` or none; size: of its pictures in pixels.
+
+    Raises:
+        InputError: gymnasium is not installed, or something named does not exist.
+        ScenarioError, RobotError: as :func:`asrsim.run`.
+    """
+    try:
+        from asrsim.environment.env import SoftRobotEnv
+    except ImportError as error:
+        hint = "pip install 'asrsim[gym]'"
+        raise InputError(Problem(message=f"{error.name} is not installed here", hint=hint, code="no-library")) from error
+    return SoftRobotEnv(
+        scenario, variant=variant, overrides=overrides, control_rate=control_rate, observe=observe, act=act, reward=reward,
+        terminated=terminated, randomise=randomise or {}, initial=initial or {}, goal=goal or {}, tip=tip,
+        render_mode=render_mode, size=size,
+    )  # fmt: skip
+
+
+def register() -> None:
+    """Make our environments known to Gymnasium; importing this module does so. Without Gymnasium there is nothing to do."""
+    try:
+        import gymnasium
+    except ImportError:
+        return
+    for name, entry in (("Scenario", "asrsim.environment:make_env"), ("Reach", "asrsim.environment.reach:make_reach")):
+        if f"asrsim/{name}-v0" not in gymnasium.registry:
+            gymnasium.register(id=f"asrsim/{name}-v0", entry_point=entry)
+
+
+register()
+
+__all__ = ["OBSERVED", "make_env", "register"]

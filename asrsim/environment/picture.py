@@ -1,0 +1,58 @@
+"""Pictures of a running simulation, without a display."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from asrsim.render.camera import fit_camera, main_axis, viewpoint
+from asrsim.render.draw import Image, Painter
+from asrsim.render.frames import rpy_frame
+from asrsim.render.scene import Scene
+from asrsim.render.shapes import drawable
+from asrsim.robot import engine_urdf
+from asrsim.samples import Array
+from asrsim.simulation.simulation import Simulation
+
+LOOKS = 3
+"""Positions of each joint at which the camera looks, at most for :data:`MOST` of all."""
+MOST = 81
+
+
+class Picture:
+    """Draws the simulation's robot and world from one place, from which all of the joints' ranges is seen."""
+
+    def __init__(self, simulation: Simulation, size: int) -> None:
+        """size: pixels of an edge."""
+        self._simulation, self._size = simulation, size
+        scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
+        text, _ = engine_urdf(robot, visuals=True, package_paths=scenario.package_paths)
+        base = rpy_frame(np.array(scenario.base_position), np.array(scenario.base_rpy))
+        self._scene = Scene(drawable(text).urdf, base, scenario.world)
+        self._painter = Painter(self._scene)
+        joints = [drive.joint for drive in simulation.prepared.drives]
+        ranges = {
+            joint.name: np.linspace(
+                -np.pi if joint.lower is None else max(joint.lower, -np.pi),
+                np.pi if joint.upper is None else min(joint.upper, np.pi),
+                LOOKS,
+            )
+            for joint in joints
+        }
+        reach = [
+            self._scene.frames(dict(zip(ranges, pose, strict=True)), {})
+            for pose, _ in zip(product(*ranges.values()), range(MOST), strict=False)
+        ]
+        cloud = np.concatenate([self._painter.outer_points(frames) for frames in (*reach, self._frames())])
+        axis = main_axis(self._scene.axes(self._frames()), {name: float(np.ptp(values)) for name, values in ranges.items()})
+        self._camera = fit_camera(cloud, viewpoint(axis), aspect=1.0)
+
+    def image(self) -> Image:
+        """(size, size, 3) of the present state."""
+        return self._painter.image(self._frames(), self._camera, self._size, self._size)
+
+    def _frames(self) -> dict[str, Array]:
+        positions = self._simulation.loop.joint_states()[0]
+        poses = {name: np.array(pose) for name, pose in self._simulation.engine.bodies().items()}
+        return self._scene.frames(dict(zip(self._simulation.joints, positions, strict=True)), poses)

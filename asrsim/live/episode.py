@@ -1,0 +1,85 @@
+"""The log of a live run from one start to the next reset, or the end."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from asrsim.errors import DivergenceError
+from asrsim.log import LogWriter, open_log
+from asrsim.log.commands import command_topic, encoded
+from asrsim.runs.described import LIVE, as_run
+from asrsim.runs.execute import result_metadata, save_summary
+from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
+from asrsim.runs.lock import owned
+from asrsim.samples import Command, RunInfo, Samples
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.run import run_of
+from asrsim.simulation.simulation import Simulation
+from asrsim.summary import Collector, RunSummary, make_summary
+
+
+class Episode:
+    """A sink of the simulation: samples go to the log that is open."""
+
+    def __init__(self, scenario: Scenario, info: RunInfo) -> None:
+        described = as_run(info, scenario)
+        self._scenario, self._info = scenario, replace(described, metadata={**described.metadata, LIVE: "1"})
+        self.folder = Path()
+        self._writer: LogWriter | None = None
+        self._files = ExitStack()
+        self._earlier: tuple[Path, ...] = ()
+
+    def open(self, folder: Path, *, overwrite: bool) -> None:
+        """Begin a log in `folder`. Raises OutputError."""
+        self.folder = folder
+        files = ExitStack()
+        try:
+            files.enter_context(owned(folder))
+            self._earlier = open_folder(folder, self._scenario, overwrite=overwrite)
+            path = files.enter_context(new_log(folder, self._earlier))
+            self._writer = files.enter_context(LogWriter(path, self._info))
+        except BaseException:
+            files.close()
+            raise
+        self._files = files
+
+    def write(self, samples: Samples) -> None:
+        """From the simulation."""
+        if self._writer is not None:
+            self._writer.write(samples)
+
+    def command(self, command: Command, time: float) -> None:
+        """Note what was set from outside at `time` s."""
+        if self._writer is not None:
+            self._writer.aside(command_topic(), time, encoded(command, time))
+
+    def close(
+        self, simulation: Simulation, wall: float, time: float, error: DivergenceError | None, figures: dict[str, Any]
+    ) -> RunSummary:
+        """End the log; the summary stands beside it then. wall: s that it took; time: s simulated. Raises OutputError."""
+        writer = self._writer
+        if writer is None:
+            raise RuntimeError("no log is open")
+        run = run_of(simulation, "complete" if error is None else "diverged", wall_time=wall, message=str(error or ""))
+        run = replace(run, simulated_time=time, scenario=replace(run.scenario, duration=max(time, run.scenario.step)))
+        writer.close(result_metadata(run, error))
+        self._writer = None
+        self._files.close()
+        log = self.folder / LOG
+        collector = Collector(run.info.joints, samples=max(writer.samples, 1))
+        for chunk in open_log(log).iter_samples():
+            collector.write(chunk)
+        summary = make_summary(run, collector, samples=writer.samples, files={"log": log}, replaced=self._earlier)
+        summary = replace(summary, live=figures, files={**summary.files, "summary": self.folder / SUMMARY})
+        save_summary(summary, self.folder / SUMMARY)
+        return summary
+
+    def abandon(self) -> None:
+        """Close what is still open, after an error; what is in the log stays readable."""
+        if self._writer is not None:
+            self._writer.close({"status": "failed"})
+            self._writer = None
+            self._files.close()

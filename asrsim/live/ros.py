@@ -1,0 +1,220 @@
+"""ROS 2 by rclpy: raw CDR out, messages taken without an executor, so that nothing but the simulation's thread is at work."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time as clock
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from asrsim.errors import InputError, Problem
+from asrsim.live.transport import Access, Interface, Received
+
+DEPTH = 1000
+"""Messages that a publisher keeps for subscribers that are behind, and a subscription for us."""
+MOST = 1000
+"""Messages taken at once; the rest waits, and what waits too long is overtaken."""
+SERVICES_EVERY = 0.02
+"""s between looks at services, parameters, and who listens."""
+MOST_PUBLISHERS = 1000
+
+
+class RosTransport:
+    """A node with the run's topics, services and parameters."""
+
+    def __init__(self, interface: Interface, access: Access) -> None:
+        if not access.network:
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        rclpy = load_rclpy()
+        from rclpy.context import Context
+        from rclpy.signals import SignalHandlerOptions
+
+        self.lost = 0
+        self._interface = interface
+        self._context = Context()
+        try:
+            rclpy.init(
+                context=self._context, domain_id=access.domain, signal_handler_options=SignalHandlerOptions.NO
+            )  # fmt: skip
+            namespace, _, name = interface.node.strip("/").rpartition("/")
+            self._node = rclpy.create_node(
+                name, namespace=namespace or None, context=self._context, use_global_arguments=False, enable_rosout=False
+            )  # fmt: skip
+        except Exception as error:  # of rclpy's own kinds
+            self._context.try_shutdown()
+            message = f"ROS 2 cannot be started: {type(error).__name__}: {error}"
+            raise InputError(Problem(message=message, hint=_cure(), code="ros")) from error
+        skipped = self._publish_all()
+        self._subscriptions = [self._subscribe(number) for number in range(len(interface.inlets))]
+        self._numbers: dict[tuple[int, bytes], int] = {}
+        self._serve()
+        self._heard = self._listened_to()
+        self._looked = clock.monotonic()
+        domain = self._context.get_domain_id()
+        reach = "the network" if access.network else "this machine"
+        self.where = f"node {self._node.get_fully_qualified_name()}, domain {domain}, {reach}"
+        if skipped:
+            names = ", ".join(sorted(skipped))
+            self.where += f" (without topics of {names}, which are not installed here)"
+
+    # -- setting up -------------------------------------------------------------------------------------------------
+
+    def _publish_all(self) -> set[str]:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        stream = QoSProfile(depth=DEPTH)
+        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        skipped: set[str] = set()
+        self._publishers: list[Any] = []
+        """Of the outlets that are not latched, None where the type is not there."""
+        self._latched: list[Any] = []
+        for outlet in self._interface.outlets:
+            kind = message_type(outlet.message)
+            publisher = None
+            if kind is None:
+                skipped.add(outlet.message.split("/")[0])
+            else:
+                publisher = self._node.create_publisher(kind, outlet.name, once if outlet.latched else stream)
+            if not outlet.latched:
+                self._publishers.append(publisher)
+            elif publisher is not None:
+                publisher.publish(self._interface.latched[outlet.name])
+                self._latched.append(publisher)
+        return skipped
+
+    def _subscribe(self, number: int) -> tuple[int, Any, Any, str]:
+        from rclpy.qos import QoSProfile
+
+        inlet = self._interface.inlets[number]
+        kind = message_type(inlet.message)
+        subscription = self._node.create_subscription(kind, inlet.name, lambda message: None, QoSProfile(depth=DEPTH))
+        return number, subscription, kind, inlet.message
+
+    def _serve(self) -> None:
+        from std_srvs.srv import SetBool, Trigger
+
+        for name, service in self._interface.services.items():
+
+            def answer(request: Any, response: Any, service: Any = service) -> Any:
+                response.success, response.message = service.call(bool(getattr(request, "data", False)))
+                return response
+
+            self._node.create_service(SetBool if service.takes_flag else Trigger, f"~/{name}", answer)
+        for name, parameter in self._interface.parameters.items():
+            value = parameter.get()
+            # An endless speed has no number that others could set.
+            self._node.declare_parameter(name, value if value < 1e300 else 1.0)
+        self._node.add_on_set_parameters_callback(self._set_parameters)
+
+    def _set_parameters(self, parameters: Sequence[Any]) -> Any:
+        from rcl_interfaces.msg import SetParametersResult
+
+        for given in parameters:
+            parameter = self._interface.parameters.get(given.name)
+            if parameter is not None:
+                number = isinstance(given.value, float | int) and not isinstance(given.value, bool)
+                fault = parameter.set(float(given.value)) if number else "must be a number"
+                if fault:
+                    return SetParametersResult(successful=False, reason=fault)
+        return SetParametersResult(successful=True)
+
+    # -- running ----------------------------------------------------------------------------------------------------
+
+    def publish(self, time: int, messages: Sequence[bytes]) -> None:
+        """See :class:`asrsim.live.transport.Transport`."""
+        for publisher, message, heard in zip(self._publishers, messages, self._heard, strict=True):
+            if heard and message:
+                publisher.publish(message)
+
+    def poll(self) -> Iterator[Received]:
+        """See :class:`asrsim.live.transport.Transport`."""
+        left = MOST
+        for number, subscription, kind, name in self._subscriptions:
+            while left:
+                taken = subscription.handle.take_message(kind, False)
+                if taken is None:
+                    break
+                left -= 1
+                message, about = taken
+                self._count(number, about)
+                if name == "sensor_msgs/JointState":
+                    yield Received(number, list(message.position or message.effort), list(message.name))
+                else:
+                    yield Received(number, [message.data] if name == "std_msgs/Float64" else list(message.data))
+        now = clock.monotonic()
+        if now - self._looked > SERVICES_EVERY:
+            self._looked = now
+            self._answer()
+            self._heard = self._listened_to()
+
+    def _listened_to(self) -> list[bool]:
+        """Which topics have subscribers: what nobody hears need not be said."""
+        return [publisher is not None and publisher.get_subscription_count() > 0 for publisher in self._publishers]
+
+    def _count(self, number: int, about: Any) -> None:
+        """Publishers number their messages: where numbers are left out, some were lost."""
+        gid = about.get("publisher_gid")
+        key = (number, bytes(gid["data"]) if gid else b"")
+        place = about.get("publication_sequence_number") or 0
+        before = self._numbers.get(key)
+        if before is not None and place > before + 1:
+            self.lost += place - before - 1
+        if before is not None or len(self._numbers) < MOST_PUBLISHERS:
+            self._numbers[key] = place
+
+    def _answer(self) -> None:
+        for service in self._node.services:
+            with service.handle:
+                taken = service.handle.service_take_request(service.srv_type.Request)
+            if taken is None or taken[1] is None:
+                continue
+            request, header = taken
+            service.send_response(service.callback(request, service.srv_type.Response()), header)
+
+    def close(self) -> None:
+        """See :class:`asrsim.live.transport.Transport`."""
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+def message_type(name: str) -> Any:
+    """The class of a message such as `std_msgs/Float64`; None where its package is not installed."""
+    package, _, kind = name.partition("/")
+    try:
+        return getattr(import_module(f"{package}.msg"), kind, None)
+    except ImportError:
+        return None
+
+
+def load_rclpy() -> Any:
+    """rclpy, ours or that of a ROS environment that fits this Python. Raises InputError where two get into each other's way."""
+    foreign = [
+        folder for folder in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+        # The wheels set the variable themselves, to folders of this environment.
+        if (Path(folder) / "librcl.so").exists() and not Path(folder).resolve().is_relative_to(Path(sys.prefix).resolve())
+    ]  # fmt: skip
+    from importlib.util import find_spec
+
+    spec = find_spec("rclpy")
+    ours = spec is not None and "site-packages" in (spec.origin or "")
+    if ours and foreign:
+        message = f"a ROS environment is sourced: its libraries in {foreign[0]} stand before those of this Python's own rclpy"
+        raise InputError(Problem(message=message, hint=_cure(), code="ros-sourced"))
+    try:
+        return import_module("rclpy")
+    except Exception as error:  # a library of another build may fail on import in any way
+        where = f" of {spec.origin}" if spec is not None and spec.origin else ""
+        message = f"rclpy{where} cannot be loaded: {str(error).strip().splitlines()[0] if str(error) else type(error).__name__}"
+        raise InputError(Problem(message=message, hint=_cure(), code="ros-sourced")) from error
+
+
+def _cure() -> str:
+    if os.environ.get("AMENT_PREFIX_PATH") or os.environ.get("ROS_DISTRO"):
+        return (
+            "A ROS environment is sourced in this shell; use a new one, or start with: env -u PYTHONPATH -u LD_LIBRARY_PATH "
+            "-u AMENT_PREFIX_PATH -u RMW_IMPLEMENTATION asrsim live ..."
+        )
+    return "pip install 'asrsim[ros]'"

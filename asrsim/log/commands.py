@@ -1,0 +1,86 @@
+"""What was set from outside in a live run: messages of a log that are in no row, written and read back."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from functools import lru_cache
+
+from mcap.opcode import Opcode
+from mcap.records import Channel
+
+from asrsim.log.cdr import CdrBuilder, CdrTemplate, Column
+from asrsim.log.rows import MESSAGE_HEADER
+from asrsim.log.structure import split_records, stream
+from asrsim.log.topics import TIME_TOPIC, Topic
+from asrsim.samples import Command
+
+COMMAND_TOPIC = "/asrsim/commands"
+
+
+@lru_cache(maxsize=1024)
+def _template(joint: str, reference: str) -> CdrTemplate:
+    builder = CdrBuilder().header().string(joint).string(reference)
+    # A substep takes as many bytes as a number.
+    return builder.float64(Column("command", "substep")).float64(Column("command", "value")).build()
+
+
+def command_topic() -> Topic:
+    """The topic of the commands in a log."""
+    return Topic(name=COMMAND_TOPIC, message="asrsim_msgs/Command", template=_template("", ""), canonical=False)
+
+
+def encoded(command: Command, time: float) -> bytes:
+    """The message of a command that took effect at `time` s; NaN stands for the scenario's own value."""
+    template = _template(command.joint, command.reference)
+    data = bytearray(template.data)
+    nanoseconds = round(time * 1e9)
+    struct.pack_into("<iI", data, template.stamps[0], *divmod(nanoseconds, 1_000_000_000))
+    (substep, _), (value, _) = template.floats
+    struct.pack_into("<Q", data, substep, command.substep)
+    struct.pack_into("<d", data, value, math.nan if command.value is None else command.value)
+    return bytes(data)
+
+
+def decoded(data: bytes) -> Command:
+    """The command of a message. Raises ValueError or struct.error if it is none."""
+    place = 4 + 8
+    _, place = _string(data, place)
+    joint, place = _string(data, place)
+    reference, place = _string(data, place)
+    place += -(place - 4) % 8
+    substep, value = struct.unpack_from("<Qd", data, place)
+    return Command(substep, joint, reference, None if math.isnan(value) else value)
+
+
+class CommandReader:
+    """Finds commands in chunks, which must be read in their order."""
+
+    def __init__(self) -> None:
+        self._commands: set[int] = set()
+        self._rows: set[int] = set()
+
+    def read(self, chunk: bytes) -> Iterator[Command]:
+        """Commands of an uncompressed chunk; they stand before its rows."""
+        for opcode, place, length in split_records(chunk):
+            if opcode == Opcode.CHANNEL:
+                channel = Channel.read(stream(chunk[place : place + length]))
+                known = {COMMAND_TOPIC: self._commands, TIME_TOPIC: self._rows}.get(channel.topic)
+                if known is not None:
+                    known.add(channel.id)
+            elif opcode == Opcode.MESSAGE:
+                (number,) = struct.unpack_from("<H", chunk, place)
+                if number in self._rows:
+                    return
+                if number in self._commands:
+                    yield decoded(chunk[place - 9 + MESSAGE_HEADER.size : place + length])
+
+
+def _string(data: bytes, place: int) -> tuple[str, int]:
+    place += -(place - 4) % 4
+    (length,) = struct.unpack_from("<I", data, place)
+    if not 1 <= length <= len(data) - place - 4:
+        raise ValueError("a command's text is longer than its message")
+    end = place + 4 + length
+    return data[place + 4 : end - 1].decode(), end

@@ -1,0 +1,100 @@
+"""The robot's links as `/tf` and `/tf_static`: what viewers need, beside `/robot_description`, to show it moving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from asrsim.log.cdr import CdrBuilder, CdrTemplate, Column
+from asrsim.log.topics import Topic
+from asrsim.samples import Array, Frame, Samples
+
+
+class FrameMessages:
+    """Messages of the frames that joints move, at a rate of their own, and once of those that stand still."""
+
+    def __init__(self, frames: Sequence[Frame], rate: float) -> None:
+        """rate: Hz, at most."""
+        self._moving = [frame for frame in frames if frame.joint]
+        self._rate, self._next = rate, 0
+        self.topic = Topic(name="/tf", message="tf2_msgs/TFMessage", template=_template(self._moving), canonical=False)
+        self._turns = np.array([frame.rotation for frame in self._moving]).reshape(-1, 4)
+        self._places = np.array([frame.position for frame in self._moving]).reshape(-1, 3)
+        self._axes = np.array([frame.axis for frame in self._moving]).reshape(-1, 3)
+        self._slides = np.array([frame.prismatic for frame in self._moving], bool)
+        still = [frame for frame in frames if not frame.joint]
+        self.static_topic = Topic(
+            name="/tf_static", message="tf2_msgs/TFMessage", template=_template(still), canonical=False
+        )  # fmt: skip
+        poses = np.array([(*frame.position, *frame.rotation) for frame in still]).reshape(1, -1, 7)
+        self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
+        """The one message of what stands still; None where nothing does."""
+
+    def due(self, time: float) -> bool:
+        """Whether a sample at `time` s would have its turn: asked where samples come one by one."""
+        return bool(self._moving) and time * self._rate + 1e-9 >= self._next
+
+    def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
+        """(time in s, message) of the samples whose turn it is; samples come in the order of time."""
+        if not self._moving or not len(samples.time):
+            return []
+        ticks = np.floor(samples.time * self._rate + 1e-9)
+        due = np.flatnonzero(np.diff(ticks, prepend=self._next - 1.0) > 0)
+        if not len(due):
+            return []
+        self._next = int(ticks[-1]) + 1
+        columns = [samples.joints.index(frame.joint) for frame in self._moving]
+        poses = self._poses(samples.values["link_position"][due][:, columns])
+        messages = _filled(self.topic.template, samples.time[due], poses)
+        return list(zip(samples.time[due].tolist(), messages, strict=True))
+
+    def rewind(self) -> None:
+        """Time begins anew."""
+        self._next = 0
+
+    def _poses(self, positions: Array) -> Array:
+        """(n, frames, 7) m and quaternions x y z w of the joints' frames at `positions` (n, frames) in rad (m)."""
+        half = np.where(self._slides, 0.0, 0.5 * positions)
+        turns = np.concatenate([np.sin(half)[..., None] * self._axes, np.cos(half)[..., None]], axis=-1)
+        slides = np.where(self._slides, positions, 0.0)[..., None] * self._axes
+        rotation = multiplied(self._turns, turns)
+        return np.concatenate([self._places + rotated(self._turns, slides), rotation], axis=-1)
+
+
+def multiplied(a: Array, b: Array) -> Array:
+    """Product of quaternions x y z w (..., 4): first b, then a."""
+    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
+    scalar = a[..., 3:] * b[..., 3:] - np.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
+    return np.concatenate([vector, scalar], axis=-1)
+
+
+def rotated(turn: Array, vector: Array) -> Array:
+    """Vectors (..., 3) turned by quaternions x y z w (..., 4)."""
+    twice = 2.0 * np.cross(turn[..., :3], vector)
+    return np.asarray(vector + turn[..., 3:] * twice + np.cross(turn[..., :3], twice))
+
+
+def _template(frames: Sequence[Frame]) -> CdrTemplate:
+    builder = CdrBuilder().uint32(len(frames))
+    for frame in frames:
+        builder.header(frame.parent).string(frame.child)
+        for index in range(7):
+            builder.float64(Column("frame", frame.child, index))
+    return builder.build()
+
+
+def _filled(template: CdrTemplate, time: Array, poses: Array) -> list[bytes]:
+    """Messages of poses (n, frames, 7) at `time` (n,) in s."""
+    rows = np.tile(np.frombuffer(template.data, np.uint8), (len(time), 1))
+
+    def view(offset: int, kind: str) -> Any:
+        return np.ndarray((len(time),), kind, rows.data, offset, (rows.shape[1],))
+
+    seconds, rest = np.divmod(np.rint(time * 1e9).astype("<i8"), 1_000_000_000)
+    for offset in template.stamps:
+        view(offset, "<i4")[:], view(offset + 4, "<u4")[:] = seconds, rest
+    for (offset, _), values in zip(template.floats, poses.reshape(len(time), -1).T, strict=True):
+        view(offset, "<f8")[:] = values
+    return [row.tobytes() for row in rows]

@@ -1,0 +1,137 @@
+"""What the qbMove arms of figures 11 to 15 weigh and lose, read from their logged motion by Newton's law.
+
+Masses, inertias, losses and springs are written here as the paper (section 4.2) and AlterEgo's description have them, and so is
+the motion of one or two such links in a plane. Nothing comes from the actuators, the robots' files, the logged torques or an
+engine: what moved the links are the springs at the logged positions of motors and links. A motion of other springs, masses,
+damping or friction does not fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.reproduce.claim import Claim
+from asrsim.reproduce.statics import GRAVITY
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from asrsim.samples import Array, Samples
+
+MASS, CENTRE, INERTIA, LENGTH = 0.5408, 0.0793, 6.33e-4, 0.09
+"""kg, m from the axis, kg m^2 about the centre of mass, m from axis to axis: a c-flange with a cube."""
+DAMPING, FRICTION = 0.065, 0.025
+"""N m s/rad, N m, of each joint."""
+DEFLECTION = 0.8
+"""rad, at which the toolbox cuts a spring's deflection."""
+SLOWEST = 0.02
+"""Share of a joint's largest velocity below which a row is left out, since friction that holds takes any value."""
+SHARE = 0.02
+"""By which masses, damping and friction may be off."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Springs:
+    """A joint's two springs: torque k sinh(a (motor - link)) each."""
+
+    rates: tuple[float, float] = (11.0, 11.0)
+    """1/rad."""
+    scales: tuple[float, float] = (0.02, 0.02)
+    """N m."""
+
+    def torque(self, link: Array, motors: tuple[Array, Array]) -> Array:
+        """(n,) N m on the link."""
+        bent = [np.clip(motor - link, -DEFLECTION, DEFLECTION) for motor in motors]
+        return sum((k * np.sinh(a * d) for a, k, d in zip(self.rates, self.scales, bent, strict=True)), np.zeros_like(link))
+
+
+ALTEREGO = Springs()
+IDENTIFIED = (
+    Springs(rates=(6.257, 3.9), scales=(0.01038, 0.08918)),
+    Springs(rates=(3.383, 7.011), scales=(0.1015, 0.05944)),
+)
+"""Of section 4.3, whose labels a and k stand swapped in the paper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """What a motion tells."""
+
+    masses: float
+    """Times those above: what the links' inertia and weight are."""
+    damping: float
+    """N m s/rad."""
+    friction: float
+    """N m."""
+
+
+def read_motion(samples: Samples, springs: Sequence[Springs], *, hangs: bool) -> Motion:
+    """Masses, damping and friction of one or two links with these springs, by least squares of Newton's law.
+
+    samples: positions of links and motors at even times; hangs: under gravity, with 0 straight down.
+    """
+    step = float(samples.time[1] - samples.time[0])
+    links, first, second = (samples.values[name] for name in ("link_position", "motor_1_position", "motor_2_position"))
+    q = links[1:-1]
+    v = (links[2:] - links[:-2]) / (2.0 * step)
+    acceleration = (links[2:] - 2.0 * q + links[:-2]) / step**2
+    inertial = _newton(q, v, acceleration, GRAVITY if hangs else 0.0)
+    rows, torques = [], []
+    for j, spring in enumerate(springs):
+        use = np.abs(v[:, j]) > SLOWEST * np.max(np.abs(v[:, j]))
+        sign = np.sign(v[:, j])
+        # A step in which the velocity changes its sign has friction of both signs.
+        use[1:-1] &= (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
+        rows.append(np.column_stack([inertial[:, j], v[:, j], sign])[use])
+        torques.append(spring.torque(links[:, j], (first[:, j], second[:, j]))[1:-1][use])
+    found = np.linalg.lstsq(np.vstack(rows), np.concatenate(torques), rcond=None)[0]
+    return Motion(masses=float(found[0]), damping=float(found[1]), friction=float(found[2]))
+
+
+def _newton(q: Array, v: Array, acceleration: Array, gravity: float) -> Array:
+    """(n, joints) N m that move one or two links without losses; angles are relative to the link before."""
+    own = INERTIA + MASS * CENTRE**2
+    weight = MASS * CENTRE * gravity
+    if q.shape[1] == 1:
+        return np.asarray(own * acceleration + weight * np.sin(q))
+    (q_1, q_2), (v_1, v_2), (a_1, a_2) = q.T, v.T, acceleration.T
+    coupled = MASS * LENGTH * CENTRE
+    outer = own * (a_1 + a_2) + coupled * (a_1 * np.cos(q_2) + v_1**2 * np.sin(q_2)) + weight * np.sin(q_1 + q_2)
+    inner = (
+        own * a_1
+        + outer
+        + MASS * LENGTH**2 * a_1
+        + coupled * (a_1 + a_2) * np.cos(q_2)
+        - coupled * (v_1 + v_2) ** 2 * np.sin(q_2)
+        + (weight + MASS * LENGTH * gravity) * np.sin(q_1)
+    )
+    return np.column_stack([inner, outer])
+
+
+def motion_claims(figure: int, runs: Mapping[str, Samples], springs: Sequence[Springs], *, hangs: bool) -> list[Claim]:
+    """That each run's motion is one of the paper's masses and losses under these springs."""
+    motions = {name: read_motion(samples, springs, hangs=hangs) for name, samples in runs.items()}
+    wanted = {
+        "masses": ("masses, times the paper's, that the motion tells", 1.0, ""),
+        "damping": ("damping that the motion tells", DAMPING, "N m s/rad"),
+        "friction": ("friction that the motion tells", FRICTION, "N m"),
+    }
+    return [
+        Claim(
+            figure=figure,
+            origin="theory",
+            text=f"{name}: the links move as Newton's law with the paper's springs and {what} has it",
+            quantity=quantity,
+            measured=getattr(motion, what),
+            comparison="==",
+            value=value,
+            tolerance=SHARE * value,
+            unit=unit,
+        )
+        for name, motion in motions.items()
+        for what, (quantity, value, unit) in wanted.items()
+    ]

@@ -1,0 +1,90 @@
+"""Ranges of what may be set from outside, where the scenario declares none: the limits of the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from asrsim.errors import UnresolvedSpringError
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.drives import Drive
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
+
+TURN = math.pi
+"""rad either way of a joint without limits."""
+LEVER_SHARE = 0.5
+"""Of the length at which an adjusted lever's stiffness becomes infinite."""
+
+Range = tuple[float, float]
+
+
+def ranges_of(prepared: Prepared) -> dict[str, dict[str, Range]]:
+    """Joint -> reference -> least and largest value: the scenario's, else the robot's limits. External torques are offered
+    where the robot's file subscribes to them, or the scenario declares their range.
+    """
+    return {drive.name: _of(drive, prepared.scenario) for drive in prepared.drives}
+
+
+def _of(drive: Drive, scenario: Scenario) -> dict[str, Range]:
+    declared = {**scenario.reference_ranges.get("*", {}), **scenario.reference_ranges.get(drive.name, {})}
+    found: dict[str, Range] = {}
+    names = drive.mode.references if drive.mode else ()
+    if drive.actuator is not None and drive.actuator.motors == 1 and not drive.actuator.adjuster:
+        names = names[:1]
+    for slot, name in enumerate(names):
+        found[name] = declared.get(name) or _default(drive, slot)
+    if EXTERNAL_TORQUE in declared or (drive.block is not None and drive.block.subscribe_external_torque):
+        found[EXTERNAL_TORQUE] = declared.get(EXTERNAL_TORQUE) or _torque(drive)
+    return found
+
+
+def _default(drive: Drive, slot: int) -> Range:
+    mode, actuator, values = drive.mode, drive.actuator, drive.values
+    if mode is None or actuator is None:
+        return _torque(drive)
+    if mode.number == 0:
+        return _torque(drive)
+    if mode.number == 4:
+        most = values.get(f"motor_{slot + 1}_max_torque", 0.0)
+        return -most, most
+    if slot == 1 and actuator.adjuster:
+        return 0.0, LEVER_SHARE * values.get("lever_length", math.inf)
+    spread = values.get("max_deflection", 0.0) if mode.spring else 0.0
+    if slot == 1 and mode.mapped:
+        return -spread, spread
+    joint = drive.joint
+    low = -TURN if joint.lower is None or joint.kind == "continuous" else joint.lower
+    high = TURN if joint.upper is None or joint.kind == "continuous" else joint.upper
+    if mode.mapped or not mode.spring:
+        return low, high
+    # A motor's position: it may lead the link by as much as the spring bears, within the motor's own limits.
+    least, most = (values.get(f"motor_{slot + 1}_{end}_position", math.nan) for end in ("min", "max"))
+    return max(low - spread, -math.inf if math.isnan(least) else least), min(
+        high + spread, math.inf if math.isnan(most) else most
+    )
+
+
+def _torque(drive: Drive) -> Range:
+    most = drive.joint.effort
+    return (-math.inf, math.inf) if most is None else (-most, most)
+
+
+def with_ranges(scenario: Scenario) -> Prepared:
+    """A scenario made ready for all that may be set from outside. Raises as :func:`asrsim.simulation.prepare.prepare` does."""
+    first = prepare(scenario)
+    first.make_engine().close()
+    ranges = finite(ranges_of(first))
+    try:
+        return prepare(replace(scenario, reference_ranges=ranges))
+    except UnresolvedSpringError as error:
+        error.add_note("The references may be set anywhere within the robot's limits: narrow them by reference_ranges")
+        raise
+
+
+def finite(ranges: Mapping[str, Mapping[str, Range]]) -> dict[str, dict[str, Range]]:
+    """Without what has no limit: torques of joints without any, which substeps do not depend on."""
+    return {
+        joint: {name: pair for name, pair in given.items() if all(map(math.isfinite, pair))} for joint, given in ranges.items()
+    }

@@ -1,0 +1,262 @@
+"""Where parts of the core meet: nothing depends on where a block, a chunk or a step begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_core_truth import INERTIA, INSTALLED, MASS, REACH
+
+from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.actuators.vectorised import energy_over_arrays
+from asrsim.scenario.data import Effects, Scenario, Wrench
+from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
+from asrsim.simulation.bench import Motion, run_bench
+from asrsim.simulation.divergence import FLOOR, EnergyGuard
+from asrsim.simulation.effects import through
+from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.stretches import plain_stretch
+from asrsim.simulation.substep import PLACES, RAW
+from asrsim.simulation.wrenches import wrench_table
+from validation.conservation import motors
+from validation.models import Body, chain, column, run
+
+BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
+H = 1e-3
+PULSES = PulseTrain(high=0.4, period=0.00437, width=0.0013)
+"""Jumps all over the steps, in the first and the second half of them."""
+
+
+def prepared(**fields: Any) -> Prepared:
+    """A joint in mode 6."""
+    robot = chain(BODY)
+    keys = {"modes": {"*": 6}, "references": {"*": {"equilibrium_position": PULSES}}, "duration": 0.2, **fields}
+    return prepare(Scenario(name="seams", robot=robot.path, **keys), robot)
+
+
+@pytest.mark.parametrize("size", [1, 3, 7])
+def test_kicks_are_cut_at_the_same_jumps_whatever_the_blocks(size: int) -> None:
+    given = prepared()
+    inputs = Inputs(given.scenario, given.drives, substep=H, staggered=True)
+    whole = inputs.block(0, 42)
+    parts = {
+        k: pieces for first in range(0, 42, size) for k, pieces in inputs.block(first, min(size, 42 - first)).events.items()
+    }
+    assert len(whole.events) > 15
+    assert parts == whole.events
+
+
+@pytest.mark.parametrize("size", [1, 3, 7])
+def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
+    wrench = Wrench(link="link_1", force=(PULSES, None, None), point=(0.0, 0.0, 0.0))
+    table = wrench_table(wrench, staggered=True)
+    whole = table(0, 42, H)
+    parts = np.concatenate([table(first, min(size, 42 - first), H) for first in range(0, 42, size)])
+    np.testing.assert_array_equal(parts, whole)
+    # Nothing of a pulse is lost: over all kicks, from 0 to 41.5 steps, what the force gave.
+    edges = np.arange(0, 41.5 * H, 1e-6) + 5e-7
+    assert H * whole[:, 0].sum() == pytest.approx(1e-6 * PULSES.values(edges).sum(), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"motor_1_max_velocity": 1.0},
+        {"motor_1_max_position": 0.05, "motor_1_min_position": -0.05},
+        {"motor_1_max_torque": 0.5},
+    ],
+)
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_energies_are_the_same_whatever_is_handed_on_at_once(limits: dict[str, float], size: int) -> None:
+    """Motors at their stops and limits: what they lose there is told from rows beside it."""
+    wave = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=8.0)}
+    given = prepared(references={"*": wave}, parameters={"*": {"spring_stiffness": 20.0, **limits}}, substeps=1)
+    found = []
+    for rows in (200, size):
+        with Simulation(given, record=True, compiled=False) as simulation:
+            for end in range(rows, 201, rows):
+                simulation.advance_to(end)
+                simulation.flush()
+            meter = simulation.recording.recorder.meter
+            found.append([*meter.residual, *meter.given, *meter._totals.ravel()])
+    assert np.abs(found[0]).max() > 0.01
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [0, 512])
+@pytest.mark.parametrize("failing", [3, 700, 1100])
+def test_a_law_without_a_value_is_told_with_its_substep(start: int, failing: int) -> None:
+    """Counted from the stretch's start, whatever the portions in which its rows are written."""
+    joints: list[Any] = [[0.0] * len(PLACES), [0, 0]]
+    engine: Any = SimpleNamespace(states=list, advance=list)
+    block: Any = SimpleNamespace(wrenches=np.zeros((2000, 0, 6)), stacked=np.zeros((2000, 1, 3)))
+    calls = count()
+
+    def laws(k: int, states: Any, joints: Any, inputs: Any, record: Any) -> None:
+        joints[1][0] = k
+        record[k][0] = [0.0] * len(RAW)
+        if next(calls) == failing:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        plain_stretch(engine, laws, joints)(start, 2000, np.empty((2000 - start, 1, len(RAW))), block)
+    assert joints[1][0] == failing
+
+
+def test_a_late_command_jumps_later() -> None:
+    late = through(Step(at=0.1, after=1.0), Effects(delay=0.0303), step=H, seed=(0,))
+    np.testing.assert_allclose(late.jumps(0.0, 1.0), [0.1303])
+    assert late.values(np.array([0.1302, 0.1304])).tolist() == [0.0, 1.0]
+
+
+def test_energy_that_springs_and_links_have_from_nowhere_counts_together() -> None:
+    none = {"kinetic": 0.0, "turnover": np.zeros(1), "names": ["a"]}
+    for residual, told in ((0.0, False), (-0.6 * FLOOR, True), (0.6 * FLOOR, False)):
+        fault = EnergyGuard(0.0).fault(0.6 * FLOOR, given=np.zeros(1), residual=np.array([residual]), **none)
+        assert (fault is not None) == told
+
+
+def test_a_wrench_may_give_energy() -> None:
+    push = Wrench(link="link_1", force=(Constant(value=20.0), None, None), point=(0.0, 0.0, -REACH))
+    result = run(chain(replace(BODY, actuator=None)), duration=0.3, wrenches=(push,))
+    assert result.status == "complete"
+    assert np.ptp(column(result, "link_position")) > 1.0
+
+
+def test_late_sensors_of_motors_are_of_second_order() -> None:
+    """Position and velocity belong to one moment, where the motors' velocity is that of half a step before."""
+    free = motors("sea", {"motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1e3, "motor_1_max_torque": 1e3})
+    found = []
+    for substeps in (1, 4, 32):
+        result = run(
+            chain(replace(BODY, inertia=1e-2)), mode=6, duration=0.2, substeps=substeps, motor_substeps=1, compiled=False,
+            references={"equilibrium_position": Sinusoid(amplitude=0.4, frequency=3.0)},
+            parameters={"spring_stiffness": 20.0, **free}, sensor_effects={"*": Effects(delay=4e-3)},
+        )  # fmt: skip
+        found.append(column(result, "motor_1_position"))
+    coarse, fine = (np.abs(one - found[2]).max() for one in found[:2])
+    assert coarse < 2e-4
+    assert np.log2(coarse / fine) / 2.0 > 1.8
+
+
+def test_the_link_s_controller_in_the_released_order() -> None:
+    """Torque = P e + I times the sum of e dt, this step's with it, - D v, with the link as it is at the step."""
+    gains = {"controller_1_proportional": 3.0, "controller_1_integral": 40.0, "controller_1_derivative": 0.02}
+    result = run(
+        chain(replace(BODY, inertia=1e-2)), mode=1, duration=0.05, stepping="toolbox", gravity=0.0,
+        references={"link_position": 0.3}, parameters=gains,
+    )  # fmt: skip
+    error, v = 0.3 - column(result, "link_position"), column(result, "link_velocity")
+    expected = 3.0 * error + 40.0 * H * np.cumsum(error) - 0.02 * v
+    np.testing.assert_allclose(column(result, "link_torque"), expected, rtol=1e-12)
+
+
+def test_the_bench_s_link_controller_brakes() -> None:
+    """A link that is moved towards its reference: P e - D v."""
+    time, still = np.arange(20) * H, np.zeros(20)
+    motion = Motion(position=0.5 * time, velocity=still + 0.5, reference_1=still + 0.2, reference_2=still)
+    robot = chain(BODY)
+    found = run_bench(replace(robot, actuators=(replace(robot.actuators[0], mode=1),)), time, {"joint_1": motion})["joint_1"]
+    # The motors' gains of the released code, which the block took for its own mode.
+    np.testing.assert_allclose(found["link_torque"], 125.0 * (0.2 - 0.5 * time) - 4.5 * 0.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("asked", "taken"), [(1, 1), (2, 3), (3, 3), (4, 5)])
+def test_a_substep_has_an_odd_number_of_motor_steps(asked: int, taken: int) -> None:
+    """One of them stands for the substep's own time."""
+    assert prepared(motor_substeps=asked).resolution.motor_substeps == taken
+
+
+def test_a_motor_at_its_stop_carries_what_it_can_from_the_start() -> None:
+    """A start at equilibrium with a reference beyond the motor's stop: the link rests on the spring of the stopped motor."""
+    result = run(
+        chain(BODY), mode=6, duration=0.1, initial_equilibrium=True, references={"equilibrium_position": 0.4},
+        parameters={"spring_stiffness": 20.0, "motor_1_max_position": 0.05, "motor_1_min_position": -1.0},
+    )  # fmt: skip
+    q = column(result, "link_position")
+    np.testing.assert_allclose(column(result, "motor_1_position"), 0.05, atol=1e-12)
+    assert np.ptp(q) < 1e-9
+    assert 20.0 * (0.05 - q[0]) == pytest.approx(MASS * 9.81 * REACH * np.sin(q[0]), rel=1e-6)
+
+
+def test_what_is_observed_is_what_is_logged() -> None:
+    given = prepared(references={"*": {"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)}}, substeps=1)
+    with Simulation(given, record=True, compiled=False) as simulation:
+        simulation.advance(40)
+        seen = simulation.observe()
+    result = run(
+        chain(BODY), mode=6, duration=0.05, substeps=1, motor_substeps=given.resolution.motor_substeps,
+        references={"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)},
+    )  # fmt: skip
+    for name in ("link_position", "motor_1_position"):
+        assert getattr(seen, name)[0] == pytest.approx(column(result, name)[40], rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "mode"), [("deflection", 3), ("effort", 3), ("saturation", 6)])
+def test_limits_are_counted_on_both_sides(name: str, mode: int) -> None:
+    found = []
+    limits = '<limit lower="-3" upper="3" effort="1" velocity="100"/>'
+    for goal in (0.8, -0.8):
+        result = run(
+            chain(replace(BODY, inertia=1e-3, limits=limits)), mode=mode, duration=0.1, gravity=0.0, compiled=False,
+            references={"equilibrium_position": Step(at=0.01, after=goal)},
+            parameters={"max_deflection": 0.1, "motor_1_max_torque": 3.0, "spring_stiffness": 80.0},
+        )  # fmt: skip
+        found.append(int(getattr(result.counts, name)[0]))
+    assert found[0] == found[1] > 10
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
+    given = prepared(engine=engine, modes={"*": 3}, substeps=1)
+    inertia = INERTIA + MASS * REACH**2
+    found = []
+    with Simulation(given, compiled=False) as simulation:
+        for q, v in ((0.0, 0.0), (0.0, 3.0), (1.0, 0.0), (1.0, -2.0)):
+            simulation.reset({"joint_1": q}, velocities={"joint_1": v})
+            found.append(simulation.engine.mechanical_energy())
+    height = MASS * 9.81 * REACH * (1.0 - np.cos(1.0))
+    wanted = [0.0, 4.5 * inertia, height, height + 2.0 * inertia]
+    np.testing.assert_allclose(np.array(found) - found[0], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ACTUATORS.names())
+def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
+    law = ACTUATORS.get(name)
+    bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
+    values = tuple(parameter.default for parameter in law.parameters)
+    q = np.array([-0.1, 0.0, 0.05])
+    second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
+    pair = (q, np.array([0.1, 0.05, -0.1]), second)
+    np.testing.assert_allclose(energy_over_arrays(bare)(*pair, values), energy_over_arrays(law)(*pair, values), rtol=1e-6)
+
+
+def test_each_encoder_has_a_noise_of_its_own() -> None:
+    result = run(
+        chain(replace(BODY, actuator="qbmove")), mode=6, duration=0.1, gravity=0.0, compiled=False,
+        references={"equilibrium_position": 0.0, "stiffness_preset": 0.0}, sensor_effects={"*": Effects(noise=0.01)},
+    )  # fmt: skip
+    first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
+    assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
+    assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_joint_beyond_its_stop_comes_back_by_a_fifth(engine: str) -> None:
+    """Of what the last step before the stop overshoots, in the next one."""
+    limits = '<limit lower="-0.2" upper="0.2" effort="100" velocity="100"/>'
+    result = run(
+        chain(replace(BODY, actuator=None, limits=limits)), duration=0.2, gravity=0.0, engine=engine, substeps=1,
+        external={"joint_1": Constant(value=0.5)}, compiled=False,
+    )  # fmt: skip
+    beyond = column(result, "link_position") - 0.2
+    first = int(np.argmax(beyond > 0.0))
+    assert beyond[first] > 1e-4
+    assert beyond[first + 1] == pytest.approx(0.8 * beyond[first], rel=1e-6)

@@ -1,0 +1,194 @@
+"""The Gymnasium environment: the interface's own checker, seeds and bits, resets, randomised parameters, pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+import asrsim  # noqa: E402
+from asrsim.environment import make_env  # noqa: E402
+from asrsim.environment.reach import make_reach  # noqa: E402
+
+RANDOM = {
+    "joint_1.damping": "uniform(0.01, 0.2)", "link_2.mass": {"normal": [0.5, 0.05]},
+    "parameters.joint_1.spring_k_1": "loguniform(0.002, 0.01)", "references.*.stiffness_preset": [0.1, 0.2, 0.3],
+}  # fmt: skip
+QUIET = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    """A quick one: two joints, in plain Python."""
+    from asrsim.runs.examples import examples_folder
+
+    path = tmp_path / "scenario.yaml"
+    path.write_text(
+        f"robot: {examples_folder()}/urdf/dof2_horizontal.urdf\nduration: 0.2\nengine: mujoco\ncompiled: false\n"
+        "references: {'*': {equilibrium_position: 0.0, stiffness_preset: 0.2}}\n"
+        "reference_ranges: {'*': {equilibrium_position: [-1, 1], stiffness_preset: [0.05, 0.4]}}\n"
+    )
+    return path
+
+
+def rollout(env, seed, count=8):
+    observation, _ = env.reset(seed=seed)
+    found, chance = [observation], np.random.default_rng(seed)
+    for _ in range(count):
+        observation, reward, *_ = env.step(chance.uniform(-1, 1, env.action_space.shape))
+        found.append(np.append(observation, reward))
+    return np.concatenate(found)
+
+
+@QUIET
+def test_the_checker_of_gymnasium_finds_nothing(scenario):
+    check_env(make_env(scenario, goal={"x": "uniform(0, 1)"}, randomise=RANDOM, render_mode="rgb_array", size=48))
+
+
+@QUIET
+def test_the_example_task_is_made_by_name():
+    env = gymnasium.make("asrsim/Reach-v0", render_mode="rgb_array", size=64)
+    observation, info = env.reset(seed=3)
+    assert env.observation_space.contains(observation)
+    assert set(info["goal"]) == {"x", "y"}
+    assert env.render().shape == (64, 64, 3)
+    env.close()
+
+
+@pytest.mark.parametrize("options", [{}, {"randomise": RANDOM, "initial": {"joint_1": "uniform(-0.5, 0.5)"}}])
+def test_equal_seeds_equal_bits_and_a_reset_is_a_fresh_start(scenario, options):
+    env, other = make_env(scenario, **options), make_env(scenario, **options)
+    first = rollout(env, 1)
+    rollout(env, 2)
+    np.testing.assert_array_equal(rollout(env, 1), first)
+    np.testing.assert_array_equal(rollout(other, 1), first)
+    assert (rollout(other, 2)[6:] != first[6:]).any()
+
+
+def test_an_environment_is_the_simulation(scenario):
+    env = make_env(scenario, control_rate=100, observe=("link_position", "motor_1_position", "elastic_torque_1", "stiffness"))
+    env.reset()
+    simulation = asrsim.Simulation(scenario, record=True)
+    actions = np.random.default_rng(0).uniform(-1, 1, (10, 2))
+    for action in actions:
+        observation, *_ = env.step(action)
+        for joint, value in zip(simulation.joints, action, strict=True):
+            simulation.set_reference(joint, "equilibrium_position", value)
+        simulation.advance(10)
+    np.testing.assert_array_equal(observation[:2], simulation.observe().link_position)
+    simulation.advance(2)
+    simulation.flush()
+    kept = simulation.recording.kept[-1]
+    np.testing.assert_allclose(observation[6:8], kept.values["stiffness"][100], rtol=0.02)
+    np.testing.assert_allclose(observation[4:6], kept.values["elastic_torque_1"][100], atol=0.02)
+
+
+def test_what_is_randomised_changes_the_simulation(scenario):
+    env = make_env(scenario, randomise={"link_2.mass": "uniform(0.3, 0.9)"})
+    masses = []
+    for seed in range(3):
+        _, info = env.reset(seed=seed)
+        masses.append(info["parameters"]["link_2.mass"])
+        links = {link.name: link for link in env.simulation.prepared.robot.links}
+        assert links["link_2"].mass == masses[-1]
+    assert len(set(masses)) == 3
+    assert all(0.3 < mass < 0.9 for mass in masses)
+
+
+def test_vector_environments(scenario):
+    envs = gymnasium.vector.SyncVectorEnv([lambda: make_env(scenario, randomise=RANDOM) for _ in range(2)])
+    observations, _ = envs.reset(seed=5)
+    assert observations.shape == (2, 4)
+    for _ in range(12):
+        observations, *_ = envs.step(np.zeros((2, 2)))
+    alone = make_env(scenario, randomise=RANDOM)
+    alone.reset(seed=6)
+    for _ in range(10):
+        _, _, ended, truncated, _ = alone.step(np.zeros(2))
+    assert truncated
+    assert not ended
+    envs.close()
+
+
+def test_actions_are_scaled_to_the_ranges_and_cut(scenario):
+    env = make_env(scenario, act=("stiffness_preset", "joint_1.equilibrium_position"))
+    assert env.action_names == ("joint_1.stiffness_preset", "joint_2.stiffness_preset", "joint_1.equilibrium_position")
+    env.reset()
+    env.step(np.array([-1.0, 1.0, 7.0]))
+    _, (first, second, _) = env.simulation.row
+    np.testing.assert_allclose(second, [0.05, 0.4])
+    assert first[0] == 1.0
+
+
+def test_rewards_see_goal_and_tip_and_may_end_the_episode(scenario):
+    seen = []
+    env = make_env(
+        scenario, observe=("tip",), tip=("link_2", (0.1, 0.0, 0.0)), goal={"x": [0.5]}, reward=lambda state: state.goal["x"],
+        terminated=lambda state: seen.append(state) or len(seen) == 3,
+    )  # fmt: skip
+    observation, _ = env.reset(seed=0)
+    np.testing.assert_allclose(observation, [0.19, 0.0, 0.1, 0.5], atol=1e-6)
+    results = [env.step(np.zeros(2)) for _ in range(3)]
+    assert [result[1:3] for result in results] == [(0.5, False), (0.5, False), (0.5, True)]
+    assert seen[1].time == pytest.approx(0.04)
+
+
+def test_the_picture_moves_with_the_arm(scenario):
+    env = make_env(scenario, render_mode="rgb_array", size=96)
+    env.reset()
+    before = env.render()
+    for _ in range(5):
+        env.step(np.ones(2))
+    after = env.render()
+    assert before.dtype == np.uint8
+    assert (before != after).any(axis=2).mean() > 0.01
+    assert make_env(scenario).render() is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"observe": ("link_positon",)}, "link_position"),
+        ({"observe": ("tip",)}, "needs the argument tip"),
+        ({"observe": ("motor_work",)}, "cannot be observed"),
+        ({"act": ("reference_1",)}, "no joint has the reference"),
+        ({"control_rate": 300}, "no whole number of steps"),
+        ({"control_rate": -1}, "above 0"),
+        ({"tip": ("hand", (0, 0, 0))}, "no link is called 'hand'"),
+        ({"randomise": {"link_9.mass": [1]}}, "no key, joint or link"),
+        ({"randomise": {"joint_1.damping": "uniform(2, 1)"}}, "must be above the low one"),
+        ({"randomise": {"step": [0.001]}}, "read anew"),
+        ({"randomise": {"joint_1.damping": ["much"]}}, "numbers only"),
+        ({"initial": {"elbow": [0.1]}}, "no joint is called 'elbow'"),
+        ({"render_mode": "human"}, "no render mode"),
+    ],
+)
+def test_wrong_arguments_are_refused(scenario, options, message):
+    with pytest.raises(asrsim.InputError, match=message):
+        make_env(scenario, **options)
+
+
+@pytest.mark.parametrize("action", [[0.0], [0.0, np.nan], [[0.0, 0.0]]])
+def test_wrong_actions_are_refused(scenario, action):
+    env = make_env(scenario)
+    env.reset()
+    with pytest.raises(asrsim.InputError, match="2 finite numbers"):
+        env.step(np.array(action))
+
+
+def test_resets_are_fast():
+    """0.1 ms is the bar; CPU time, so that others on the machine do not count."""
+    from time import process_time
+
+    env = make_reach(goal={})
+    env.reset()
+    times = []
+    for _ in range(20):
+        began = process_time()
+        for _ in range(10):
+            env.simulation.reset()
+        times.append((process_time() - began) / 10)
+    assert min(times) < 1e-4

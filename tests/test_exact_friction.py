@@ -1,0 +1,63 @@
+"""Coulomb friction of many joints at once, held against its law: a joint sticks under less than its friction, or slides under
+all of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.engines import ENGINES
+from asrsim.robot import load_robot
+from asrsim.scenario.data import Scenario
+
+STEP = 1e-3
+JOINTS = 7
+
+
+def chain(folder: Path, random: np.random.Generator) -> Path:
+    """Seven links about random axes, each joint with a friction of its own."""
+    parts = ['<robot name="chain"><link name="l0"/>']
+    for i in range(JOINTS):
+        axis = " ".join(f"{x:.12g}" for x in random.normal(size=3))
+        parts.append(f"""<link name="l{i + 1}"><inertial><origin xyz="0.02 0.01 {random.uniform(0.05, 0.2):.6g}"/>
+<mass value="{random.uniform(0.1, 1):.6g}"/>
+<inertia ixx="2e-3" iyy="3e-3" izz="4e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{i}" type="revolute"><origin xyz="0 0 0.2"/><parent link="l{i}"/><child link="l{i + 1}"/><axis xyz="{axis}"/>
+<limit lower="-9" upper="9" effort="99" velocity="99"/><dynamics friction="{random.uniform(0, 3):.6g}"/></joint>""")
+    path = folder / "chain.urdf"
+    path.write_text("".join(parts) + "</robot>")
+    return path
+
+
+@pytest.mark.parametrize("resting", [0, 3, 6, 7])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ["mujoco", "bullet"])
+def test_every_joint_sticks_or_slides(tmp_path: Path, name: str, seed: int, resting: int) -> None:
+    random = np.random.default_rng([seed, resting])
+    robot = load_robot(chain(tmp_path, random))
+    engine, _ = ENGINES.get(name).make(Scenario(name="chain", robot=robot.path), robot)
+    try:
+        engine.prepare(STEP, staggered=False)
+        friction = np.array([joint.friction for joint in robot.moving_joints])
+        kinds = set()
+        for _ in range(20):
+            place = random.uniform(-1.5, 1.5, JOINTS)
+            before = random.uniform(-2.0, 2.0, JOINTS)
+            before[random.permutation(JOINTS)[:resting]] = 0.0
+            torque = random.uniform(-6.0, 6.0, JOINTS)
+            engine.set_state(place.tolist(), before.tolist())
+            engine.states()
+            engine.advance(torque.tolist())
+            after = np.array(engine.read()[1])
+            model = engine.model
+            assert model is not None
+            held = model.mass_matrix(place) @ (after - before) / STEP + model.bias(place, before) - torque
+            assert np.all(np.abs(held) <= friction + 1e-6)
+            sticks = np.abs(after) < 1e-9
+            assert np.abs(held + np.sign(after) * friction)[~sticks] == pytest.approx(0.0, abs=1e-6)
+            kinds |= {int(sticks.sum())}
+        assert len(kinds) > 1 or resting == 0
+    finally:
+        engine.close()

@@ -1,0 +1,93 @@
+"""`/tf` and `/tf_static` of a log: where viewers see the links is where the engine has them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+import asrsim
+from asrsim.robot.poses import quaternion, rotation_matrix
+from asrsim.simulation.prepare import prepare
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def matrix(transform):
+    x, y, z, w = (getattr(transform.rotation, name) for name in "xyzw")
+    result = np.eye(4)
+    result[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    result[:3, 3] = [getattr(transform.translation, name) for name in "xyz"]
+    return result
+
+
+def transforms(path):
+    """Topic -> [(time in s, {child: (parent, frame)})]."""
+    found = {"/tf": [], "/tf_static": []}
+    with path.open("rb") as file:
+        for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            if channel.topic in found:
+                frames = {one.child_frame_id: (one.header.frame_id, matrix(one.transform)) for one in decoded.transforms}
+                found[channel.topic].append((message.log_time * 1e-9, frames))
+    return found
+
+
+def placed(link, frames):
+    """Frame of a link in the world."""
+    pose = np.eye(4)
+    while link in frames:
+        link, step = frames[link]
+        pose = step @ pose
+    assert link in ("world", "map")
+    return pose
+
+
+@pytest.mark.parametrize("robot", ["dof2_vertical", "dof5_arm"])
+def test_links_stand_where_the_engine_has_them(tmp_path, robot):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(
+        f"robot: {EXAMPLES}/urdf/{robot}.urdf\nduration: 0.3\ntf_rate: 20\nsubstep_cap: 1000\ncompiled: false\n"
+        "base: {position: [0.1, 0.2, 0.3], rpy: [0.1, 0.4, -0.2]}\n"
+        "references: {'*': {equilibrium_position: 0.7, stiffness_preset: 0.1}}\nmodes: 6\n"
+    )
+    result = asrsim.run(path, out=tmp_path / "out")
+    found = transforms(result.log)
+    ((first, still),) = found["/tf_static"]
+    assert first == 0.0
+    moving = [entry for entry in found["/tf"] if set(entry[1]) & {j.child for j in result.run.robot.moving_joints}]
+    assert [round(time, 9) for time, _ in moving] == pytest.approx(np.arange(0.0, 0.301, 0.05))
+    prepared = prepare(path)
+    engine = prepared.make_engine()
+    time, frames = moving[-1]
+    row = round(time / result.run.scenario.step)
+    positions = [result[joint]["link_position"][row] for joint in engine.joints]
+    for link in engine.model.links:
+        point, rotation, _ = engine.model.link_point(link, (0.0, 0.0, 0.0), positions)
+        pose = placed(link, {**still, **frames})
+        np.testing.assert_allclose(pose[:3, 3], point, atol=1e-6)
+        np.testing.assert_allclose(pose[:3, :3], rotation, atol=1e-6)
+    engine.close()
+
+
+def test_no_rate_no_frames(tmp_path):
+    path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
+    result = asrsim.run(path, variant="soft", overrides={"duration": 0.1, "tf_rate": 0, "expect": []}, out=tmp_path)
+    assert transforms(result.log) == {"/tf": [], "/tf_static": []}
+
+
+@pytest.mark.parametrize("rpy", [(0.3, -1.2, 2.0), (3.0, 1.5707963, -0.4), (0.0, 0.0, 0.0)])
+def test_quaternions_are_the_rotations_that_they_stand_for(rpy):
+    x, y, z, w = quaternion(rpy)
+
+    class Turn:
+        rotation = type("Q", (), {"x": x, "y": y, "z": z, "w": w})
+        translation = type("V", (), {"x": 0.0, "y": 0.0, "z": 0.0})
+
+    np.testing.assert_allclose(matrix(Turn)[:3, :3], rotation_matrix(rpy), atol=1e-12)
