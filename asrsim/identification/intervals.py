@@ -94,13 +94,14 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.diag(spread) / np.diag(ordinary)
     beyond = np.zeros(len(ratio), bool) if foreseen else ratio > chi2.ppf(CHANCE, count - 1) / (count - 1)
-    deviation = np.sqrt(np.where(beyond, np.diag(spread), np.diag(ordinary)))
+    deviation = np.sqrt(np.maximum(np.where(beyond, np.diag(spread), np.diag(ordinary)), 0.0))
     deviation[lost] = np.nan
     quantile = np.where(beyond, t.ppf(0.975, count - 1), norm.ppf(0.975))
     covariance = np.zeros((n, n))
     covariance[np.ix_(free, free)] = ordinary
     return Uncertainty(
-        covariance=covariance, deviation=_spread_out(deviation, free), spread=_spread_out(np.sqrt(np.diag(spread)), free),
+        covariance=covariance, deviation=_spread_out(deviation, free),
+        spread=_spread_out(np.sqrt(np.maximum(np.diag(spread), 0.0)), free),
         jacobian=jacobian, quantile=_spread_out(quantile, free),
     )  # fmt: skip
 

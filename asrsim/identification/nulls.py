@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.layout import Layout
+from asrsim.identification.layout import Entry, Layout
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
@@ -37,8 +37,12 @@ class Combination:
 def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
     """Jacobian (m, n) by relative changes of the values, and the values (n,); sizes stand for values near 0."""
     values = layout.values(x)
-    scale = np.array([max(abs(v), 0.05 * entry.parameter.size) for v, entry in zip(values, layout.entries, strict=True)])
+    scale = np.array([_scale(entry, float(v)) for v, entry in zip(values, layout.entries, strict=True)])
     return jacobian * (scale / layout.slopes(x)), values
+
+
+def _scale(entry: Entry, value: float) -> float:
+    return value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
 
 
 def unknown_directions(jacobian: Array, variance: float) -> tuple[Array, Array]:
@@ -82,7 +86,33 @@ def combinations(layout: Layout, x: Array, jacobian: Array, variance: float, fre
                 numbers = [float(values[free[i]]) for i in (other, pivot)]
                 text, value = _shown(names, numbers, float(-ratio))
                 found.append(Combination(text, value, margin, (free[other], free[pivot])))
-    return found
+    told = {i for one in found for i in one.keys}
+    lost = [i for i in range(len(free)) if alone[i] > UNKNOWN]
+    if all(free[i] in told for i in lost):
+        return found
+    return [*found, *_products(layout, values, scaled, free, lost, variance)]
+
+
+def _products(
+    layout: Layout, values: Array, scaled: Array, free: Sequence[int], lost: Sequence[int], variance: float
+) -> Iterator[Combination]:
+    """What is known of more than two parameters together, where no pair of them is known; the others follow."""
+    if len(lost) < 2 or np.any(values[[free[i] for i in lost]] <= 0.0):
+        return
+    others = [i for i in range(len(free)) if i not in lost]
+    mine = scaled[:, list(lost)]
+    if others:
+        mine = mine - scaled[:, others] @ np.linalg.lstsq(scaled[:, others], mine, rcond=None)[0]
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(mine, mode="r"))
+    for size, vector in zip(singular, vectors, strict=True):
+        strongest = float(np.max(np.abs(vector)))
+        powers = vector / vector[int(np.argmax(np.abs(vector)))]
+        margin = 1.96 * np.sqrt(variance) / max(float(size), 1e-300) / strongest
+        if margin < UNKNOWN:
+            parts = [(layout.entries[free[i]].name, float(p)) for i, p in zip(lost, powers, strict=True) if abs(p) > 0.02]
+            text = " * ".join(name if abs(p - 1.0) < 0.02 else f"{name}^{p:.2g}" for name, p in parts)
+            value = float(np.exp(np.sum(powers * np.log(values[[free[i] for i in lost]]))))
+            yield Combination(text, value, float(margin), tuple(free[i] for i in lost))
 
 
 def _sparse(directions: Array) -> Array:
@@ -112,13 +142,18 @@ def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple
     """other * pivot^power as people write it; as a sum where that is the simpler form."""
     (other, pivot), (a, b) = names, values
     half = round(2.0 * power) / 2.0
+    if 0.0 < abs(half) < 1.0:
+        # r / k^0.5 is better known as k / r^2.
+        return _shown((pivot, other), (b, a), 1.0 / power)
     if half != 0.0 and abs(power - half) < NICE * max(1.0, abs(half)) and a > 0.0 and b > 0.0:
         size = "" if abs(half) == 1.0 else f"^{abs(half):g}"
         return f"{other} {'*' if half > 0.0 else '/'} {pivot}{size}", a * b**half
     # d a / a + power d b / b = 0: a + (power a / b) b is constant nearby.
     factor = power * a / b if b else 0.0
     whole = round(factor)
-    if whole != 0 and abs(factor - whole) < NICE * abs(whole) * 2.0:
+    if 0 < abs(whole) <= 4 and abs(factor - whole) < NICE * abs(whole) * 2.0:
         factor = float(whole)
+    if (not whole or factor != whole) and a > 0.0 and b > 0.0:
+        return f"{other} * {pivot}^{power:.2g}", a * b**power
     size = "" if abs(factor) == 1.0 else f"{abs(factor):.3g} "
     return f"{other} {'+' if factor > 0.0 else '-'} {size}{pivot}", a + factor * b
