@@ -56,7 +56,7 @@ bit, since both loops run the same source. A run that stays plain where compilin
 
 - Your own actuator is compiled with the rest if Numba can (functions of floats, `math`, no tables or strings); where it
   cannot, `auto` stays plain, and `true` says what is in the way. A power with a whole exponent (`x ** 3`) is a product when
-  compiled, and may differ in the last bit: write `x * x * x`.
+  compiled, and may differ in the last bit: write `x * x * x`, and `sqrt(x)` for `x ** 0.5`.
 - Kernels are kept in `$XDG_CACHE_HOME/asrsim/kernels` (`~/.cache/asrsim/kernels`), by a hash of all code that goes into them:
   a law that changes, or a helper that it calls, gets a kernel of its own, and parameters need none. Where the folder cannot be
   written, nothing is kept. It may be deleted at any time.

@@ -6,7 +6,7 @@ its target velocity (0, or back from its stop) with an impulse within its bounds
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 from typing import Any
 
 STOP_SHARE = 0.2
@@ -141,7 +141,7 @@ def _solve(square: Any, values: Any, count: int) -> None:
     for a in range(count):
         for c in range(a):
             square[a, a] -= square[a, c] * square[a, c]
-        square[a, a] = square[a, a] ** 0.5
+        square[a, a] = sqrt(square[a, a])
         for b in range(a + 1, count):
             value = square[b, a]
             for c in range(a):
