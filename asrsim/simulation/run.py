@@ -73,7 +73,9 @@ def simulate(
     with blame_laws():
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
         _keep_freed_memory()
-        with Simulation(prepared, sinks=sinks, record=keep, duration=duration) as simulation:
+        # A live run, whose length nobody knew, chose its loop for a long one: it is repeated in the same.
+        long = None if duration is None else 10**6
+        with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=long) as simulation:
             return run_to_end(simulation, progress=progress, stop=stop, commands=commands)
 
 
