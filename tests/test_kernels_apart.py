@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections import OrderedDict
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,7 @@ def test_the_names_of_a_kernel_tell_what_it_does(monkeypatch: pytest.MonkeyPatch
 
     for constant in (2.0, 3.0, 2.0):
         names.append(set())
+        monkeypatch.setattr(compiling, "_loaded", OrderedDict())
         compiling.compile_function(outer, (1.0,), names={"bound": make(constant)})
     assert len(names[0]) == 2, "the function and what it calls"
     assert not names[0] & names[1]

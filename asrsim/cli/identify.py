@@ -80,7 +80,7 @@ def identify(
     data that it has not seen; and writes the robot back. Exit code: 0, 1 if nothing could be fitted, 2 if the model does not
     fit, 130 after Ctrl-C, which keeps the best so far.
 
-    Example: asrsim identify lab.yaml --experiment a.csv --free 'joint_1.spring_*' --free link_1.izz
+    Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
     A file of all of it, from a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
     """
