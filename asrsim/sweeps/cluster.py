@@ -232,16 +232,19 @@ def _job_queue(path: Path) -> Any:
     except ImportError:
         raise SimulationError("a file for --cluster needs dask-jobqueue: pip install 'asrsim[cluster]'") from None
     names = {name.lower().removesuffix("cluster"): name for name in dir(dask_jobqueue) if name.endswith("Cluster")}
+    make: Any
     if kind == "local":
-        from dask_jobqueue.local import LocalCluster as Made
+        from dask_jobqueue.local import LocalCluster
+
+        make = LocalCluster
     elif kind in names:
-        Made = getattr(dask_jobqueue, names[kind])  # noqa: N806 - a class
+        make = getattr(dask_jobqueue, names[kind])
     else:
         raise wrong(f"dask-jobqueue has no '{kind}'", tuple(names))
     options = {"python": sys.executable, **options}
     jobs = options.pop("jobs", 1)
     try:
-        made = Made(**options)
+        made = make(**options)
         made.scale(jobs=jobs)
     except Exception as error:
         raise wrong(f"cannot begin the jobs: {type(error).__name__}: {error}") from None
