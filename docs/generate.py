@@ -151,7 +151,9 @@ def speed() -> str:
     page = (Path(__file__).parent / "performance.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `[\w]+` \| \*\*([\d.]+)\*\* \| ([\d.]+) \| (.*) \|$", page, re.MULTILINE)
     machine = re.search(r"^Measured on: .*$", page, re.MULTILINE)
-    table = markdown_table(("ratio", "measured", "goal"), [(what, got, goal) for got, goal, what in rows if " compiled / 0.1" in what])
+    table = markdown_table(
+        ("ratio", "measured", "goal"), [(what, got, goal) for got, goal, what in rows if " compiled / 0.1" in what]
+    )
     return f"{table}\n\n{machine[0] if machine else ''}"
 
 
