@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
+from asrsim.document.file import has_key, read_file
 from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Optional, Text
-from asrsim.document.reading import Reading, Rejected
-from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 from asrsim.scenario.kinds import NUMBER
 
@@ -107,20 +105,12 @@ TASK: Block[dict[str, Any]] = replace(_KEYS, build=dict)
 
 def is_task(path: Path) -> bool:
     """Whether a file is a fit, not a scenario. Raises InputError where it cannot be read."""
-    root, _ = read_yaml(path)
-    return isinstance(root.value, dict) and "experiments" in root.value
+    return has_key(path, "experiments")
 
 
 def read_task(path: Path) -> Task:
     """A fit file. Raises InputError with every problem."""
-    faults: list[Problem] = []
-    root, _ = read_yaml(path, faults=faults)
-    reading = Reading(base=path.parent)
-    found: dict[str, Any] | None = None
-    with suppress(Rejected):
-        found = TASK.read(root, (), reading)
-    if faults or reading.problems or found is None:
-        raise InputError([*faults, *reading.problems])
+    found = read_file(TASK, path)
     free = {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in found.pop("free").items()}
     ties = found.pop("ties")
     try:

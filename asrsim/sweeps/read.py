@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
+from asrsim.document.file import has_key, read_file
 from asrsim.document.kinds import Boolean, Choice, File, Integer, Kind, Number, Optional, Schema, Text
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import KeyPath, Reading
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 from asrsim.scenario.claim_keys import AnyData
@@ -84,20 +84,12 @@ STUDY = block_of(StudyFile, "study")
 
 def is_study(path: Path) -> bool:
     """Whether a file is a study, not a scenario. Raises InputError where it cannot be read."""
-    root, _ = read_yaml(path)
-    return isinstance(root.value, dict) and "scenario" in root.value
+    return has_key(path, "scenario")
 
 
 def read_study(path: Path) -> Study:
     """A study file. Raises InputError with every problem."""
-    faults: list[Problem] = []
-    root, _ = read_yaml(path, faults=faults)
-    reading = Reading(base=path.parent)
-    found: StudyFile | None = None
-    with suppress(Rejected):
-        found = STUDY.read(root, (), reading)
-    if faults or reading.problems or found is None:
-        raise InputError([*faults, *reading.problems])
+    found = read_file(STUDY, path)
     try:
         return make_study(
             found.scenario,
