@@ -28,6 +28,10 @@ UNSTABLE = 2.0
 """omega h from which a spring gains energy at every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
+FADING = 0.1
+"""Rate times h that the automatic number of substeps keeps where friction falls with speed."""
+STEEPEST = math.sqrt(2.0 / math.e)
+"""Steepest slope of exp(-x^2)."""
 FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
 """What of a motor makes bristles."""
 STANDING = 1e-3
@@ -169,7 +173,8 @@ def resolve(
                 f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is {cap}. Lower the "
                 f"step, raise substep_cap, soften the spring or limit its deflection (max_deflection)"
             )
-        substeps = needed
+        fading = max((_fading(drive, masses, j) for j, drive in enumerate(drives)), default=0.0)
+        substeps = max(needed, min(cap, math.ceil(fading * step / FADING - 1e-9)))
     h = step / substeps
     limit = frequency * h
     if limit >= UNSTABLE:
@@ -177,9 +182,10 @@ def resolve(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = {limit:.3g}, "
             f"the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
         )
+    steep = max((_motor_fading(drive) for drive in drives), default=0.0)
     motor_frequency = max((_motor_frequency(drive, k) for drive, k in zip(drives, stiffness, strict=True)), default=0.0)
     if motor_substeps is None:
-        motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9))
+        motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9), math.ceil(steep * h / FADING - 1e-9))
     motor_substeps += 1 - motor_substeps % 2
     return Resolution(
         substeps=substeps,
@@ -203,6 +209,25 @@ def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Ar
         if values.size and abs(values[index]) > best:
             best, shape = float(abs(values[index])), vectors[:, index]
     return best, shape
+
+
+def _fading(drive: Drive, masses: Sequence[Array], j: int) -> float:
+    """Largest rate in 1/s at which joint `j` runs away where its friction falls with speed: for accuracy; bounded friction is
+    stable at any step."""
+    joint = drive.joint
+    if not joint.stribeck_friction:
+        return 0.0
+    return STEEPEST * joint.stribeck_friction / joint.stribeck_velocity * max(float(np.linalg.inv(m)[j, j]) for m in masses)
+
+
+def _motor_fading(drive: Drive) -> float:
+    """The same of the joint's motors."""
+    values, motors = drive.values, range(1, drive.dynamic_motors + 1) if drive.detailed else ()
+    steep = (
+        values[f"motor_{i}_stribeck_friction"] / (values[f"motor_{i}_stribeck_velocity"] * values[f"motor_{i}_inertia"])
+        for i in motors
+    )
+    return STEEPEST * max(steep, default=0.0)
 
 
 def _motor_frequency(drive: Drive, stiffness: float) -> float:
