@@ -99,7 +99,9 @@ class EnergyMeter:
 
         moved = np.diff(raw[POSITION])
         link = mean(raw[APPLIED], APPLIED)
-        flows = np.zeros((5, joints, n))
+        running = np.zeros((5, joints, n + 1))
+        running[:, :, 0] = self._totals
+        flows = running[:, :, 1:]
         # Work of the motors, losses in them, losses by the link's damping, work on the link, taken by the effort limit.
         if (raw[TORQUE] != raw[APPLIED]).any():
             np.multiply(mean(raw[TORQUE], TORQUE) - link, moved, out=flows[4])
@@ -120,11 +122,15 @@ class EnergyMeter:
             flows[0, pick], flows[1, pick], stored[pick], kinetic[pick] = springs.balance(
                 raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[4, pick], cut
             )
-        self.turnover += np.nansum(np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in), axis=1)
-        running = np.empty((5, joints, n + 1))
-        running[:, :, 0] = self._totals
-        running[:, :, 1:] = flows
-        np.cumsum(running, axis=2, out=running)
+        through = np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in)
+        turnover = through.sum(axis=1)
+        self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
+        for kind in running:
+            if kind[:, 1:].any():
+                np.cumsum(kind, axis=1, out=kind)
+            else:
+                # Most robots have no effort limit in their way, and many no damping: those sums stay as they are.
+                kind[:, 1:] = kind[:, :1]
         self._totals = running[:, :, -1].copy()
         at = running[:, :, :-1]
         if self._start is None:

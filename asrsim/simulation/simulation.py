@@ -24,7 +24,7 @@ from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
 
-CHUNK = 4096
+CHUNK = 16_384
 """Substeps, at most, of a chunk: between samples handed on, checks of energy, and progress."""
 CHUNK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
