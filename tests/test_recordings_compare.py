@@ -189,6 +189,19 @@ def test_no_overlap_in_time_names_both_ranges(tmp_path: Path) -> None:
     assert compare(simulation(), recording, lag="start").series[0].metrics["rmse"] < 1e-6
 
 
+def test_a_column_of_another_kind_of_joint_does_not_set_the_clock(tmp_path: Path) -> None:
+    """A reference in m, of a revolute joint, is compared with nothing, and so no lag is taken from it."""
+    t = np.arange(0, 5, 0.01)
+    table = np.column_stack([t, motion(t - 0.4), motion(t - 0.1)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,elbow_ref [m],elbow_pos [rad]", comments="")
+    recording = read(tmp_path / "lab.csv")
+    infos = (JointInfo(name="elbow", actuator="sea", mode=1, prismatic=False, quantities=("reference_1", "link_position")),)
+    result = compare(simulation(), recording, infos=infos)
+    assert result.alignment.how.endswith("elbow.link_position")
+    assert result.alignment.lag == pytest.approx(0.1, abs=0.01)
+    assert any(one.code == "wrong-unit" for one in result.findings)
+
+
 def test_no_common_joint_names_both(tmp_path: Path) -> None:
     path = laboratory(tmp_path)
     recording = read_recording(path, mapping=["elbow_pos=wrist.link_position"])
