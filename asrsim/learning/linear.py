@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import mul
 
 import numpy as np
 
@@ -163,14 +164,14 @@ class Linearised:
             return found
         effect = self.pushed
         slips = 0.5 * effect[:, m : 2 * m]
-        alone = 1.0 / np.diagonal(slips, axis1=1, axis2=2)
-        force = friction.torques[0]
+        alone = (1.0 / np.diagonal(slips, axis1=1, axis2=2)).tolist()
+        rows, before = slips.tolist(), friction.torques.tolist()
+        force = before[0]
         for index in range(len(states)):
             free = states[index] @ state + pushes[index]
-            before = friction.torques[index]
-            sliding = friction.velocities[index] + 0.5 * (state + free)[m : 2 * m]
-            force = friction.hold(sliding, slips[index], alone[index], before, force)
-            state = free - effect[index] @ (force - before)
+            sliding = friction.velocities[index] + 0.5 * (state[m : 2 * m] + free[m : 2 * m])
+            force = friction.hold(sliding.tolist(), rows[index], alone[index], before[index], force)
+            state = free - effect[index] @ (force - friction.torques[index])
             found[index + 1] = state[:m]
         return found
 
@@ -186,16 +187,23 @@ class Friction:
     torques: Array
     """(n - 1, m) N m against the motion, within the level: what friction did in it."""
 
-    def hold(self, sliding: Array, slips: Array, alone: Array, before: Array, start: Array) -> Array:
+    def hold(
+        self, sliding: list[float], slips: list[list[float]], alone: list[float], before: list[float], start: list[float]
+    ) -> list[float]:
         """(m,) N m of friction after which the velocities `sliding` - slips (force - before) are 0, or as large as it can be.
 
-        alone: the inverse of the diagonal of slips; start: a guess.
+        alone: the inverse of the diagonal of slips; start: a guess. In plain numbers: NumPy would take ten times as long for
+        the few joints of an arm.
         """
+        levels: list[float] = self.level.tolist()
         force = start
         for _ in range(SWEEPS):
-            left = sliding - slips @ (force - before)
-            following = np.minimum(np.maximum(force + alone * left, -self.level), self.level)
-            if abs(following - force).max() < 1e-9:
+            more = [f - b for f, b in zip(force, before, strict=True)]
+            following = [
+                min(max(f + one * (speed - sum(map(mul, row, more))), -level), level)
+                for f, one, speed, row, level in zip(force, alone, sliding, slips, levels, strict=True)
+            ]
+            if max(abs(a - f) for a, f in zip(following, force, strict=True)) < 1e-9:
                 break
             force = following
         return force
