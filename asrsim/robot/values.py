@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from asrsim.actuators import ACTUATORS, MODES, Parameter
+from asrsim.actuators.detailed_motor import missing_constants
 from asrsim.robot.attributes import LARGEST, SMALLEST
 from asrsim.robot.model import ActuatorBlock
 
@@ -29,9 +30,13 @@ def law_fault(block: ActuatorBlock) -> str | None:
     """
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    mode = MODES[block.mode]
+    lacking = missing_constants(values, actuator.motors, mode)
+    if lacking:
+        return f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
     preset = actuator.typical_preset
     away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
-    if not MODES[block.mode].spring:
+    if not mode.spring:
         return None
     for law in (actuator.elastic_torques, actuator.stiffness, actuator.elastic_energy):
         try:

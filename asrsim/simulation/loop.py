@@ -109,7 +109,7 @@ class Loop:
             spring = drive.actuator if drive.mode and drive.mode.spring else None
             law = drive.link_damping.ratio > 0.0 if drive.link_damping else False
             kind = (
-                spring, drive.advance.__qualname__, shape_of(self._constants[j]), self._motor_substeps[j],
+                spring, drive.kind, shape_of(self._constants[j]), self._motor_substeps[j],
                 self._sensings[j], law,
             )  # fmt: skip
             members.setdefault(kind, []).append(j)
@@ -256,7 +256,7 @@ class Loop:
 
     def take_drives(self, drives: Sequence[Drive]) -> bool:
         """Other numbers for the same kinds of joints; :meth:`reset` puts them to use. False: they need a loop of their own."""
-        if _is_damped(drives) != self._damped:
+        if _is_damped(drives) != self._damped or [drive.kind for drive in drives] != [drive.kind for drive in self.drives]:
             return False
         if any(drive.values is not before.values for drive, before in zip(drives, self.drives, strict=True)):
             self._constants = self._constants_of(drives)

@@ -40,6 +40,7 @@ def recorded_quantities(drive: Drive) -> tuple[str, ...]:
         names += [f"motor_{i}_position" for i in range(1, 2 if actuator.motors == 1 and not actuator.adjuster else 3)]
     for i in range(1, drive.dynamic_motors + 1):
         names += [f"motor_{i}_velocity", f"motor_{i}_torque", f"friction_torque_{i}"]
+    names += [f"motor_{i}_{what}" for i in drive.electric_motors for what in ("voltage", "current")]
     return (*names, *EnergyMeter.quantities(drive))
 
 
@@ -100,6 +101,7 @@ class Recorder:
         self._lacking = {name: [j for j in range(n) if name not in quantities[j]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
+        self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
         self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
         self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
         self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
@@ -180,6 +182,9 @@ class Recorder:
         values["stiffness"] = stiffness
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
+        for group in self._electric:
+            for name, found in group.electricity(now).items():
+                values.setdefault(name, np.full((joints, count), np.nan))[group.pick] = found
         values |= self.meter.add(raw, ahead, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
         for name, lacking in self._lacking.items():

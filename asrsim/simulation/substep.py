@@ -138,11 +138,19 @@ def _nothing(*arguments: Any) -> Any:
 
 
 def lend(state: Any, push_1: float, push_2: float) -> Any:
-    """A state with torques in its controllers' integrals: of a link's controller, one motor, two motors."""
+    """A state with torques in its controllers' integrals: of a link's controller, one motor, two motors, without and with
+    hysteresis."""
     if len(state) == 1:
         return (state[0] + push_1,)
     if len(state) == 4:
         return (state[0], state[1], state[2], state[3] + push_1)
+    if len(state) == 6:
+        return (state[0], state[1], state[2], state[3] + push_1, state[4], state[5])
+    if len(state) == 12:
+        return (
+            state[0], state[1], state[2], state[3] + push_1, state[4], state[5], state[6], state[7] + push_2,
+            state[8], state[9], state[10], state[11],
+        )  # fmt: skip
     return (state[0], state[1], state[2], state[3] + push_1, state[4], state[5], state[6], state[7] + push_2)
 
 

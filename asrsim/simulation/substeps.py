@@ -28,6 +28,8 @@ UNSTABLE = 2.0
 """omega h from which a spring gains energy at every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
+FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
+"""What of a motor makes bristles."""
 STANDING = 1e-3
 """rad between a joint and its first reference below which the motor does not jump to it at its largest speed."""
 
@@ -63,7 +65,7 @@ def reachable_stiffness(
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
     # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
-    torque_driven = drive.stepping.released and mode.number == 4
+    torque_driven = drive.stepping.released and mode.direct
     sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
     def torque_at(deflection: float) -> float:
@@ -72,16 +74,17 @@ def reachable_stiffness(
 
     goals = np.column_stack(drive.goals(reference_1, reference_2))[:, : 1 if actuator.motors == 1 else 2]
     centre = goals.mean(axis=1)
-    spread = float(np.max(np.abs(goals - centre[:, None]))) if mode.number != 4 else 0.0
+    spread = float(np.max(np.abs(goals - centre[:, None]))) if not mode.direct else 0.0
     offset = abs(float(centre[0]) - drive.initial_position)
     changes = np.abs(np.diff(centre))
     change = float(np.max(changes)) if len(changes) else 0.0
     if mode.motor:
         motors = range(1, actuator.motors + 1)
-        pull = max(drive.values[f"motor_{i}_max_torque"] for i in motors)
+        pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
-        if mode.number == 4:
-            pull = min(pull, float(np.max(np.abs(goals))))
+        if mode.direct:
+            told = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
+            pull = min(pull, float(np.max(told)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
             speed = min(fastest, OVERSHOOT * change / interval)
@@ -96,6 +99,9 @@ def reachable_stiffness(
         for d_2 in [sigma] if actuator.adjuster else (grid if actuator.motors == 2 else [0.0]):
             value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
             best = max(best, value) if math.isfinite(value) else math.inf
+    if drive.hysteresis is not None:
+        # Where its motion turns, a spring's hysteresis is a spring beside it.
+        best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
     return best
 
 
@@ -205,8 +211,8 @@ def _motor_frequency(drive: Drive, stiffness: float) -> float:
     for index in range(1, drive.dynamic_motors + 1):
         springs = stiffness
         if drive.mode and drive.mode.controller:
-            springs += drive.values[f"controller_{index}_proportional"]
-        if drive.values[f"motor_{index}_friction_torque"]:
+            springs += drive.electric(index).gain * drive.values[f"controller_{index}_proportional"]
+        if any(drive.values[f"motor_{index}_{name}"] for name in FRICTIONS):
             springs += FRICTION_STIFFNESS
         frequency = max(frequency, math.sqrt(max(springs, 0.0) / drive.values[f"motor_{index}_inertia"]))
     return frequency
