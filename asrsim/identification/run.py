@@ -19,6 +19,7 @@ from asrsim.identification.layout import Layout
 from asrsim.identification.nulls import Combination
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.steps import ROUNDS, followed, with_substeps
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
 from asrsim.identification.verdicts import Estimate, bounds_met, estimates
@@ -133,6 +134,11 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            teller.stage("substeps of what was found")
+            for _ in range(ROUNDS):
+                if not followed(residuals, best.x):
+                    break
+                best.x = solve(residuals, best.x, loss="linear", rounds=20)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
         except Stopped:
@@ -206,10 +212,11 @@ def _judged(
     causes = missing_causes(plain, trained, start) if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
+    found, substeps = (found, []) if status == "checked" else with_substeps(residuals, x, found)
     told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
     if moved := _moved(layout, trained, x, found.deviation):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
-    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
+    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks] + substeps
     remarks += [
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)

@@ -18,7 +18,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.evaluation import EXTERNAL, Evaluation
-from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepare import prepare, resolution_of
 
 FAST = "mujoco"
 """Engine whose runs are compiled as a whole; without contacts all engines agree to rounding."""
@@ -36,7 +36,7 @@ class Track:
     """A recording with the simulation that is fitted to it."""
 
     def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
-        self.data = data
+        self.data, self._robot = data, robot
         self.scenario = _scenario(scenario, data)
         self.prepared = prepare(self.scenario, robot)
         self.evaluation = Evaluation(self.prepared)
@@ -145,6 +145,19 @@ class Track:
             gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
             predicted.append(exact / gain + offset)
         return predicted
+
+    def resolution(self, values: Mapping[str, float]) -> tuple[int, int]:
+        """Substeps, and the motors' in each, that a run with these numbers takes. Raises RobotError, UnresolvedSpringError."""
+        found = resolution_of(replace(self.prepared.vary(self._split(values)[0]), scenario=self.scenario))
+        return found.substeps, found.motor_substeps
+
+    def resolve(self, substeps: int, motor_substeps: int) -> None:
+        """Run with so many substeps from now on."""
+        scenario = replace(self.scenario, substeps=substeps, motor_substeps=motor_substeps)
+        self.prepared = prepare(scenario, self._robot)
+        self.evaluation.close()
+        self.evaluation = Evaluation(self.prepared)
+        self._commands = None
 
     def _split(self, values: Mapping[str, float]) -> tuple[dict[str, dict[str, float]], list[float], list[float]]:
         """Numbers of the robot, by joint or link, and the start."""

@@ -75,7 +75,7 @@ def estimates(
     norms = np.linalg.norm(scaled, axis=0)
     without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
-    known = combinations(layout, x, found.jacobian, 1.0, free)
+    known = combinations(layout, x, found, free)
     result = []
     for i, entry in enumerate(layout.entries):
         value = float(values[i])

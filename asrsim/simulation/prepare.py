@@ -99,6 +99,17 @@ def prepare(
     )
 
 
+def resolution_of(prepared: Prepared) -> Resolution:
+    """The substeps that a run with these numbers takes: :meth:`Prepared.vary` keeps those of the numbers before. Raises as
+    :func:`prepare`.
+    """
+    engine = make_engine(prepared.scenario, prepared.robot)[0]
+    try:
+        return _resolve(prepared.scenario, prepared.drives, engine, prepared.ranges)
+    finally:
+        engine.close()
+
+
 def _resolve(
     scenario: Scenario, drives: Sequence[Drive], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> Resolution:
