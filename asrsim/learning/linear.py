@@ -192,8 +192,7 @@ class Friction:
     ) -> list[float]:
         """(m,) N m of friction after which the velocities `sliding` - slips (force - before) are 0, or as large as it can be.
 
-        alone: the inverse of the diagonal of slips; start: a guess. In plain numbers: NumPy would take ten times as long for
-        the few joints of an arm.
+        alone: the inverse of the diagonal of slips; start: a guess. In plain numbers: NumPy takes ten times as long for few.
         """
         levels: list[float] = self.level.tolist()
         force = start
