@@ -139,6 +139,10 @@ class MujocoEngine:
         positions, velocities = self.states()
         return positions.tolist(), velocities.tolist()
 
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Coulomb friction of the joints."""
+        self._world.friction[:] = bounds
+
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques."""
         world = self._world
@@ -195,7 +199,9 @@ class MujocoEngine:
         from numba import types
 
         world, packed = self._world, compiled_stage(self._world, self.version)
-        handle = stages.Handle(self._packed.ctypes.data, world.positions, world.velocities, world.forces, world.wrench)
+        handle = stages.Handle(
+            self._packed.ctypes.data, world.positions, world.velocities, world.forces, world.wrench, world.friction
+        )
         symbol = types.ExternalFunction(packed.symbol, types.void(types.intp, types.intp))
         return EngineKernel(
             move=move, look=look, advance=advance, world=handle, compiled={"compiled_stage": symbol}, version=self.version

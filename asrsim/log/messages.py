@@ -21,8 +21,11 @@ _OWN_TOPICS = {
     "elastic_torque_2",
 }
 
-DETAIL_FIELDS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if name not in _OWN_TOPICS and not quantity.apart)
-"""Quantities without a topic of the toolbox or their own; they share one message a joint, NaN where a joint does not record one."""
+DETAIL_FIELDS: tuple[str, ...] = tuple(
+    name for name, quantity in QUANTITIES.items() if name not in _OWN_TOPICS and not quantity.apart
+)
+"""Quantities without a topic of the toolbox or their own; they share one message a joint, NaN where a joint does not
+record one."""
 
 SAMPLE_FIELDS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if not quantity.apart)
 """Quantities of a message that holds all of a joint."""

@@ -98,7 +98,7 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
 
 
 def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
-    """All numbers of a joint in one message, NaN where it does not record one; quantities with topics of their own beside it."""
+    """All numbers of a joint in one message, NaN where it does not record one; those with topics of their own beside it."""
     builder = CdrBuilder().header()
     for quantity in SAMPLE_FIELDS:
         builder.float64(Column("value", quantity, joint.name) if quantity in joint.quantities else None)

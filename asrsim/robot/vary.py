@@ -14,6 +14,9 @@ from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 JOINT_NAMES = {
     "damping": "damping",
     "friction": "friction",
+    "stribeck_friction": "stribeck_friction",
+    "stribeck_velocity": "stribeck_velocity",
+    "load_friction": "load_friction",
     "passive_stiffness": "spring_stiffness",
     "passive_reference": "spring_reference",
 }
@@ -40,6 +43,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             key = f"{owner}.{name}"
             if owner in joints and name in JOINT_NAMES:
                 _check(value >= 0.0 or name == "passive_reference", key, value, "must be at least 0", problems)
+                _check(value != 0.0 or name != "stribeck_velocity", key, value, "must be larger than 0", problems)
                 changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
                 joints[owner] = replace(joints[owner], **changed)
             elif owner in blocks and name in blocks[owner].parameters:

@@ -126,7 +126,8 @@ class Drive:
             return kernels.advance_torque, ()
         if self.mode.number == 1:
             return kernels.advance_link_controller, (0.0,)
-        law, springs, bristles = self.actuator.elastic_torques, self.actuator.motors, ()
+        law, springs = self.actuator.elastic_torques, self.actuator.motors
+        bristles: tuple[float, ...] = ()
         if self.hysteresis:
             law = kernels.make_hysteretic_torques(law, springs)
             bristles = (0.0, math.nan) * springs

@@ -193,12 +193,12 @@ class _Springs:
         lost: Array = np.zeros_like(released)
         damped: Array = np.zeros_like(released)
         pushed: Array = damped
-        kept = np.zeros_like(energy)
         if self._bristles:
             kept, damped, pushed = self._hysteresis(raw)
+            energy = energy + kept
         if not self.group.motors:
-            work = self._ideal(raw, cut, released + np.diff(energy + kept) + damped, pushed)
-            return work, lost, (energy + kept)[:, :-1], np.zeros_like(released), damped
+            ideal = self._ideal(raw, cut, released + np.diff(energy) + damped, pushed)
+            return ideal, lost, energy[:, :-1], np.zeros_like(released), damped
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
@@ -207,8 +207,8 @@ class _Springs:
             lost += taken
             kinetic += fast
         if self.group.actuator.adjuster:
-            work += self._adjuster(raw, cut, mean(SPRING_1), np.diff(energy), moved)
-        return work, lost, (energy + kept)[:, :-1], kinetic, damped
+            work += self._adjuster(raw, cut, mean(SPRING_1), np.diff(energy) + damped, moved)
+        return work, lost, energy[:, :-1], kinetic, damped
 
     def _hysteresis(self, raw: Array) -> tuple[Array, Array, Array]:
         """Energy in the springs' hysteresis, loss in it over the steps, and work of the motors' motion on it, in J."""

@@ -94,7 +94,7 @@ class Inputs:
 
     @staticmethod
     def _rest(drive: Drive, slot: int) -> Signal:
-        """A reference that nobody gives: motors and controllers stay where the joint starts, torques, voltages and currents are 0."""
+        """A reference that nobody gives: motors and controllers stay where the joint starts; torques and voltages are 0."""
         mode = drive.mode
         if mode is None or mode.number == 0 or mode.direct:
             return REST
