@@ -22,6 +22,8 @@ WHITE = 0.3
 AGREED = 2
 """Searches that end alike, of a model that does not fit."""
 ROUNDS = 60
+LINEAR = 0.3
+"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
 LOOKS = 100
 """Evaluations to each side, at most, of a look along a parameter."""
 HUBER = 3.0
@@ -65,6 +67,38 @@ class Best:
             self.successes += 1
 
 
+class _Slopes:
+    """The Jacobian along a search: by differences, and where a step did what it promised, by Broyden's update of the last."""
+
+    def __init__(self, residuals: Residuals) -> None:
+        self._residuals = residuals
+        self._seen = self._at = np.empty(0)
+        self._there = self._here = np.empty(0)
+        self._matrix: Array | None = None
+        self._updates = 0
+
+    def residuals(self, x: Array) -> Array:
+        """(m,), kept for the Jacobian, which is asked for where a step was good."""
+        self._seen, self._there = x.copy(), self._residuals(x)
+        return self._there
+
+    def jacobian(self, x: Array) -> Array:
+        """(m, n)."""
+        there = self._there if np.array_equal(x, self._seen) else self._residuals(x)
+        step = x - self._at if self._matrix is not None else x
+        if self._matrix is not None and self._updates < max(2, len(x) // 2) and np.any(step):
+            surprise = there - self._here - self._matrix @ step
+            # The better the last one foretold the step, the less differences would tell.
+            if float(np.linalg.norm(surprise)) < LINEAR * float(np.linalg.norm(self._matrix @ step)):
+                self._matrix = self._matrix + np.outer(surprise, step / float(step @ step))
+                self._updates += 1
+                self._at, self._here = x.copy(), there
+                return self._matrix
+        self._matrix, self._updates = self._residuals.jacobian(x, base=there), 0
+        self._at, self._here = x.copy(), there
+        return self._matrix
+
+
 def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
     """Trust-region reflective least squares from x, within the bounds."""
     from scipy.optimize import least_squares
@@ -73,8 +107,9 @@ def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, to
     # The start must be inside; counted from it, the first trust region is REACH wide.
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
+    slopes = _Slopes(residuals)
     found = least_squares(
-        lambda move: residuals(inside + move), np.zeros(len(x)), jac=lambda move: residuals.jacobian(inside + move),
+        lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
         bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
         xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip

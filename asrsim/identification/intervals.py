@@ -94,8 +94,8 @@ def _innovation(left: Array, model: Array) -> float:
 def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
     """At x; entries at a bound are held there. foreseen: as if nothing but the noise were left."""
     n = len(x)
-    jacobian = residuals.jacobian(x, central=True)
     left = residuals(x)
+    jacobian = residuals.jacobian(x, base=left)
     # Outliers count as the fit counts them.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     free = np.flatnonzero(~np.asarray(at_bound, dtype=bool))
