@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from operator import mul
 
 import numpy as np
 
@@ -23,14 +22,13 @@ from asrsim.kinematics.compensation import JointDrive
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_inverse import reference_map
 from asrsim.kinematics.model import DynamicModel
+from asrsim.learning.friction import Friction
 from asrsim.samples import Array
 
 POSTURES = 101
 """Postures of a motion at which the rigid robot is linearised; between, straight lines."""
 NUDGE = 1e-6
 """rad and rad/s, for slopes by central differences."""
-SWEEPS = 30
-"""Sweeps over the joints, at most, in which friction is found."""
 CLIP = 0.98
 """Share of the deflection limit at which springs beyond it are linearised: at the limit they have no slope."""
 
@@ -175,37 +173,29 @@ class Linearised:
             found[index + 1] = state[:m]
         return found
 
+    def within(self, change: Array, room: Array) -> Array:
+        """(n, m) change of the positions for a change (n, m) of the inputs as far as the motors' torques have room for it.
 
-@dataclass(frozen=True, kw_only=True)
-class Friction:
-    """Coulomb friction of the joints in a motion about which they are linearised."""
-
-    level: Array
-    """(m,) N m."""
-    velocities: Array
-    """(n - 1, m) rad/s, of the motion, in the middle of each step."""
-    torques: Array
-    """(n - 1, m) N m against the motion, within the level: what friction did in it."""
-
-    def hold(
-        self, sliding: list[float], slips: list[list[float]], alone: list[float], before: list[float], start: list[float]
-    ) -> list[float]:
-        """(m,) N m of friction after which the velocities `sliding` - slips (force - before) are 0, or as large as it can be.
-
-        alone: the inverse of the diagonal of slips; start: a guess. In plain numbers: NumPy takes ten times as long for few.
+        room: (n, m, 2, 2) N m, least and most that each motor can give beside what it gives already.
         """
-        levels: list[float] = self.level.tolist()
-        force = start
-        for _ in range(SWEEPS):
-            more = [f - b for f, b in zip(force, before, strict=True)]
-            following = [
-                min(max(f + one * (speed - sum(map(mul, row, more))), -level), level)
-                for f, one, speed, row, level in zip(force, alone, sliding, slips, levels, strict=True)
-            ]
-            if max(abs(a - f) for a, f in zip(following, force, strict=True)) < 1e-9:
-                break
-            force = following
-        return force
+        states, inputs = self.steps
+        m = len(self.drives)
+        motors = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        asked = 0.5 * (change[1:] + change[:-1])
+        state = np.zeros(states.shape[1])
+        found = np.zeros((len(self.time), m))
+        for index in range(len(states)):
+            given = asked[index].copy()
+            for place, (joint, motor) in enumerate(motors):
+                drive, share = self.drives[joint], _rho(self.drives[joint])[motor]
+                if share:
+                    theta, rate = state[2 * m + 2 * place : 2 * m + 2 * place + 2]
+                    held = drive.proportional[motor] * theta + drive.derivative[motor] * rate
+                    ends = (room[index, joint, motor] + held) / (share * drive.proportional[motor])
+                    given[joint] = min(max(given[joint], ends.min()), ends.max())
+            state = states[index] @ state + inputs[index] @ given
+            found[index + 1] = state[:m]
+        return found
 
 
 def _moving_motors(drive: JointDrive) -> int:
