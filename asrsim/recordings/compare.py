@@ -221,7 +221,12 @@ def _series(
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
     suspicions = [suspect_scale(a, b), suspect_sign(a, b), suspect_gear(a, b) if quantity.startswith("motor") else None]
-    findings = [problem for problem in suspicions if problem is not None]
+    named = f"{column.source}=", f"{joint}.{quantity}"
+    findings = [
+        replace(one, hint=str(one.hint).replace("COLUMN=", named[0]).replace("JOINT.QUANTITY", named[1]))
+        for one in suspicions
+        if one is not None
+    ]
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
