@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ def _with_arrays(value: Any) -> Any:
     return value
 
 
+@cache
 def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     """A law `(q, theta_1, theta_2, parameters) -> number(s)` on arrays (n,) or (joints, n) of equal shape.
 
@@ -82,6 +84,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     return evaluate
 
 
+@cache
 def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], tuple[Array, Array]]:
     """The actuator's reference map on arrays of equal shape: motor positions for equilibria and presets."""
     law = actuator.motor_references
@@ -115,6 +118,7 @@ def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array]
     return evaluate
 
 
+@cache
 def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
     """Energy of the springs in J on arrays: the actuator's own, else integrated from its torques from the undeflected state."""
     if actuator.elastic_energy is not Actuator.elastic_energy:

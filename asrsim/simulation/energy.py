@@ -29,6 +29,11 @@ Mean = Callable[[int], Array]
 """Means over the steps (joints, n) of a column."""
 
 
+def _change(values: Array) -> Array:
+    """From row to row: of arrays (joints, n + 1), (joints, n)."""
+    return values[:, 1:] - values[:, :-1]
+
+
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
@@ -97,7 +102,7 @@ class EnergyMeter:
         def pushed(pick: Any, column: int) -> Array:
             return mean(raw[column, pick], column, pick)
 
-        moved = np.diff(raw[POSITION])
+        moved = _change(raw[POSITION])
         link = mean(raw[APPLIED], APPLIED)
         flows = np.zeros((5, joints, n))
         # Work of the motors, losses in them, losses by the link's damping, work on the link, taken by the effort limit.
@@ -172,7 +177,7 @@ class _Springs:
         energy = self._energy(raw[POSITION], raw[MOTOR_1], raw[MOTOR_2])
         lost: Array = np.zeros_like(released)
         if not self.group.motors:
-            return self._ideal(raw, cut, released + np.diff(energy)), lost, energy[:, :-1], np.zeros_like(released)
+            return self._ideal(raw, cut, released + _change(energy)), lost, energy[:, :-1], np.zeros_like(released)
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
@@ -181,7 +186,7 @@ class _Springs:
             lost += taken
             kinetic += fast
         if self.group.actuator.adjuster:
-            work += self._adjuster(raw, cut, mean(SPRING_1), np.diff(energy), moved)
+            work += self._adjuster(raw, cut, mean(SPRING_1), _change(energy), moved)
         return work, lost, energy[:, :-1], kinetic
 
     def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
@@ -192,7 +197,7 @@ class _Springs:
         base = MOTOR_1 if index == 1 else MOTOR_2
         position, velocity = raw[base], raw[base + 1]
         inertia, damping, low, high, fastest = self._motors[index - 1]
-        moved = np.diff(position)
+        moved = _change(position)
         work = mean(base + 2) * moved
         kinetic = (0.5 * inertia) * (velocity * velocity)
         lost = (mean(base + 3) + (damping / self.substep) * moved) * moved
@@ -208,7 +213,7 @@ class _Springs:
             near[:, 1:] |= held[:, :-3]
             near[:, :1] |= before
             spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
-            lost = np.where(near, work - spring - np.diff(kinetic), lost)
+            lost = np.where(near, work - spring - _change(kinetic), lost)
         return work, lost, kinetic[:, :-1]
 
     def _ideal(self, raw: Array, cut: Array, taken: Array) -> Array:
@@ -227,4 +232,4 @@ class _Springs:
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
         work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
         # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
-        return np.asarray(np.where(cut, change + spring * (moved - np.diff(theta)), work))
+        return np.asarray(np.where(cut, change + spring * (moved - _change(theta)), work))

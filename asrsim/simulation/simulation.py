@@ -28,7 +28,7 @@ CHUNK = 4096
 """Substeps, at most, of a chunk: between samples handed on, checks of energy, and progress."""
 CHUNK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
-SHORTEST_CHUNK = 256
+SHORTEST_CHUNK = 1024
 
 
 class Simulation:
