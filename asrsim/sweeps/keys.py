@@ -150,16 +150,14 @@ def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) ->
 
 
 def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> list[tuple[str, str]] | None:
-    """Joints whose reference the key sets; None where effects, or a range for what is set from outside, stand
-    between the key and the joint."""
+    """Joints whose reference the key sets; None where effects stand between the key and the joint."""
     places = []
     for block in robot.actuators:
         if joint not in ("*", block.joint) or name not in MODES[block.mode].references:
             continue
         if joint == "*" and name in scenario.references.get(block.joint, {}):
             continue
-        clamped = {**scenario.reference_ranges.get("*", {}), **scenario.reference_ranges.get(block.joint, {})}
-        if name in clamped or for_joint(scenario.command_effects, block.joint) is not None:
+        if for_joint(scenario.command_effects, block.joint) is not None:
             return None
         places.append((block.joint, name))
     return places

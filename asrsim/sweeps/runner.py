@@ -81,7 +81,9 @@ class Runner:
             simulation.reset(parameters=plan.changes(values))
             for name, places in sorted(plan.references.items(), key=lambda item: "*" not in item[0]):
                 for joint, reference in places:
-                    simulation.set_reference(joint, reference, float(values[name]))
+                    if simulation.set_reference(joint, reference, float(values[name])) != float(values[name]):
+                        # Ranges are for what comes from outside; a study's values stand in the scenario.
+                        return self._alone(case, values)
             return self._finished(simulation, tap, checked=True)
         except BaseException as error:
             # What a fault leaves behind is nobody's fresh start.
