@@ -128,7 +128,7 @@ def _resolve(
         gravity = np.zeros(len(drives))
     else:
         masses = [model.mass_matrix(position) for position in configurations]
-        _check_inertia(drives, masses[0])
+        check_inertia(drives, masses[0])
         gravity = np.max([np.abs(model.bias(position, still)) for position in configurations], axis=0)
     external = np.max(np.abs(sampled[2]), axis=0)
     stiffness = [
@@ -173,7 +173,7 @@ def _with_ranges(
     return tables[0], tables[1], tables[2]
 
 
-def _check_inertia(drives: Sequence[Drive], mass: Array) -> None:
+def check_inertia(drives: Sequence[Drive], mass: Array) -> None:
     """A joint that turns nothing (a point mass on its own axis), or two on one axis with no mass between them, have no
     equation of motion; raises RobotError.
     """

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import AsrsimError, DivergenceError
+from asrsim.errors import AsrsimError, DivergenceError, InputError
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.metrics import ExpectationResult
 from asrsim.runs.execute import execute, steps_of, write_summary
@@ -81,14 +81,19 @@ class Runner:
             simulation.reset(parameters=plan.changes(values))
             for name, places in sorted(plan.references.items(), key=lambda item: "*" not in item[0]):
                 for joint, reference in places:
-                    simulation.set_reference(joint, reference, float(values[name]))
+                    if simulation.set_reference(joint, reference, float(values[name])) != float(values[name]):
+                        # Ranges are for what comes from outside; a study's values stand in the scenario.
+                        return self._alone(case, values)
             return self._finished(simulation, tap, checked=True)
-        except BaseException:
+        except BaseException as error:
             # What a fault leaves behind is nobody's fresh start.
             kept = self._bases.pop(key, None)
             if kept is not None:
                 kept[0].close()
-            raise
+            if not isinstance(error, InputError):
+                raise
+        # What is wrong with the numbers is said as of a scenario's file.
+        return self._alone(case, values)
 
     def _base(self, key: tuple[str, str], case: Case, values: Mapping[str, Any]) -> tuple[Simulation, _Tap]:
         if key in self._bases:
