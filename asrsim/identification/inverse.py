@@ -78,6 +78,9 @@ class InverseTrack(Track):
         self.onset = float(self._grid[rows[0]])
         self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
 
+    def resolve(self, substeps: int, motor_substeps: int) -> None:
+        """Nothing is simulated."""
+
     def _filtered(self, values: Array) -> Array:
         from scipy.signal import butter, sosfiltfilt
 

@@ -16,12 +16,13 @@ from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, 
 from asrsim.identification.intervals import correlations, uncertainty, whitened
 from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, missing_causes, still_joints, verdict
 from asrsim.identification.layout import Layout
-from asrsim.identification.nulls import Combination
+from asrsim.identification.nulls import Combination, settled
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.steps import ROUNDS, followed, with_substeps
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
-from asrsim.identification.verdicts import Estimate, bounds_met, estimates
+from asrsim.identification.verdicts import IDENTIFIED, WEAK, Estimate, bounds_met, estimates
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -133,6 +134,11 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            teller.stage("substeps of what was found")
+            for _ in range(ROUNDS):
+                if not followed(residuals, best.x):
+                    break
+                best.x = solve(residuals, best.x, loss="linear", rounds=20)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
         except Stopped:
@@ -206,10 +212,16 @@ def _judged(
     causes = missing_causes(plain, trained, start) if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
-    told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
-    if moved := _moved(layout, trained, x, found.deviation):
+    if status == "complete":
+        there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
+        if there is not x:
+            x, found = there, uncertainty(residuals, there, bounds_met(layout, there))
+    found, substeps = (found, []) if status == "checked" else with_substeps(residuals, x, found)
+    told, combined = estimates(residuals, x, found, still_joints(setup.fitted), coarse_joints(setup.fitted))
+    known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
+    if moved := _moved(layout, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
-    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
+    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks] + substeps
     remarks += [
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
@@ -226,7 +238,7 @@ def _judged(
         for track, old, new in zip(setup.tracks, before, after, strict=True)
     )  # fmt: skip
     return Result(
-        task=setup.task, estimates=tuple(told), combinations=tuple(known), correlation=correlations(found.covariance),
+        task=setup.task, estimates=tuple(told), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes), remarks=tuple(remarks),
         evaluations=counter.evaluations, seconds=clock.perf_counter() - began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,

@@ -49,11 +49,12 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         return JointSummary(steady_state=nan, steady_state_error=nan, overshoot=nan, settling=nan, frequency=nan,
                             peak_deflection=_of(columns, "peak", "deflection", time))  # fmt: skip
     stepped = None if step is None else (time[step:], q[step:])
+    target = math.nan if stepped is None else measure("steady_state", *stepped)
     return JointSummary(
-        steady_state=measure("steady_state", time, q),
+        steady_state=target if step == 0 else measure("steady_state", time, q),
         steady_state_error=_of(columns, "steady_state", "position_error", time),
-        overshoot=math.nan if stepped is None else measure("overshoot", *stepped),
-        settling=math.nan if stepped is None else measure("settling", *stepped),
+        overshoot=math.nan if stepped is None else measure("overshoot", *stepped, target=target),
+        settling=math.nan if stepped is None else measure("settling", *stepped, target=target),
         frequency=measure("frequency", time, q),
         peak_deflection=_of(columns, "peak", "deflection", time),
     )

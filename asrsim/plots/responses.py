@@ -17,7 +17,7 @@ from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
 from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
-from asrsim.recordings import Recording, resample
+from asrsim.recordings import Recording, name_of, resample
 from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
@@ -136,7 +136,7 @@ def responses(
                 measured, findings = recorded
                 found.append(
                     entry(
-                        source=one.recording.path.name, experiment=True, response=measured,
+                        source=name_of(one.recording.path), experiment=True, response=measured,
                         findings=(*findings, *measured.findings),
                     )
                 )  # fmt: skip

@@ -37,6 +37,9 @@ _PLAIN = {
     "angolo",
     "gelenk",
     "achse",
+    "enc",
+    "encoder",
+    "ang",
 }
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
@@ -54,7 +57,7 @@ VOCABULARY = {
     "in", "of", "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
     "ist", "istwert", "messwert", "achse", "gelenk", "giunto", "asse", "articulation", "articulacion", "axe", "eje",
 }  # fmt: skip
-_SUFFIXES = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
+_SUFFIXES = ("ref", "ext", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
 
 

@@ -94,7 +94,12 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     except InputError as error:
         raise ScenarioError([replace(problem, key=_key(problem.key or "")) for problem in error.problems]) from None
     findings = Findings(robot.path)
-    known = [problem for problem in robot.warnings if not blocks or problem.code != "no-actuators"]
+    driven = {block.joint for block in blocks}
+    known = [
+        problem
+        for problem in robot.warnings
+        if not (problem.code == "no-actuators" and driven) and not (problem.code == "mimic-joint" and problem.key in driven)
+    ]
     for block in changed.actuators:
         if present.get(block.joint) != block:
             advise(ACTUATORS.get(block.actuator), block, moving[block.joint], findings)

@@ -32,6 +32,11 @@ Mean = Callable[[int], Array]
 """Means over the steps (joints, n) of a column."""
 
 
+def _change(values: Array) -> Array:
+    """From row to row: of arrays (joints, n + 1), (joints, n)."""
+    return values[:, 1:] - values[:, :-1]
+
+
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
@@ -104,9 +109,11 @@ class EnergyMeter:
         def pushed(pick: Any, column: int) -> Array:
             return mean(raw[column, pick], column, pick)
 
-        moved = np.diff(raw[POSITION])
+        moved = _change(raw[POSITION])
         link = mean(raw[APPLIED], APPLIED)
-        flows = np.zeros((FLOWS, joints, n))
+        running = np.zeros((FLOWS, joints, n + 1))
+        running[:, :, 0] = self._totals
+        flows = running[:, :, 1:]
         if (raw[TORQUE] != raw[APPLIED]).any():
             np.multiply(mean(raw[TORQUE], TORQUE) - link, moved, out=flows[4])
         link *= moved
@@ -128,11 +135,15 @@ class EnergyMeter:
             )
             if springs.electric:
                 flows[5, pick] = springs.heat(raw)
-        self.turnover += np.nansum(np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in), axis=1)
-        running = np.empty((FLOWS, joints, n + 1))
-        running[:, :, 0] = self._totals
-        running[:, :, 1:] = flows
-        np.cumsum(running, axis=2, out=running)
+        through = np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in)
+        turnover = through.sum(axis=1)
+        self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
+        for kind in running:
+            if kind[:, 1:].any():
+                np.cumsum(kind, axis=1, out=kind)
+            else:
+                # Most robots have no effort limit in their way, and many no damping: those sums stay as they are.
+                kind[:, 1:] = kind[:, :1]
         self._totals = running[:, :, -1].copy()
         at = running[:, :, :-1]
         if self._start is None:
@@ -191,7 +202,7 @@ class _Springs:
             kept, damped, pushed = self._hysteresis(raw)
             energy = energy + kept
         if not self.group.motors:
-            ideal = self._ideal(raw, cut, released + np.diff(energy) + damped, pushed)
+            ideal = self._ideal(raw, cut, released + _change(energy) + damped, pushed)
             return ideal, lost, energy[:, :-1], np.zeros_like(released), damped
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
@@ -201,7 +212,7 @@ class _Springs:
             lost += taken
             kinetic += fast
         if self.group.actuator.adjuster:
-            work += self._adjuster(raw, cut, mean(SPRING_1), np.diff(energy) + damped, moved)
+            work += self._adjuster(raw, cut, mean(SPRING_1), _change(energy) + damped, moved)
         return work, lost, energy[:, :-1], kinetic, damped
 
     def _hysteresis(self, raw: Array) -> tuple[Array, Array, Array]:
@@ -216,7 +227,7 @@ class _Springs:
             torque = raw[spring] - plain[i]
             held, taken = dahl_energies(torque, raw[motor] - q, level, length)
             kept, lost = kept + held, lost + taken
-            pushed += 0.5 * (torque[:, 1:] + torque[:, :-1]) * np.diff(raw[motor])
+            pushed += 0.5 * (torque[:, 1:] + torque[:, :-1]) * _change(raw[motor])
         return kept, lost, pushed
 
     def heat(self, raw: Array) -> Array:
@@ -236,7 +247,7 @@ class _Springs:
         base = MOTOR_1 if index == 1 else MOTOR_2
         position, velocity = raw[base], raw[base + 1]
         inertia, damping, low, high, fastest = self._motors[index - 1]
-        moved = np.diff(position)
+        moved = _change(position)
         work = mean(base + 2) * moved
         kinetic = (0.5 * inertia) * (velocity * velocity)
         lost = (mean(base + 3) + (damping / self.substep) * moved) * moved
@@ -252,7 +263,7 @@ class _Springs:
             near[:, 1:] |= held[:, :-3]
             near[:, :1] |= before
             spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
-            lost = np.where(near, work - spring - np.diff(kinetic), lost)
+            lost = np.where(near, work - spring - _change(kinetic), lost)
         return work, lost, kinetic[:, :-1]
 
     def _ideal(self, raw: Array, cut: Array, taken: Array, pushed: Array) -> Array:
@@ -271,4 +282,4 @@ class _Springs:
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
         work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
         # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
-        return np.asarray(np.where(cut, change + spring * (moved - np.diff(theta)), work))
+        return np.asarray(np.where(cut, change + spring * (moved - _change(theta)), work))

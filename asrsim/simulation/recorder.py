@@ -110,7 +110,10 @@ class Recorder:
     def __deepcopy__(self, memo: Any) -> Recorder:
         """A recorder that goes on from here: what never changes is shared."""
         twin = copy.copy(self)
-        twin.counts, twin.meter = copy.deepcopy(self.counts, memo), copy.deepcopy(self.meter, memo)
+        twin.counts, twin.meter = (
+            Counts(*(copy.copy(each) for each in vars(self.counts).values())),
+            copy.deepcopy(self.meter, memo),
+        )
         twin._sides = dict(self._sides)
         return twin
 
@@ -199,7 +202,7 @@ class Recorder:
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
         place = values["link_position"]
-        counts.stop += np.count_nonzero((place <= self._lowest) | (place >= self._highest), axis=1)
+        counts.stop += _number((place <= self._lowest) | (place >= self._highest))
         if "stiffness" in values:
             counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
         for group, _, _ in self._groups:
@@ -207,14 +210,19 @@ class Recorder:
             motors = range(1, group.motors + 1)
             held = [np.abs(values[f"motor_{i}_torque"][pick]) >= group.value(f"motor_{i}_max_torque") for i in motors]
             if held:
-                counts.saturation[pick] += np.count_nonzero(np.any(held, axis=0), axis=1)
+                counts.saturation[pick] += _number(np.any(held, axis=0))
             if "max_deflection" in group.drives[0].values:
                 limit = group.value("max_deflection")
                 springs = [values[f"motor_{i}_position"][pick] for i in range(1, group.actuator.motors + 1)]
                 beyond = [np.abs(theta - values["link_position"][pick]) > limit for theta in springs]
-                counts.deflection[pick] += np.count_nonzero(np.any(beyond, axis=0), axis=1)
+                counts.deflection[pick] += _number(np.any(beyond, axis=0))
 
 
 def _beyond(values: Array, limits: Array) -> Any:
     """Numbers (joints,) of `values` (joints, n) whose size is beyond the limits (joints, 1)."""
-    return np.count_nonzero(np.abs(values) > limits, axis=1)
+    return _number(np.abs(values) > limits)
+
+
+def _number(met: Any) -> Any:
+    """How often each joint (joints,) met what `met` (joints, n) tells; most often nobody did, which is quickly seen."""
+    return np.count_nonzero(met, axis=1) if met.any() else 0
