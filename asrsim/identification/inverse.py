@@ -55,7 +55,8 @@ class InverseTrack(Track):
         smooth = [self._filtered(np.interp(self._grid, places[joint].time, places[joint].values)) for joint in joints]
         speed = [np.gradient(q, step) for q in smooth]
         rates = [np.gradient(v, step) for v in speed]
-        every = max(1, round(0.2 / (self._cutoff * step)))
+        # As often as the filter lets differ: its own correlation is not the model's.
+        every = max(1, round(0.5 / (self._cutoff * step)))
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows

@@ -99,7 +99,8 @@ class Track:
         moving = [key for key in self.uncertain if key.endswith(".initial_velocity")]
         if not moving:
             return
-        found = self.predict(dict(zip(self._starts(), self._home(), strict=True)), SOON)
+        # A track of another kind is not made yet.
+        found = Track.predict(self, dict(zip(self._starts(), self._home(), strict=True)), SOON)
         if found is None:
             return
         channels = {channel.key: (channel, predicted) for channel, predicted in zip(self.channels, found, strict=True)}
