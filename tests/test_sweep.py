@@ -191,6 +191,16 @@ def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):
     assert len(made) == before
 
 
+def test_there_are_columns_for_what_the_scenario_has():
+    """Joints' measures of all, a tip's where a task moves it, a claim's for each claim."""
+    for name, variant, tip in (("step_2dof", "soft", False), ("box_push_5dof", "soft", True)):
+        study = study_of({"joint_1.damping": [0.05]}, EXAMPLES / f"{name}.yaml", variants=[variant])
+        columns = [column for column, _ in make_payload(study).columns]
+        assert [column for column in columns if column.startswith("tip.")] == ["tip.largest", "tip.rms", "tip.last"] * tip
+        assert len(columns) == len(set(columns))
+        assert {"joint_1.overshoot", "joint_2.settling", "claim_0.measured", "seconds"} <= set(columns)
+
+
 def test_a_row_is_what_run_says(tmp_path):
     over = {"parameters.*.spring_a_1": [7.0, 9.5], "references.joint_1.stiffness_preset": [0.25, 0.5], "duration": [0.1, 0.2]}
     table = asrsim.sweep(study_of(over, overrides=["engine=mujoco"]), out=tmp_path / "s", workers=1)
