@@ -51,7 +51,7 @@ def is_detailed(values: Mapping[str, float], motors: int) -> bool:
 
 def command_of(values: Mapping[str, float], index: int, mode: Mode) -> str:
     """What motor `index` is told: torque, voltage or current; controllers of electric motors give one of the latter."""
-    if not mode.controller or values.get(f"motor_{index}_torque_constant", 0.0) <= 0.0:
+    if not (mode.controller and mode.motor) or values.get(f"motor_{index}_torque_constant", 0.0) <= 0.0:
         return mode.command
     return "voltage" if values[f"motor_{index}_resistance"] > 0.0 else "current"
 
@@ -60,7 +60,7 @@ def electric_of(values: Mapping[str, float], index: int, mode: Mode) -> Electric
     """Constants of motor `index` from its parameters."""
     command, limit = command_of(values, index, mode), values[f"motor_{index}_max_torque"]
     constant = values.get(f"motor_{index}_torque_constant", 0.0) * values.get(f"motor_{index}_gear_ratio", 1.0)
-    if constant <= 0.0:
+    if constant <= 0.0 or not mode.motor:
         return Electric(1.0 if command == "torque" else 0.0, 0.0, 0.0, inf, limit)
     limit = min(limit, constant * values[f"motor_{index}_max_current"])
     resistance = values[f"motor_{index}_resistance"]
