@@ -19,6 +19,8 @@ EXPLAINED = 0.9
 """Share of the error beyond the noise, squared, that a cause must explain to be suspected: others would, too, in part."""
 FURTHER = 0.8
 """Share of the mean square error that is left, at most, where a second cause is looked for beside a first."""
+HOPE = 0.005
+"""Share of the error, squared, that a cause must explain with all else as it is, to be tried beside the rest."""
 CAUSES = 3
 """That are suspected together, at most."""
 TREND = 0.6
@@ -49,7 +51,8 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     flags: list[str] = []
     layout, places, cost = residuals.layout, [x, start], base
     while len(texts) < CAUSES and cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
-        trials = [_tried(residuals, cause, places) for cause in _causes(residuals, layout, places[0])]
+        hopeful = [cause for cause in _causes(residuals, layout, places[0]) if _promises(residuals, cause, places[0])]
+        trials = [_tried(residuals, cause, places) for cause in hopeful]
         if not trials:
             break
         least, there, cause = min(trials, key=lambda one: one[0])
@@ -67,6 +70,17 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     share = 100.0 * (cost / base) ** 0.5
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     return [f"{' and '.join(texts)} {verb} the error to {share:.2g} % ({' '.join(flags)})"]
+
+
+def _promises(residuals: Residuals, cause: _Cause, place: Array) -> bool:
+    """Whether the slope of a cause explains a part of the error."""
+    trial = Residuals(residuals.tracks, cause.layout, residuals.weights, residuals.ends, residuals.counter)
+    x = np.append(place, 0.0)
+    base = trial(x)
+    step = np.zeros(len(x))
+    step[-1] = 1e-3
+    slope = (trial(x + step) - base) / 1e-3
+    return float(slope @ base) ** 2 > HOPE * float(slope @ slope) * float(base @ base)
 
 
 def _tried(residuals: Residuals, cause: _Cause, places: list[Array]) -> tuple[float, Array, _Cause]:

@@ -17,6 +17,7 @@ from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, 
 from asrsim.identification.intervals import correlations, uncertainty, whitened
 from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, still_joints, verdict
 from asrsim.identification.layout import Layout
+from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import Combination, settled
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.setup import Setup, set_up
@@ -150,8 +151,9 @@ def _identify(
     return _judged(setup, residuals, best, start, before, status, teller.began)
 
 
-ALIKE = 1.01
-"""Mean square error that weights by correlated noise may cost: more, and what is correlated is the model's fault."""
+ALIKE = 0.05
+"""Of the mean square error, at most, that weights by correlated noise may cost: more, and what is correlated is the model's
+fault."""
 
 
 def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
@@ -165,7 +167,12 @@ def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
     better = float(np.mean(residuals(there) ** 2)) <= float(np.mean(residuals(x) ** 2)) * (1.0 + 1e-9)
     weights = residuals.weights
     residuals.weights = before
-    if better and cost_of(residuals(there), task.loss) <= ALIKE * cost_of(residuals(x), task.loss):
+    # Of so many independent samples, a fit without these weights explains a part by chance.
+    left = np.concatenate([one for track in range(len(residuals.tracks)) for one in residuals.raw(x, track) or [np.zeros(1)]])
+    correlation = min(max(lag_correlation(left), 0.0), 1.0 - 1e-6)
+    chance = 2.0 * len(x) / (len(left) * (1.0 - correlation) / (1.0 + correlation))
+    limit = 1.0 + min(max(chance, 0.01), ALIKE)
+    if better and cost_of(residuals(there), task.loss) <= limit * cost_of(residuals(x), task.loss):
         residuals.weights = weights
         return there
     residuals.weights = [
