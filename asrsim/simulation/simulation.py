@@ -111,9 +111,7 @@ class Simulation:
         wanted = scenario.compiled if compiled is None else compiled
         self.slow_because = ""
         """Why the plain loop runs where the compiled one would pay; empty where it does not."""
-        if wanted or (
-            wanted is None and pays(len(prepared.drives), (expected or self.last) * prepared.resolution.motor_substeps)
-        ):
+        if wanted or (wanted is None and pays(len(self.joints), (expected or self.last) * prepared.resolution.motor_substeps)):
             try:
                 if not available():
                     raise SimulationError("Numba is not installed")
