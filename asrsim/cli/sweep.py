@@ -132,7 +132,8 @@ def _swept(
     else:
         study = make_study(path, over, **given)
     folder = out or Path("out") / study.name / "sweep"
-    with Interruption() as interruption, SweepProgress(study.name, show=not quiet) as progress:
+    message = "asrsim: stopping; rows that have come are kept (Ctrl-C again to abort)"
+    with Interruption(message) as interruption, SweepProgress(study.name, show=not quiet) as progress:
         table = sweep(
             study, workers=workers, cluster=cluster, out=folder, resume=resume, overwrite=overwrite,
             progress=progress.update, stop=interruption.stop,
