@@ -52,6 +52,15 @@ def test_the_smallest_scenario(load, tmp_path):
     assert scenario.text == BASE
 
 
+@pytest.mark.parametrize("name", ["x" * 5000, "a/" * 3000, "no such file"])
+def test_a_name_that_no_file_can_have_is_no_file(tmp_path, name):
+    path = tmp_path / "s.yaml"
+    path.write_text(f"robot: {name}.urdf\nduration: 1\n")
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(path)
+    assert [(problem.code, problem.line) for problem in error.value.problems] == [("no-file", 1)]
+
+
 def test_duplicate_keys_are_told_together_with_all_else(load):
     text = BASE + "duration: 3\nduratoin: 4\nbase: {fixed: maybe}\nexpect: [{variant: no, joint: a, measure: mean}]\n"
     found = {(problem.line, problem.key) for problem in faults(load, text)}

@@ -182,3 +182,15 @@ def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
     for block in apply_to_robot(scenario, checked_robot(scenario)[0]).actuators:
         used = abs(result[block.joint].elastic_torque_1[-1000:]).mean()
         assert used <= RESERVE * block.values()["motor_1_max_torque"]
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+def test_a_heavy_arm_is_held_too(tmp_path, actuator):
+    """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
+    preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
+    keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0))
+    proposal = judged(scenario_of(robot, **keys)).proposal
+    assert set(proposal) == {"joint_1", "joint_2"}
+    assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
+    assert proposal["joint_1"]["motor_1_max_torque"] > 50

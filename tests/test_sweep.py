@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from robots import write_plain_arm
 
 import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
@@ -189,6 +190,23 @@ def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):
         runner(run)
     runner.close()
     assert len(made) == before
+
+
+@pytest.mark.parametrize("task", [True, False])
+def test_there_are_columns_for_what_the_scenario_has(task, tmp_path):
+    """Joints' measures of all, a tip's where a task moves it, a claim's for each claim."""
+    path = tmp_path / "s.yaml"
+    poses = "[{time: 0.04, position: [0.3, 0, 0.4]}]"
+    moved = f"{{joint_1: 0.3, joint_2: 0.8}}\ntask: {{link: link_2, point: [0, 0, 0.25], tolerance: 0.1, poses: {poses}}}"
+    path.write_text(
+        f"robot: {write_plain_arm(tmp_path)}\nduration: 0.05\nengine: mujoco\ncompiled: false\n"
+        f"actuators: {{'*': {{type: sea, mode: 3}}}}\ninitial: {moved if task else '{}'}\n"
+        "expect: [{joint: joint_1, quantity: link_position, measure: final, comparison: <, value: 9}]\n"
+    )
+    columns = [column for column, _ in make_payload(study_of({"joint_1.damping": [0.05]}, path, overrides=[])).columns]
+    assert [column for column in columns if column.startswith("tip.")] == ["tip.largest", "tip.rms", "tip.last"] * task
+    assert len(columns) == len(set(columns))
+    assert {"joint_1.overshoot", "joint_2.settling", "claim_0.measured", "seconds"} <= set(columns)
 
 
 def test_a_row_is_what_run_says(tmp_path):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.noise import lag_correlation, swing_in
+from asrsim.identification.noise import lag_correlation, swings
 from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
 
@@ -155,7 +155,7 @@ def _attempts(
     generator, layout = np.random.default_rng(seed), residuals.layout
     yield "the start", start, SHORT
     yield "the start, horizon growing", start, GROWING
-    for place in (start, best.x):
+    for place in (start, best.x) if _swinging(residuals, best.x) else ():
         for how, x in _looked_along(residuals, place, float(np.log(spread)), best.cost):
             yield how, x, (1.0,)
     losses = [i for i, entry in enumerate(layout.entries) if any(word in entry.name for word in ("friction", "damping"))]
@@ -174,6 +174,12 @@ def _attempts(
         low, high = layout.bounds
         yield f"scattered start {number}", np.clip(moved, low, high), SHORT if number % 2 else GROWING
         number += 1
+
+
+def _swinging(residuals: Residuals, x: Array) -> bool:
+    """Whether a swing is left in any channel: its frequency may be in another minimum."""
+    rows = [residuals.raw(x, track, residuals.until(track)) for track in range(len(residuals.tracks))]
+    return any(swings(left) for row in rows for left in row or ())
 
 
 def _looked_along(residuals: Residuals, x: Array, reach: float, cost: float) -> Iterator[tuple[str, Array]]:
@@ -236,7 +242,7 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
         for channel, left in zip(one.channels, raw, strict=True):
             noise = max(channel.noise, channel.quantum / np.sqrt(12.0))
             size = float(np.median(np.abs(left - np.median(left)))) / 0.6745
-            if size > FITS * noise or abs(lag_correlation(left)) > WHITE or swing_in(left)[0] > 0.0:
+            if size > FITS * noise or abs(lag_correlation(left)) > WHITE or swings(left):
                 return False
     return True
 

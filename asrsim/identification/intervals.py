@@ -38,6 +38,8 @@ class Uncertainty:
     """Mean square of the residuals."""
     scores: Array
     """(blocks, n) gradients of the blocks' sums of squares; no rows where only the noise is foreseen."""
+    firsts: Array
+    """(recordings,) first row of each in the scores."""
 
     def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
         """The same with other deviations (n,) and quantiles (n,), and the covariance that these give."""
@@ -53,14 +55,20 @@ class Uncertainty:
         """
         from scipy.stats import chi2, norm, t
 
-        count = len(self.scores)
-        if count < 2:
-            return np.sqrt(ordinary), np.full(len(ordinary), norm.ppf(0.975))
-        spread = np.sum((self.scores @ directions.T) ** 2, axis=0) * count / (count - 1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            beyond = spread / ordinary > chi2.ppf(CHANCE, count - 1) / (count - 1)
-        deviation = np.sqrt(np.maximum(np.where(beyond, spread, ordinary), 0.0))
-        return deviation, np.where(beyond, t.ppf(0.975, count - 1), norm.ppf(0.975))
+        deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), norm.ppf(0.975))
+        # Blocks of a recording may differ less among each other than recordings do.
+        recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
+        for scores in (self.scores, recordings):
+            count = len(scores)
+            if count < 3:
+                continue
+            spread = np.sum((scores @ directions.T) ** 2, axis=0) * count / (count - 1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                beyond = spread / ordinary > chi2.ppf(CHANCE, count - 1) / (count - 1)
+            wide = np.sqrt(spread)
+            beyond &= wide * t.ppf(0.975, count - 1) > deviation * quantile
+            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, t.ppf(0.975, count - 1), quantile)
+        return deviation, quantile
 
 
 def whitened(residuals: Residuals, x: Array) -> list[list[Weights]]:
@@ -105,13 +113,15 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     kept = singular > GONE * singular.max(initial=0.0)
     inverse = np.zeros((n, n))
     inverse[np.ix_(free, free)] = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
-    scores = np.zeros((0, n))
+    scores, firsts = np.zeros((0, n)), np.zeros(0, np.intp)
     if not foreseen:
         numbers: Any = residuals.blocks(BLOCKS)
         scores = np.zeros((int(numbers.max()) + 1, n))
         np.add.at(scores, numbers, jacobian * left[:, None])
-        scores = scores[np.any(scores != 0.0, axis=1)]
-    found = Uncertainty(inverse, inverse, np.empty(0), jacobian, np.empty(0), variance, scores)
+        empty = ~np.any(scores != 0.0, axis=1)
+        of_recording = np.repeat(np.arange(len(scores) // BLOCKS), BLOCKS)[~empty]
+        scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
+    found = Uncertainty(inverse, inverse, np.empty(0), jacobian, np.empty(0), variance, scores, firsts)
     deviation, quantile = found.deviations(variance * np.diag(inverse), inverse)
     # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.
     lost = np.ones(n, bool)

@@ -11,10 +11,8 @@ from asrsim.samples import Array
 
 ROUNDS = 3
 """Changes of substeps, at most."""
-COUNTS = 0.3
-"""Deviations from which on what substeps do to an estimate is part of its interval."""
-SAID = 1.0
-"""Deviations from which on it is said."""
+SAID = 2.0
+"""Deviations from which on it is said what substeps do to an estimate."""
 
 
 def followed(residuals: Residuals, x: Array) -> bool:
@@ -45,19 +43,16 @@ def discretised(residuals: Residuals, x: Array, found: Uncertainty) -> Array:
     return np.asarray(-found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - 0.5**order))
 
 
-def with_substeps(residuals: Residuals, x: Array, found: Uncertainty) -> tuple[Uncertainty, list[str]]:
-    """Intervals that hold what substeps do to the estimates, where that counts, and what is to be said of it."""
+def remarks(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
+    """Estimates that finer substeps would put outside their intervals."""
     if residuals.tracks[0].prepared.stepping.released:
-        return found, []
-    shift = np.abs(discretised(residuals, x, found))
-    with np.errstate(invalid="ignore"):
-        counts = shift > COUNTS * found.deviation
-        said = shift > SAID * found.deviation
+        return []
+    shift = discretised(residuals, x, found)
     values, slopes = residuals.layout.values(x), residuals.layout.slopes(x)
-    remarks = [
-        f"{residuals.layout.entries[i].name} would be {abs(shift[i] * slopes[i] / values[i]):.2g} times itself another with "
-        "substeps as fine as one likes, which its interval holds: `substeps:` in the scenario sets them"
-        for i in np.flatnonzero(said & (values != 0.0)).tolist()
-    ]  # fmt: skip
-    deviation = np.where(counts, np.hypot(found.deviation, shift), found.deviation)
-    return found.with_deviation(deviation, found.quantile), remarks
+    with np.errstate(invalid="ignore"):
+        said = (np.abs(shift) > SAID * found.deviation) & (values != 0.0)
+    return [
+        f"{residuals.layout.entries[i].name} would be {100.0 * shift[i] * slopes[i] / values[i]:+.2g} % another, outside its "
+        "interval, were substeps as fine as one likes: `substeps:` in the scenario sets them"
+        for i in np.flatnonzero(said).tolist()
+    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -99,7 +99,8 @@ class Track:
         moving = [key for key in self.uncertain if key.endswith(".initial_velocity")]
         if not moving:
             return
-        found = self.predict(dict(zip(self._starts(), self._home(), strict=True)), SOON)
+        # A track of another kind is not made yet.
+        found = Track.predict(self, dict(zip(self._starts(), self._home(), strict=True)), SOON)
         if found is None:
             return
         channels = {channel.key: (channel, predicted) for channel, predicted in zip(self.channels, found, strict=True)}
@@ -140,14 +141,10 @@ class Track:
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
         """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
-        evaluation = self.evaluation
         robot, positions, velocities = self._split(values)
         steps = None if until is None else max(4, int(np.ceil((until + 0.3) / self.scenario.step)))
         try:
-            found = evaluation.run(
-                robot, self.wanted, steps=steps, references=self.references(values), positions=positions,
-                velocities=velocities, motors=self.motors,
-            )  # fmt: skip
+            found = self.simulated(robot, positions, velocities, self.references(values), steps)
         except (DivergenceError, RobotError):
             return None
         clock = values.get(CLOCK, 0.0)
@@ -159,6 +156,16 @@ class Track:
             gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
             predicted.append(exact / gain + offset)
         return predicted
+
+    def simulated(
+        self, robot: Mapping[str, Mapping[str, float]], positions: Sequence[float], velocities: Sequence[float],
+        references: Mapping[str, Mapping[str, Signal]], steps: int | None,
+    ) -> Array:  # fmt: skip
+        """(channels, samples) at whole steps, at least as many as `steps`; raises DivergenceError, RobotError."""
+        return self.evaluation.run(
+            robot, self.wanted, steps=steps, references=references, positions=positions, velocities=velocities,
+            motors=self.motors,
+        )  # fmt: skip
 
     def resolution(self, values: Mapping[str, float]) -> tuple[int, int]:
         """Substeps, and the motors' in each, that a run with these numbers takes. Raises RobotError, UnresolvedSpringError."""

@@ -25,7 +25,7 @@ ENOUGH = 0.15
 """Likewise, what proposed parameters leave: some of it is left to what is not foreseen here."""
 RESERVE = 0.8
 """Share of its largest torque that a motor may need to hold an arm with proposed parameters: the rest is for moving it."""
-TRIES = 24
+TRIES = 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,10 +114,12 @@ def problems_of_weight(
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    factor = min(max(1.25, math.sqrt(weak.sag / (ENOUGH * min(weak.travel, 1.0)))), 2.0)
-    if weak.limited:
-        names = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1))
-        factor = 1.25
+    factor = min(max(1.25, math.sqrt(weak.sag / (ENOUGH * min(weak.travel, 1.0)))), 4.0 if weak.falls else 2.0)
+    motors = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1)) if MODES[block.mode].motor else ()
+    lacking = abs(weak.load) / (RESERVE * min((values[name] for name in motors), default=math.inf))
+    # A spring that was wound past its summit no longer shows that the motor gave way first.
+    if weak.limited or lacking > 1.0:
+        names, factor = motors, max(1.25, lacking)
     else:
         names = linear_parameters(actuator, values)
     return {name: float(f"{factor * values[name]:.2g}") for name in names}

@@ -141,7 +141,8 @@ def responses(
                     )
                 )  # fmt: skip
     if not found and not problems:
-        what = "has a reference that moves" if given is None else f"has a {first.quantity} that moves"
+        name = "reference" if given is None else first.quantity
+        what = f"has {'an' if name[0] in 'aeiou' else 'a'} {name} that moves"
         message = f"no joint {what}; a frequency response needs one that does"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message=message, file=path, hint=hint, code="no-excitation"))
