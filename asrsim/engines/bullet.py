@@ -23,7 +23,7 @@ from asrsim.engines.foreign import quiet
 from asrsim.errors import Problem
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
-from asrsim.robot.model import Robot
+from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.versions import version
@@ -41,6 +41,10 @@ def _unpack(states: Any, j: int) -> tuple[float, float]:
     return state[0], state[1]
 
 
+def _frictions(joint: Joint) -> tuple[float, ...]:
+    return joint.friction, joint.stribeck_friction, joint.load_friction
+
+
 class BulletEngine:
     """A fresh physics client with one robot and its world."""
 
@@ -56,7 +60,7 @@ class BulletEngine:
         self._scenario = scenario
         self._step = scenario.step
         merged = merge_fixed(robot)
-        self._exact = exact = scenario.world.empty and any(joint.friction for joint in robot.moving_joints)
+        self._exact = exact = scenario.world.empty and any(joint.rubs for joint in robot.moving_joints)
         shown = without_stops(merged.robot) if exact else merged.robot
         text, self.warnings = engine_urdf(shown, package_paths=scenario.package_paths)
         try:
@@ -169,6 +173,14 @@ class BulletEngine:
         joint = kinds.Tuple((kinds.float64, kinds.float64, kinds.none, kinds.none))
         return kinds.UniTuple(joint, len(self.joints))
 
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Coulomb friction of the joints."""
+        if self._exact and self._companion is not None:
+            self._companion.set_friction(bounds)
+        else:
+            self._frictions = list(bounds)
+            self._set_friction(1.0)
+
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques."""
         if fraction != 1.0:
@@ -230,10 +242,10 @@ class BulletEngine:
 
     def vary(self, robot: Robot) -> bool:
         """True where only damping and motors differ, or friction that the companion has: changed bodies differ from loaded."""
-        before, after = ([joint.friction for joint in one.moving_joints] for one in (self.robot, robot))
+        before, after = ([_frictions(joint) for joint in one.moving_joints] for one in (self.robot, robot))
         if robot.links != self.robot.links or before == after:
             return robot.links == self.robot.links
-        if not (self._exact and any(after) and self._companion and self._companion.vary(robot)):
+        if not (self._exact and any(map(any, after)) and self._companion and self._companion.vary(robot)):
             return False
         self.robot = robot
         return True

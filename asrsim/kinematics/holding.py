@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 FALL = 1.0
 """rad beyond which it is said to fall."""
+OFF = 0.1
+"""rad or m from its reference at which a joint on a stop does not belong there; of a short travel, the share."""
 STEPS = 400
 LARGEST_STEP = 0.05
 """rad, of the search for the rest."""
@@ -45,6 +47,8 @@ class Holding:
     """A motor gives way: it would need more than its largest torque."""
     time: float
     """s, of that instant."""
+    travel: float
+    """rad or m between the joint's stops."""
 
     @property
     def falls(self) -> bool:
@@ -121,11 +125,12 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         off = np.abs(positions[name] - wanted[name])
         worst = int(np.argmax(off))
         low, high = _stops(robot, name)
-        stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6 and off[worst] > 0.1
+        stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6
+        stopped = stopped and off[worst] > OFF * min(high - low, 1.0)
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(limited[name][worst]), time=float(time[worst]),
+                limited=bool(limited[name][worst]), time=float(time[worst]), travel=high - low,
             )
         )  # fmt: skip
     return tuple(found)

@@ -162,14 +162,14 @@ class Linearised:
             return found
         effect = self.pushed
         slips = 0.5 * effect[:, m : 2 * m]
-        alone = 1.0 / np.diagonal(slips, axis1=1, axis2=2)
-        force = friction.torques[0]
+        alone = (1.0 / np.diagonal(slips, axis1=1, axis2=2)).tolist()
+        rows, before = slips.tolist(), friction.torques.tolist()
+        force = before[0]
         for index in range(len(states)):
             free = states[index] @ state + pushes[index]
-            before = friction.torques[index]
-            sliding = friction.velocities[index] + 0.5 * (state + free)[m : 2 * m]
-            force = friction.hold(sliding, slips[index], alone[index], before, force)
-            state = free - effect[index] @ (force - before)
+            sliding = friction.velocities[index] + 0.5 * (state[m : 2 * m] + free[m : 2 * m])
+            force = friction.hold(sliding.tolist(), rows[index], alone[index], before[index], force)
+            state = free - effect[index] @ (force - friction.torques[index])
             found[index + 1] = state[:m]
         return found
 

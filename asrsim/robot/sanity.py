@@ -95,5 +95,33 @@ def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and parameter.value < 0.0:
             message = f"a negative gain (<{parameter.tag}>) drives away from the reference"
             yield Doubt(message=message, code="negative-gain", value=f"{parameter.value:g}", parameter=parameter)
+    yield from _model_doubts(block)
     if mode.spring and not has_spring(block):
         yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+
+
+NEEDS = {
+    "stribeck_velocity": "stribeck_friction", "resistance": "torque_constant", "gear_ratio": "torque_constant",
+    "max_voltage": "resistance", "max_current": "torque_constant", "hysteresis_deflection": "hysteresis_torque",
+}  # fmt: skip
+"""Parameter of an optional model -> the one without which it does nothing; a motor's without its number."""
+
+
+def _model_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
+    """Optional models that are given in part, or beyond sense."""
+    values = block.values()
+    for name, parameter in block.parameters.items():
+        if parameter.origin not in ("tag", "scenario"):
+            continue
+        motor = name[: len("motor_1_")] if name.startswith("motor_") else ""
+        needed = motor + NEEDS.get(name.removeprefix(motor), "")
+        if values.get(needed, 1.0) <= 0.0:
+            message = f"<{parameter.tag}> has no effect without {needed}"
+            yield Doubt(message=message, code="no-effect", value=f"{parameter.value:g}", parameter=parameter)
+        if name.endswith("load_friction") and parameter.value >= 1.0:
+            message = "friction grows by more than the load: the spring never turns the motor back"
+            yield Doubt(message=message, code="self-locking", value=f"{parameter.value:g}", parameter=parameter)
+        limit = values.get("max_deflection", math.inf)
+        if name == "hysteresis_deflection" and values["hysteresis_torque"] > 0.0 and parameter.value > limit:
+            message = "is beyond the deflection limit: the hysteresis is a spring there"
+            yield Doubt(message=message, code="long-hysteresis", value=f"{parameter.value:g}", parameter=parameter)

@@ -45,8 +45,12 @@
     axes.forEach((axis, i) => {
       draw.strokeStyle = "#555"; draw.fillStyle = "#222";
       draw.beginPath(); draw.moveTo(x(i), top); draw.lineTo(x(i), height - bottom); draw.stroke();
-      draw.fillText(axis.name, x(i), i % 2 ? 10 : 22, 1.8 * (width - left - right) / axes.length);
-      draw.fillText(axis.high.toPrecision(4), x(i), top - 2 + 0);
+      // Long names at the ends reach inwards.
+      const end = i === 0 ? "left" : i === axes.length - 1 ? "right" : "center";
+      draw.textAlign = end;
+      draw.fillText(axis.name, end === "left" ? 4 : end === "right" ? width - 4 : x(i), i % 2 ? 10 : 22, 1.8 * (width - left - right) / axes.length);
+      draw.textAlign = "center";
+      draw.fillText(axis.high.toPrecision(4), x(i), top - 2);
       draw.fillText(axis.low.toPrecision(4), x(i), height - 8);
       if (axis.range) {
         draw.fillStyle = "rgba(0,114,178,0.25)";
