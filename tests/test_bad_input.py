@@ -56,7 +56,7 @@ ROBOTS = {
     "no shape": (*collision(""), "empty <geometry>"),
     "no real value": ("<spring_k>10<", "<spring_k>pow(-1, 0.5)<", "has no real value"),
     "negative inertia": ('ixx="1e-3"', 'ixx="-1e-3"', "negative principal moment"),
-    "mode 7": ("<operation_mode>3<", "<operation_mode>7<", "6 (PIDEqPres)"),
+    "mode 9": ("<operation_mode>3<", "<operation_mode>9<", "8 (MotorCurrents)"),
     "wrong joint": ("<joint>elbow<", "<joint>ellbow<", "Did you mean 'elbow'?"),
     "massless": ('<mass value="0.5"/>\n      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>',
                  '<mass value="0"/><inertia ixx="0" iyy="0" izz="0"/>', "nothing behind this joint"),
