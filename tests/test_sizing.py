@@ -46,6 +46,31 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
+@pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
+def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
+    """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
+    from scipy.optimize import fsolve
+
+    goal, spring, masses = 0.4, 3.0, [0.2] * (len(lengths) - 1) + [1.5]
+    scenario = scenario_of(
+        write_plain_arm(tmp_path, lengths=lengths, masses=masses),
+        gravity=[0.0, 0.0, 9.81],
+        actuators={"*": {"type": "sea", "mode": 2, "parameters": {"spring_stiffness": spring, "max_deflection": 3.0}}},
+        references={"*": {"reference_1": goal}},
+    )
+
+    def unbalanced(q):
+        angles = np.cumsum(q)
+        joints = np.concatenate([[0.0], np.cumsum(np.array(lengths) * np.sin(angles))])
+        centres = joints[:-1] + 0.5 * np.array(lengths) * np.sin(angles)
+        weights = [sum(9.81 * masses[j] * (centres[j] - joints[i]) for j in range(i, len(q))) for i in range(len(q))]
+        return spring * (goal - q) - np.array(weights)
+
+    rest = fsolve(unbalanced, np.full(len(lengths), 0.01), xtol=1e-10)
+    found = [one.sag for one in judged(scenario, propose=False).joints]
+    assert found == pytest.approx(np.abs(rest - goal), abs=2e-3)
+
+
 def test_the_sag_of_one_spring_in_closed_form(tmp_path):
     """k (e - q) + m g r sin q = 0, of one upright link."""
     robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.5,))

@@ -39,8 +39,8 @@ class BulletModel:
         self._from_bullet = [self._to_bullet.index(j) for j in range(len(self._indices))]
         self._same_order = self._to_bullet == list(range(len(self._indices)))
         self._zero = [0.0] * len(self._indices)
-        # Bullet prints what it thinks of the robot's axes when it is first asked.
-        if self._indices:
+        if indices:
+            # Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
             with quiet():
                 self.mass_matrix(self._zero)
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.layout import Layout
-from asrsim.identification.noise import lag_correlation
+from asrsim.identification.noise import lag_correlation, swings
 from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
 
@@ -23,6 +22,10 @@ WHITE = 0.3
 AGREED = 2
 """Searches that end alike, of a model that does not fit."""
 ROUNDS = 60
+LINEAR = 0.3
+"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
+LOOKS = 100
+"""Evaluations to each side, at most, of a look along a parameter."""
 HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
 
@@ -64,6 +67,38 @@ class Best:
             self.successes += 1
 
 
+class _Slopes:
+    """The Jacobian along a search: by differences, and where a step did what it promised, by Broyden's update of the last."""
+
+    def __init__(self, residuals: Residuals) -> None:
+        self._residuals = residuals
+        self._seen = self._at = np.empty(0)
+        self._there = self._here = np.empty(0)
+        self._matrix: Array | None = None
+        self._updates = 0
+
+    def residuals(self, x: Array) -> Array:
+        """(m,), kept for the Jacobian, which is asked for where a step was good."""
+        self._seen, self._there = x.copy(), self._residuals(x)
+        return self._there
+
+    def jacobian(self, x: Array) -> Array:
+        """(m, n)."""
+        there = self._there if np.array_equal(x, self._seen) else self._residuals(x)
+        step = x - self._at if self._matrix is not None else x
+        if self._matrix is not None and self._updates < max(2, len(x) // 2) and np.any(step):
+            surprise = there - self._here - self._matrix @ step
+            # The better the last one foretold the step, the less differences would tell.
+            if float(np.linalg.norm(surprise)) < LINEAR * float(np.linalg.norm(self._matrix @ step)):
+                self._matrix = self._matrix + np.outer(surprise, step / float(step @ step))
+                self._updates += 1
+                self._at, self._here = x.copy(), there
+                return self._matrix
+        self._matrix, self._updates = self._residuals.jacobian(x, base=there), 0
+        self._at, self._here = x.copy(), there
+        return self._matrix
+
+
 def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
     """Trust-region reflective least squares from x, within the bounds."""
     from scipy.optimize import least_squares
@@ -72,8 +107,9 @@ def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, to
     # The start must be inside; counted from it, the first trust region is REACH wide.
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
+    slopes = _Slopes(residuals)
     found = least_squares(
-        lambda move: residuals(inside + move), np.zeros(len(x)), jac=lambda move: residuals.jacobian(inside + move),
+        lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
         bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
         xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
@@ -93,7 +129,7 @@ def search(
 ) -> None:
     """Try starts until one fits; `best` has the best of them at any time."""
     user = best.x.copy()
-    for number, (how, x, horizons) in enumerate(_attempts(residuals.layout, user, best, spread, seed)):
+    for number, (how, x, horizons) in enumerate(_attempts(residuals, user, best, spread, seed)):
         if number >= starts:
             break
         tell(how)
@@ -106,21 +142,26 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        # Two ways to one end: others would hardly lead elsewhere.
-        if fits_noise(residuals, best.x) or best.successes >= AGREED:
+        if fits_noise(residuals, best.x):
             break
 
 
 def _attempts(
-    layout: Layout, start: Array, best: Best, spread: float, seed: int
+    residuals: Residuals, start: Array, best: Best, spread: float, seed: int
 ) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
-    """Starts, the user's first; then the same with losses divided otherwise, and scattered ones."""
-    generator = np.random.default_rng(seed)
+    """Starts, the user's first; then those that a look along each parameter finds, the same with losses divided otherwise, and
+    scattered ones.
+    """
+    generator, layout = np.random.default_rng(seed), residuals.layout
     yield "the start", start, SHORT
     yield "the start, horizon growing", start, GROWING
+    for place in (start, best.x) if _swinging(residuals, best.x) else ():
+        for how, x in _looked_along(residuals, place, float(np.log(spread)), best.cost):
+            yield how, x, (1.0,)
     losses = [i for i, entry in enumerate(layout.entries) if any(word in entry.name for word in ("friction", "damping"))]
     number = 1
-    while True:
+    # Two ways to one end: others would hardly lead elsewhere.
+    while best.successes < AGREED:
         moved = best.x.copy() if number % 2 else start.copy()
         for i, entry in enumerate(layout.entries):
             if i in losses:
@@ -133,6 +174,55 @@ def _attempts(
         low, high = layout.bounds
         yield f"scattered start {number}", np.clip(moved, low, high), SHORT if number % 2 else GROWING
         number += 1
+
+
+def _swinging(residuals: Residuals, x: Array) -> bool:
+    """Whether a swing is left in any channel: its frequency may be in another minimum."""
+    rows = [residuals.raw(x, track, residuals.until(track)) for track in range(len(residuals.tracks))]
+    return any(swings(left) for row in rows for left in row or ())
+
+
+def _looked_along(residuals: Residuals, x: Array, reach: float, cost: float) -> Iterator[tuple[str, Array]]:
+    """Starts off x along one parameter, where that has many small minima: the frequency of a swing of which there are many.
+
+    One that is already in the widest of them would find it by slopes; the grid is as fine as these hold.
+    """
+    low, high = residuals.layout.bounds
+    base = residuals(x)
+    least = cost_of(base, "huber")
+    found: list[tuple[float, str, Array]] = []
+    for i, entry in enumerate(residuals.layout.entries):
+        width = _straight(residuals, x, i, base, reach)
+        if width >= reach or entry.parameter.own:
+            continue
+        count = min(int(np.ceil(reach / width)), LOOKS)
+        places = x[i] + np.linspace(-reach, reach, 2 * count + 1)
+        places = places[(places > low[i]) & (places < high[i])]
+        moved = [np.concatenate([x[:i], [place], x[i + 1 :]]) for place in places.tolist()]
+        costs = [cost_of(residuals(one), "huber") for one in moved]
+        if costs and min(costs) < max(least, cost):
+            best = int(np.argmin(costs))
+            found.append((costs[best], f"a look along {entry.name}", moved[best]))
+    for _, how, there in sorted(found, key=lambda one: one[0])[:2]:
+        yield how, there
+
+
+def _straight(residuals: Residuals, x: Array, i: int, base: Array, reach: float) -> float:
+    """How far along entry i residuals change in proportion."""
+    width = reach
+    far = residuals(_at(x, i, width)) - base
+    while width > reach / LOOKS:
+        half = residuals(_at(x, i, 0.5 * width)) - base
+        if float(np.linalg.norm(far - 2.0 * half)) < 0.5 * float(np.linalg.norm(far)) or not np.any(far):
+            return width
+        width, far = 0.5 * width, half
+    return width
+
+
+def _at(x: Array, i: int, move: float) -> Array:
+    there = x.copy()
+    there[i] += move
+    return there
 
 
 def _tails(residuals: Array) -> bool:
@@ -151,7 +241,8 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
             return False
         for channel, left in zip(one.channels, raw, strict=True):
             noise = max(channel.noise, channel.quantum / np.sqrt(12.0))
-            if float(np.median(np.abs(left - np.median(left)))) / 0.6745 > FITS * noise or abs(lag_correlation(left)) > WHITE:
+            size = float(np.median(np.abs(left - np.median(left)))) / 0.6745
+            if size > FITS * noise or abs(lag_correlation(left)) > WHITE or swings(left):
                 return False
     return True
 

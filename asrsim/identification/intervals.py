@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,16 +24,51 @@ GONE = 1e-12
 class Uncertainty:
     """Of the vector at the estimate."""
 
+    inverse: Array
+    """(n, n) of the squared Jacobian, in the directions that are known."""
     covariance: Array
-    """(n, n) of the vector, ordinary, of the directions that are known."""
+    """(n, n) of the vector, likewise, with the deviations below."""
     deviation: Array
     """(n,) the larger of ordinary and spread; nan where nothing is known."""
-    spread: Array
-    """(n,) from the blocks."""
     jacobian: Array
     """(m, n) whitened, in deviations of the noise."""
     quantile: Array
     """(n,) of the 95 % interval, in deviations."""
+    variance: float
+    """Mean square of the residuals."""
+    scores: Array
+    """(blocks, n) gradients of the blocks' sums of squares; no rows where only the noise is foreseen."""
+    firsts: Array
+    """(recordings,) first row of each in the scores."""
+
+    def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
+        """The same with other deviations (n,) and quantiles (n,), and the covariance that these give."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.nan_to_num(deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
+        covariance = self.inverse * np.outer(ratio, ratio)
+        return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
+
+    def deviations(self, ordinary: Array, directions: Array) -> tuple[Array, Array]:
+        """The larger of an ordinary deviation and of the blocks' spread, and how many of it the 95 % interval has.
+
+        ordinary: (k,) variances; directions: (k, n) by which blocks' scores move what is estimated.
+        """
+        from scipy.stats import chi2, norm, t
+
+        deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), norm.ppf(0.975))
+        # Blocks of a recording may differ less among each other than recordings do.
+        recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
+        for scores in (self.scores, recordings):
+            count = len(scores)
+            if count < 3:
+                continue
+            spread = np.sum((scores @ directions.T) ** 2, axis=0) * count / (count - 1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                beyond = spread / ordinary > chi2.ppf(CHANCE, count - 1) / (count - 1)
+            wide = np.sqrt(spread)
+            beyond &= wide * t.ppf(0.975, count - 1) > deviation * quantile
+            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, t.ppf(0.975, count - 1), quantile)
+        return deviation, quantile
 
 
 def whitened(residuals: Residuals, x: Array) -> list[list[Weights]]:
@@ -66,50 +101,32 @@ def _innovation(left: Array, model: Array) -> float:
 
 def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
     """At x; entries at a bound are held there. foreseen: as if nothing but the noise were left."""
-    from scipy.stats import chi2, norm, t
-
     n = len(x)
-    jacobian = residuals.jacobian(x, central=True)
     left = residuals(x)
+    jacobian = residuals.jacobian(x, base=left)
     # Outliers count as the fit counts them.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
-    free = ~np.asarray(at_bound, dtype=bool)
+    free = np.flatnonzero(~np.asarray(at_bound, dtype=bool))
     inner = jacobian[:, free]
-    variance = float(left @ left) / max(len(left) - n, 1)
+    variance = 1.0 if foreseen else float(left @ left) / max(len(left) - n, 1)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(inner, mode="r")) if inner.size else (None, np.empty(0), np.empty((0, 0)))
     kept = singular > GONE * singular.max(initial=0.0)
-    inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept] if kept.any() else np.zeros((free.sum(), free.sum()))
+    inverse = np.zeros((n, n))
+    inverse[np.ix_(free, free)] = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
+    scores, firsts = np.zeros((0, n)), np.zeros(0, np.intp)
+    if not foreseen:
+        numbers: Any = residuals.blocks(BLOCKS)
+        scores = np.zeros((int(numbers.max()) + 1, n))
+        np.add.at(scores, numbers, jacobian * left[:, None])
+        empty = ~np.any(scores != 0.0, axis=1)
+        of_recording = np.repeat(np.arange(len(scores) // BLOCKS), BLOCKS)[~empty]
+        scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
+    found = Uncertainty(inverse, inverse, np.empty(0), jacobian, np.empty(0), variance, scores, firsts)
+    deviation, quantile = found.deviations(variance * np.diag(inverse), inverse)
     # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.
-    lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6 if kept.any() else np.ones(int(free.sum()), bool)
-    blocks: Any = residuals.blocks(BLOCKS)
-    number = int(blocks.max()) + 1
-    scores = np.zeros((number, int(free.sum())))
-    np.add.at(scores, blocks, inner * left[:, None])
-    scores = scores[np.any(scores != 0.0, axis=1)]
-    count = max(len(scores), 2)
-    spread = inverse @ (scores.T @ scores) @ inverse * count / (count - 1)
-    if foreseen:
-        variance = 1.0
-    ordinary = variance * inverse
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.diag(spread) / np.diag(ordinary)
-    beyond = np.zeros(len(ratio), bool) if foreseen else ratio > chi2.ppf(CHANCE, count - 1) / (count - 1)
-    deviation = np.sqrt(np.maximum(np.where(beyond, np.diag(spread), np.diag(ordinary)), 0.0))
-    deviation[lost] = np.nan
-    quantile = np.where(beyond, t.ppf(0.975, count - 1), norm.ppf(0.975))
-    covariance = np.zeros((n, n))
-    covariance[np.ix_(free, free)] = ordinary
-    return Uncertainty(
-        covariance=covariance, deviation=_spread_out(deviation, free),
-        spread=_spread_out(np.sqrt(np.maximum(np.diag(spread), 0.0)), free),
-        jacobian=jacobian, quantile=_spread_out(quantile, free),
-    )  # fmt: skip
-
-
-def _spread_out(values: Array, free: Array) -> Array:
-    result = np.full(len(free), np.nan)
-    result[free] = values
-    return result
+    lost = np.ones(n, bool)
+    lost[free] = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
+    return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
 
 
 def correlations(covariance: Array) -> Array:

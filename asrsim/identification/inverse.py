@@ -14,6 +14,7 @@ import numpy as np
 from asrsim.errors import RobotError
 from asrsim.identification.data import Channel, Data
 from asrsim.identification.noise import fine_noise
+from asrsim.identification.static import StaticTrack, is_static
 from asrsim.identification.track import Track, numbers_of, physical
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
@@ -55,7 +56,8 @@ class InverseTrack(Track):
         smooth = [self._filtered(np.interp(self._grid, places[joint].time, places[joint].values)) for joint in joints]
         speed = [np.gradient(q, step) for q in smooth]
         rates = [np.gradient(v, step) for v in speed]
-        every = max(1, round(0.2 / (self._cutoff * step)))
+        # As often as the filter lets differ: its own correlation is not the model's.
+        every = max(1, round(0.5 / (self._cutoff * step)))
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows
@@ -77,6 +79,9 @@ class InverseTrack(Track):
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
         self.onset = float(self._grid[rows[0]])
         self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
+
+    def resolve(self, substeps: int, motor_substeps: int) -> None:
+        """Nothing is simulated."""
 
     def _filtered(self, values: Array) -> Array:
         from scipy.signal import butter, sosfiltfilt
@@ -134,5 +139,10 @@ class InverseTrack(Track):
 
 def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot) -> Track:
     """A recording made ready. applied: the robot with the scenario's modes and parameters."""
-    kind = InverseTrack if is_driven_by_torque(data, applied) else Track
-    return kind(scenario, robot, data)
+    if is_driven_by_torque(data, applied):
+        return InverseTrack(scenario, robot, data)
+    track = Track(scenario, robot, data)
+    if not is_static(track):
+        return track
+    track.close()
+    return StaticTrack(scenario, robot, data)

@@ -8,6 +8,8 @@ from asrsim.samples import Array
 
 ORDER = 12
 """Largest order of the autoregressive models."""
+AROUND = 25
+"""Frequencies to each side that tell the level of a spectrum."""
 LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 
@@ -41,6 +43,22 @@ def lag_correlation(residuals: Array, lag: int = 1) -> float:
     centred = residuals - residuals.mean()
     size = float(np.dot(centred, centred))
     return float(np.dot(centred[lag:], centred[:-lag]) / size) if size > 0.0 and len(centred) > lag + 2 else 0.0
+
+
+def swings(residuals: Array) -> bool:
+    """Whether residuals (n,) hold a swing: a line in their spectrum that chance gives one time in a thousand.
+
+    Three neighbouring frequencies, since swings fade, against those around: correlated noise has a smooth spectrum.
+    """
+    n = len(residuals)
+    if n < 4 * AROUND:
+        return False
+    power = np.abs(np.fft.rfft(residuals - residuals.mean()))[1:] ** 2
+    padded = np.pad(power, AROUND, mode="reflect")
+    level = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1), axis=1) / np.log(2.0)
+    near = np.convolve(power, np.ones(3), "same")
+    # Of a sum of three, e^-x (1 + x + x^2 / 2) exceed x times the mean.
+    return bool(np.max(near / np.maximum(level, 1e-300)) > np.log(len(power)) + 13.0)
 
 
 def autoregression(residuals: Array) -> Array:

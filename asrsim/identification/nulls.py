@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
 """Relative half width of an interval from which on a direction is not told."""
-SHARE = 0.15
-"""Of the largest part of a direction: parts below take no part."""
-NICE = 0.04
-"""By which an exponent may miss a half-integer and be taken for it."""
+NOTHING = 1.0
+"""The same from which on its estimate is noise."""
+CHANCE = 6.0
+"""Chi squared that noise alone gives to a few directions."""
+FAR = 2.3
+"""Relative change, in logarithms, beyond which nobody would believe what is not told."""
+NICE, NICER = 1.5, 2e-3
+"""How many times wider, and by how much more, the interval of a simpler form may be."""
+SWAY = 0.7
+"""Relative change along an unknown direction, at most, under which a combination is looked at again."""
 
 
 @dataclass(frozen=True)
@@ -45,74 +53,170 @@ def _scale(entry: Entry, value: float) -> float:
     return value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
 
 
-def unknown_directions(jacobian: Array, variance: float) -> tuple[Array, Array]:
-    """Directions (k, n) of relative change that stay unknown, and all directions' relative deviations (n,)."""
-    # The triangle of its factors has the same directions, and is small.
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))
-    full = np.zeros(jacobian.shape[1])
-    full[: len(singular)] = singular
-    deviations = np.sqrt(variance) / np.maximum(full, 1e-300)
-    return vectors[1.96 * deviations > UNKNOWN], deviations
-
-
-def combinations(layout: Layout, x: Array, jacobian: Array, variance: float, free: Sequence[int]) -> list[Combination]:
+def combinations(
+    layout: Layout, x: Array, found: Uncertainty, free: Sequence[int], residuals: Callable[[Array], Array] | None = None
+) -> list[Combination]:
     """What is known of the entries that lie together in unknown directions, one direction after the other.
 
-    free: entries that are not at a bound and have an effect.
+    free: entries that are not at a bound and have an effect; residuals: for how far the form of a combination holds.
     """
     if len(free) < 2:
         return []
-    scaled, values = relative(layout, x, jacobian)
-    scaled = scaled[:, list(free)]
-    directions, _ = unknown_directions(scaled, variance)
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(scaled, mode="r"), full_matrices=False)
-    alone = 1.96 * np.sqrt(variance * np.sum((vectors / np.maximum(singular, 1e-300)[:, None]) ** 2, axis=0))
-    found: list[Combination] = []
-    for direction in _sparse(directions):
-        size = np.abs(direction)
-        # Only what is not known alone is told by a combination.
-        parts = [int(i) for i in np.argsort(-size) if size[i] > SHARE * size.max() and alone[i] > UNKNOWN]
+    told = Told(layout, x, found, free)
+    places = _swayed(told, x, residuals) if residuals is not None else []
+    pairs: list[Combination] = []
+    groups: list[set[int]] = []
+    for direction in _sparse(told.directions):
+        parts = told.parts(direction)
         if len(parts) < 2:
             continue
         pivot = parts[0]
         for other in parts[1:]:
-            exponents = np.zeros(len(free))
-            # Constant along the direction: d log(other) - ratio d log(pivot) = 0.
-            ratio = direction[other] / direction[pivot]
-            exponents[other], exponents[pivot] = 1.0, -ratio
-            margin = _margin(exponents, scaled, directions, variance)
-            if margin < UNKNOWN:
-                names = [layout.entries[free[i]].name for i in (other, pivot)]
-                numbers = [float(values[free[i]]) for i in (other, pivot)]
-                text, value = _shown(names, numbers, float(-ratio))
-                found.append(Combination(text, value, margin, (free[other], free[pivot])))
-    told = {i for one in found for i in one.keys}
-    lost = [i for i in range(len(free)) if alone[i] > UNKNOWN]
-    if all(free[i] in told for i in lost):
-        return found
-    return [*found, *_products(layout, values, scaled, free, lost, variance)]
+            # Constant along the direction: d log(other) + power d log(pivot) = 0.
+            one = _pair(told, other, pivot, -float(direction[other] / direction[pivot]), places)
+            if one is not None:
+                pairs.append(one)
+        joined = [group for group in groups if group & set(parts)]
+        groups = [group for group in groups if group not in joined] + [set(parts).union(*joined)]
+    result: list[Combination] = []
+    for group in groups:
+        mine = [one for one in pairs if set(one.keys) <= {free[i] for i in group}]
+        if {i for one in mine for i in one.keys} != {free[i] for i in group}:
+            # Where pairs do not tell all of them, larger products may.
+            mine = list(_products(told, sorted(group), places)) or mine
+        result += mine
+    return result
 
 
-def _products(
-    layout: Layout, values: Array, scaled: Array, free: Sequence[int], lost: Sequence[int], variance: float
-) -> Iterator[Combination]:
+class Told:
+    """What is told of relative changes of some entries, and which directions of them are not."""
+
+    def __init__(self, layout: Layout, x: Array, found: Uncertainty, free: Sequence[int], limit: float = UNKNOWN) -> None:
+        self.layout, self.found, self.free = layout, found, list(free)
+        scaled, self.values = relative(layout, x, found.jacobian)
+        self.scaled = scaled[:, self.free]
+        """(m, k) Jacobian by relative changes."""
+        self.units = relative(layout, x, np.ones((1, len(x))))[0][0][self.free]
+        """(k,) change of the vector by a relative change."""
+        # The triangle of its factors has the same directions, and is small.
+        self._triangle = np.linalg.qr(self.scaled, mode="r")
+        _, singular, self._vectors = np.linalg.svd(self._triangle)
+        self._sizes = np.full(len(self.free), 1e-300)
+        self._sizes[: len(singular)] = np.maximum(singular, 1e-300)
+        self.noise = 1.96 * float(np.sqrt(found.variance))
+        off = self.noise / self._sizes
+        self._known = off <= limit
+        self.directions = self._vectors[~self._known]
+        """(u, k) that stay unknown."""
+        self.extent = np.minimum(off[~self._known], FAR)
+        """(u,) relative half widths along these."""
+        self.alone = np.sqrt(np.sum((self._vectors * off[:, None]) ** 2, axis=0))
+        """(k,) relative half widths of the entries, each alone."""
+
+    def parts(self, direction: Array) -> list[int]:
+        """Entries without which an unknown direction would be known, the largest first."""
+        rest = direction.copy()
+        for i in np.argsort(np.abs(direction)):
+            without = rest.copy()
+            without[i] = 0.0
+            if float(np.linalg.norm(self._triangle @ without)) * UNKNOWN <= self.noise * float(np.linalg.norm(without)):
+                rest = without
+        return [int(i) for i in np.argsort(-np.abs(rest)) if rest[i] != 0.0 and self.alone[i] > UNKNOWN]
+
+    def fitted(self, x: Array, base: Array, residuals: Callable[[Array], Array], rounds: int = 3) -> Array:
+        """x moved along what is known only, to where residuals are as `base` (m,) was."""
+        low, high = self.layout.bounds
+        inside = self._vectors[self._known]
+        inverse = (inside.T / self._sizes[self._known] ** 2) @ inside
+        for _ in range(rounds):
+            step = inverse @ (self.scaled.T @ (residuals(x) - base)) * self.units
+            x = x.copy()
+            x[self.free] -= step
+            x = np.clip(x, low, high)
+        return x
+
+    def margin(self, exponents: Array) -> float:
+        """Relative half width of the 95 % interval of a product of powers."""
+        inside = self._vectors[self._known]
+        projected = inside @ exponents
+        sizes = self._sizes[self._known]
+        ordinary = self.found.variance * float(np.sum((projected / sizes) ** 2))
+        moves = np.zeros((1, self.found.scores.shape[1]))
+        moves[0, self.free] = (inside.T @ (projected / sizes**2)) * self.units
+        deviation, quantile = self.found.deviations(np.array([ordinary]), moves)
+        # What of it is unknown is so as far as that direction is.
+        return float(np.hypot(deviation[0] * quantile[0], np.linalg.norm(self.extent * (self.directions @ exponents))))
+
+
+def _swayed(told: Told, x: Array, residuals: Callable[[Array], Array]) -> list[Array]:
+    """Values (n,) of vectors that fit as x does, some way along the unknown directions."""
+    base, found = residuals(x), []
+    for direction, extent in zip(told.directions, told.extent.tolist(), strict=True):
+        for sway in (-min(extent, SWAY), min(extent, SWAY)):
+            there = x.copy()
+            there[told.free] += sway * direction / np.abs(direction).max() * told.units
+            found.append(told.layout.values(told.fitted(there, base, residuals)))
+    return found
+
+
+def _sway(told: Told, exponents: Array, places: Sequence[Array]) -> float:
+    """By how much a product of powers differs, at most, where others fit as well."""
+    moving = np.flatnonzero(exponents)
+    here = told.values[told.free][moving]
+    ratios = [there[told.free][moving] / here for there in places]
+    return max((abs(float(exponents[moving] @ np.log(r))) for r in ratios if np.all(r > 0.0)), default=0.0)
+
+
+def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
+    """other * pivot^power, or a simpler form of it, if that is known."""
+    half = round(2.0 * power) / 2.0
+    best = None
+    for one in (power, half, 1.0 / (round(2.0 / power) / 2.0) if power and round(2.0 / power) else 0.0):
+        exponents = np.zeros(len(told.free))
+        exponents[other], exponents[pivot] = 1.0, one
+        margin = float(np.hypot(told.margin(exponents), _sway(told, exponents, places)))
+        # A simpler form may be a little wider.
+        if one != 0.0 and margin < UNKNOWN and (best is None or margin < NICE * best[0] + NICER):
+            best = margin, one
+    if best is None:
+        return None
+    names = [told.layout.entries[told.free[i]].name for i in (other, pivot)]
+    numbers = [float(told.values[told.free[i]]) for i in (other, pivot)]
+    text, value, factor = _shown(names, numbers, best[1])
+    return Combination(text, value, best[0] * factor, (told.free[other], told.free[pivot]))
+
+
+def _products(told: Told, lost: Sequence[int], places: Sequence[Array]) -> Iterator[Combination]:
     """What is known of more than two parameters together, where no pair of them is known; the others follow."""
-    if len(lost) < 2 or np.any(values[[free[i] for i in lost]] <= 0.0):
+    values = told.values[[told.free[i] for i in lost]]
+    if len(lost) < 2 or np.any(values <= 0.0):
         return
-    others = [i for i in range(len(free)) if i not in lost]
-    mine = scaled[:, list(lost)]
-    if others:
-        mine = mine - scaled[:, others] @ np.linalg.lstsq(scaled[:, others], mine, rcond=None)[0]
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(mine, mode="r"))
-    for size, vector in zip(singular, vectors, strict=True):
-        strongest = float(np.max(np.abs(vector)))
-        powers = vector / vector[int(np.argmax(np.abs(vector)))]
-        margin = 1.96 * np.sqrt(variance) / max(float(size), 1e-300) / strongest
+    # Powers that move nothing unknown: what is orthogonal to the unknown directions, among these parameters.
+    _, size, vectors = np.linalg.svd(told.directions[:, list(lost)])
+    for vector in vectors[int(np.sum(size > 0.15)) :]:
+        powers = np.zeros(len(told.free))
+        powers[list(lost)] = vector / vector[int(np.argmax(np.abs(vector)))]
+        margin = float(np.hypot(told.margin(powers), _sway(told, powers, places)))
         if margin < UNKNOWN:
-            parts = [(layout.entries[free[i]].name, float(p)) for i, p in zip(lost, powers, strict=True) if abs(p) > 0.02]
-            text = " * ".join(name if abs(p - 1.0) < 0.02 else f"{name}^{p:.2g}" for name, p in parts)
-            value = float(np.exp(np.sum(powers * np.log(values[[free[i] for i in lost]]))))
-            yield Combination(text, value, float(margin), tuple(free[i] for i in lost))
+            parts = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in lost if abs(powers[i]) > 0.005]
+            text = " * ".join(name if abs(p - 1.0) < 0.005 else f"{name}^{p:.2g}" for name, p in parts)
+            value = float(np.exp(np.sum(powers[list(lost)] * np.log(values))))
+            yield Combination(text, value, margin, tuple(told.free[i] for i in lost))
+
+
+def settled(residuals: Residuals, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
+    """x with what its recordings do not tell as it was at the start, where noise alone has moved that, and the rest found anew;
+    x where that does not fit as well.
+    """
+    told = Told(residuals.layout, x, found, free, NOTHING)
+    if not len(told.directions):
+        return x
+    away = (start - x)[told.free] / told.units
+    there = x.copy()
+    there[told.free] += told.directions.T @ (told.directions @ away) * told.units
+    there = told.fitted(there, np.zeros(len(found.jacobian)), residuals, 5)
+    worse = float(np.sum(residuals(there) ** 2) - np.sum(residuals(x) ** 2))
+    return x if worse > CHANCE * found.variance else there
 
 
 def _sparse(directions: Array) -> Array:
@@ -127,33 +231,26 @@ def _sparse(directions: Array) -> Array:
     return rows
 
 
-def _margin(exponents: Array, jacobian: Array, directions: Array, variance: float) -> float:
-    """Relative half width of the combination's interval, in the space of what is known."""
-    known = exponents - directions.T @ np.linalg.lstsq(directions.T, exponents, rcond=None)[0] if len(directions) else exponents
-    if np.linalg.norm(exponents - known) > 0.1 * np.linalg.norm(exponents):
-        return np.inf
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(jacobian, mode="r"), full_matrices=False)
-    keep = 1.96 * np.sqrt(variance) / np.maximum(singular, 1e-300) <= UNKNOWN
-    projected = vectors[keep] @ known
-    return float(1.96 * np.sqrt(variance * np.sum((projected / singular[keep]) ** 2)))
-
-
-def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple[str, float]:
-    """other * pivot^power as people write it; as a sum where that is the simpler form."""
+def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple[str, float, float]:
+    """other * pivot^power as people write it, its value, and how many times wider than the product's its relative interval is;
+    as a sum where that is the simpler form.
+    """
     (other, pivot), (a, b) = names, values
-    half = round(2.0 * power) / 2.0
-    if 0.0 < abs(half) < 1.0:
+    if abs(power) < 1.0 and abs(2.0 / power - round(2.0 / power)) < 1e-9:
         # r / k^0.5 is better known as k / r^2.
-        return _shown((pivot, other), (b, a), 1.0 / power)
-    if half != 0.0 and abs(power - half) < NICE * max(1.0, abs(half)) and a > 0.0 and b > 0.0:
+        text, value, factor = _shown((pivot, other), (b, a), 1.0 / power)
+        return text, value, factor / abs(power)
+    half = round(2.0 * power) / 2.0
+    if abs(power - half) < 1e-9 and a > 0.0 and b > 0.0:
         size = "" if abs(half) == 1.0 else f"^{abs(half):g}"
-        return f"{other} {'*' if half > 0.0 else '/'} {pivot}{size}", a * b**half
+        return f"{other} {'*' if half > 0.0 else '/'} {pivot}{size}", a * b**half, 1.0
     # d a / a + power d b / b = 0: a + (power a / b) b is constant nearby.
     factor = power * a / b if b else 0.0
     whole = round(factor)
-    if 0 < abs(whole) <= 4 and abs(factor - whole) < NICE * abs(whole) * 2.0:
+    if 0 < abs(whole) <= 4 and abs(factor - whole) < 0.08 * abs(whole):
         factor = float(whole)
     if (not whole or factor != whole) and a > 0.0 and b > 0.0:
-        return f"{other} * {pivot}^{power:.2g}", a * b**power
+        return f"{other} * {pivot}^{power:.2g}", a * b**power, 1.0
     size = "" if abs(factor) == 1.0 else f"{abs(factor):.3g} "
-    return f"{other} {'+' if factor > 0.0 else '-'} {size}{pivot}", a + factor * b
+    total = a + factor * b
+    return f"{other} {'+' if factor > 0.0 else '-'} {size}{pivot}", total, abs(a / total) if total else np.inf

@@ -81,22 +81,29 @@ class Residuals:
         """(m,)."""
         return np.concatenate([self.of_track(x, track) for track in range(len(self.tracks))])
 
-    def jacobian(self, x: Array, step: float = STEP, *, central: bool = False) -> Array:
-        """(m, n) by differences of one side, that which the bounds allow; central: of both."""
-        base = [self.of_track(x, track) for track in range(len(self.tracks))]
-        places = np.cumsum([0, *map(len, base)])
+    def jacobian(self, x: Array, step: float = STEP, *, base: Array | None = None) -> Array:
+        """(m, n) by differences of one side, that which the bounds allow. base: (m,) residuals at x, where they are known."""
+        at = self(x) if base is None else base
+        places = self._places()
         matrix = np.zeros((places[-1], len(x)))
-        low, high = self.layout.bounds
+        high = self.layout.bounds[1]
         for i in range(len(x)):
             up = step if x[i] + step <= high[i] else -step
-            both = central and low[i] <= x[i] - step and x[i] + step <= high[i]
             for track in self.layout.touched(i)[: len(self.tracks)]:
                 there = self.of_track(_moved(x, i, up), track)
-                other, width = (self.of_track(_moved(x, i, -up), track), 2.0 * up) if both else (base[track], up)
+                rows = slice(places[track], places[track + 1])
                 # A step into motions that are not sane tells no slope.
-                if not (np.all(there == FAR) or np.all(other == FAR)):
-                    matrix[places[track] : places[track + 1], i] = (there - other) / width
+                if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
+                    matrix[rows, i] = (there - at[rows]) / up
         return matrix
+
+    def _places(self) -> list[int]:
+        """Where each recording's residuals begin, and the end of all."""
+        counts = [0]
+        for track, one in enumerate(self.tracks):
+            until = self.until(track) + 1e-9
+            counts.append(counts[-1] + sum(int(np.sum(channel.time <= until)) for channel in one.channels))
+        return counts
 
     def blocks(self, count: int) -> Array:
         """(m,) number of the block, of about `count` per recording, that each residual belongs to."""

@@ -12,16 +12,20 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
+from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
 from asrsim.identification.intervals import correlations, uncertainty, whitened
-from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, missing_causes, still_joints, verdict
+from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, still_joints, verdict
 from asrsim.identification.layout import Layout
-from asrsim.identification.nulls import Combination
+from asrsim.identification.noise import lag_correlation
+from asrsim.identification.nulls import Combination, settled
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.steps import ROUNDS, followed
+from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
-from asrsim.identification.verdicts import Estimate, bounds_met, estimates
+from asrsim.identification.verdicts import IDENTIFIED, WEAK, Estimate, bounds_met, estimates
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -133,6 +137,11 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            teller.stage("substeps of what was found")
+            for _ in range(ROUNDS):
+                if not followed(residuals, best.x):
+                    break
+                best.x = solve(residuals, best.x, loss="linear", rounds=20)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
         except Stopped:
@@ -142,8 +151,9 @@ def _identify(
     return _judged(setup, residuals, best, start, before, status, teller.began)
 
 
-ALIKE = 1.01
-"""Mean square error that weights by correlated noise may cost: more, and what is correlated is the model's fault."""
+ALIKE = 0.05
+"""Of the mean square error, at most, that weights by correlated noise may cost: more, and what is correlated is the model's
+fault."""
 
 
 def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
@@ -157,7 +167,12 @@ def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
     better = float(np.mean(residuals(there) ** 2)) <= float(np.mean(residuals(x) ** 2)) * (1.0 + 1e-9)
     weights = residuals.weights
     residuals.weights = before
-    if better and cost_of(residuals(there), task.loss) <= ALIKE * cost_of(residuals(x), task.loss):
+    # Of so many independent samples, a fit without these weights explains a part by chance.
+    left = np.concatenate([one for track in range(len(residuals.tracks)) for one in residuals.raw(x, track) or [np.zeros(1)]])
+    correlation = min(max(lag_correlation(left), 0.0), 1.0 - 1e-6)
+    chance = 2.0 * len(x) / (len(left) * (1.0 - correlation) / (1.0 + correlation))
+    limit = 1.0 + min(max(chance, 0.01), ALIKE)
+    if better and cost_of(residuals(there), task.loss) <= limit * cost_of(residuals(x), task.loss):
         residuals.weights = weights
         return there
     residuals.weights = [
@@ -206,10 +221,16 @@ def _judged(
     causes = missing_causes(plain, trained, start) if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
-    told, known = estimates(layout, x, found, setup.fitted, still_joints(setup.fitted), coarse_joints(setup.fitted))
-    if moved := _moved(layout, trained, x, found.deviation):
+    if status == "complete":
+        there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
+        if there is not x:
+            x, found = there, uncertainty(residuals, there, bounds_met(layout, there))
+    told, combined = estimates(residuals, x, found, still_joints(setup.fitted), coarse_joints(setup.fitted))
+    known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
+    if moved := _moved(layout, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
+    remarks += substep_remarks(residuals, x, found) if status == "complete" else []
     remarks += [
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
@@ -226,7 +247,7 @@ def _judged(
         for track, old, new in zip(setup.tracks, before, after, strict=True)
     )  # fmt: skip
     return Result(
-        task=setup.task, estimates=tuple(told), combinations=tuple(known), correlation=correlations(found.covariance),
+        task=setup.task, estimates=tuple(told), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes), remarks=tuple(remarks),
         evaluations=counter.evaluations, seconds=clock.perf_counter() - began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,

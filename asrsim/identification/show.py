@@ -72,6 +72,10 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     yield "model does not fit: intervals hold for this model only", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
+    told = [one for one in result.channels if math.isfinite(one.explained)]
+    if told:
+        worst = min(told, key=lambda one: one.explained)
+        yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}, and no less of the others", "red"
     if not result.causes:
         yield "  what is missing does not show; look at the residuals' picture", "red"
 
@@ -87,6 +91,8 @@ def advice(result: Result) -> Iterator[str]:
             yield f"{one.name}: turn slowly, and reverse often: friction shows at low speed"
         elif "damping" in name:
             yield f"{one.name}: move fast and let swing out: damping shows at high speed"
+        elif name.startswith("hysteresis"):
+            yield f"{one.name}: deflect {joint} to and fro, far and little, slowly: hysteresis shows where the motion turns"
         elif name.startswith(("spring", "max_deflection", "lever", "pulley")):
             yield f"{one.name}: deflect {joint} more, by loads or fast reversals, and at several presets"
         elif "inertia" in name or name == "mass" or name.startswith("i"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.evaluation import EXTERNAL, Evaluation
-from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepare import prepare, resolution_of
 
 FAST = "mujoco"
 """Engine whose runs are compiled as a whole; without contacts all engines agree to rounding."""
@@ -36,18 +36,19 @@ class Track:
     """A recording with the simulation that is fitted to it."""
 
     def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
-        self.data = data
+        self.data, self._robot = data, robot
         self.scenario = _scenario(scenario, data)
         self.prepared = prepare(self.scenario, robot)
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
+        self._commands: tuple[tuple[float, ...], Mapping[str, Mapping[str, Signal]]] | None = None
         self.uncertain: list[str] = []
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
+        self._forget_what_commands_explain()
         self.onset = min(self._onset(channel) for channel in data.channels)
         """s at which something begins to move."""
-        self._commands: tuple[tuple[float, ...], Mapping[str, Mapping[str, Signal]]] | None = None
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -69,7 +70,8 @@ class Track:
         positions, velocities = [*self.prepared.initial_positions], [*self.prepared.initial_velocities]
         motors: dict[str, list[float]] = {}
         for j, joint in enumerate(self.evaluation.joints):
-            found = self._first(joint, "link_position")
+            channel = self._channel(joint, "link_position")
+            found = None if channel is None else _first(channel)
             if found is None:
                 continue
             place, speed, place_error, speed_error = found
@@ -92,21 +94,34 @@ class Track:
                 motors[drive.name] = places
         return positions, velocities, motors
 
+    def _forget_what_commands_explain(self) -> None:
+        """A link that only seems to be in motion at 0, because its commands move it at once, begins as the scenario says."""
+        moving = [key for key in self.uncertain if key.endswith(".initial_velocity")]
+        if not moving:
+            return
+        # A track of another kind is not made yet.
+        found = Track.predict(self, dict(zip(self._starts(), self._home(), strict=True)), SOON)
+        if found is None:
+            return
+        channels = {channel.key: (channel, predicted) for channel, predicted in zip(self.channels, found, strict=True)}
+        for joint in [key.rpartition(".")[0] for key in moving]:
+            channel, predicted = channels[f"{joint}.link_position"]
+            n = len(predicted)
+            first = _first(replace(channel, time=channel.time[:n], values=channel.values[:n] - predicted))
+            if first is not None and abs(first[0]) < STILL * first[2] and abs(first[1]) < STILL * first[3]:
+                j = self.evaluation.joints.index(joint)
+                self.positions[j], self.velocities[j] = self.prepared.initial_positions[j], self.prepared.initial_velocities[j]
+                self.uncertain = [one for one in self.uncertain if one.rpartition(".")[0] != joint]
+
+    def _starts(self) -> list[str]:
+        names = self.evaluation.joints
+        return [*(f"{one}.initial_position" for one in names), *(f"{one}.initial_velocity" for one in names)]
+
+    def _home(self) -> list[float]:
+        return [*self.prepared.initial_positions, *self.prepared.initial_velocities]
+
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
-
-    def _first(self, joint: str, quantity: str) -> tuple[float, float, float, float] | None:
-        """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors."""
-        channel = self._channel(joint, quantity)
-        if channel is None or len(channel.time) < 6 or channel.time[0] > SOON:
-            return None
-        count = max(6, min(FIRST, int(np.sum(channel.time <= channel.time[0] + 0.03))))
-        time, values = channel.time[:count], channel.values[:count]
-        matrix = np.column_stack([np.ones(count), time, time**2])
-        inverse = np.linalg.pinv(matrix)
-        errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
-        place, slope, _ = inverse @ values
-        return float(place), float(slope), float(errors[0]), float(errors[1])
 
     def references(self, values: Mapping[str, float]) -> Mapping[str, Mapping[str, Signal]]:
         """Commands with the gains, offsets and delays among `values`; the same object while these do not change."""
@@ -126,14 +141,10 @@ class Track:
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
         """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
-        evaluation = self.evaluation
         robot, positions, velocities = self._split(values)
         steps = None if until is None else max(4, int(np.ceil((until + 0.3) / self.scenario.step)))
         try:
-            found = evaluation.run(
-                robot, self.wanted, steps=steps, references=self.references(values), positions=positions,
-                velocities=velocities, motors=self.motors,
-            )  # fmt: skip
+            found = self.simulated(robot, positions, velocities, self.references(values), steps)
         except (DivergenceError, RobotError):
             return None
         clock = values.get(CLOCK, 0.0)
@@ -145,6 +156,29 @@ class Track:
             gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
             predicted.append(exact / gain + offset)
         return predicted
+
+    def simulated(
+        self, robot: Mapping[str, Mapping[str, float]], positions: Sequence[float], velocities: Sequence[float],
+        references: Mapping[str, Mapping[str, Signal]], steps: int | None,
+    ) -> Array:  # fmt: skip
+        """(channels, samples) at whole steps, at least as many as `steps`; raises DivergenceError, RobotError."""
+        return self.evaluation.run(
+            robot, self.wanted, steps=steps, references=references, positions=positions, velocities=velocities,
+            motors=self.motors,
+        )  # fmt: skip
+
+    def resolution(self, values: Mapping[str, float]) -> tuple[int, int]:
+        """Substeps, and the motors' in each, that a run with these numbers takes. Raises RobotError, UnresolvedSpringError."""
+        found = resolution_of(replace(self.prepared.vary(self._split(values)[0]), scenario=self.scenario))
+        return found.substeps, found.motor_substeps
+
+    def resolve(self, substeps: int, motor_substeps: int) -> None:
+        """Run with so many substeps from now on."""
+        scenario = replace(self.scenario, substeps=substeps, motor_substeps=motor_substeps)
+        self.prepared = prepare(scenario, self._robot)
+        self.evaluation.close()
+        self.evaluation = Evaluation(self.prepared)
+        self._commands = None
 
     def _split(self, values: Mapping[str, float]) -> tuple[dict[str, dict[str, float]], list[float], list[float]]:
         """Numbers of the robot, by joint or link, and the start."""
@@ -160,6 +194,18 @@ class Track:
     def close(self) -> None:
         """Release the engine."""
         self.evaluation.close()
+
+
+def _first(channel: Channel) -> tuple[float, float, float, float] | None:
+    """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors."""
+    if len(channel.time) < 6 or channel.time[0] > SOON:
+        return None
+    count = max(6, min(FIRST, int(np.sum(channel.time <= channel.time[0] + 0.03))))
+    time, values = channel.time[:count], channel.values[:count]
+    inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
+    errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
+    place, slope, _ = inverse @ values
+    return float(place), float(slope), float(errors[0]), float(errors[1])
 
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:

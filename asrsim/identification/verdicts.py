@@ -13,6 +13,7 @@ from asrsim.actuators import MODES
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.nulls import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.residuals import Residuals
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -21,6 +22,8 @@ IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND, WITHHELD = (
 )  # fmt: skip
 CLOSE = 0.05
 """Relative half width of the 95 % interval up to which a parameter is identified."""
+HOPELESS = 10.0
+"""The same from which on an interval tells nothing at all."""
 NONE = 1.0
 """The same from which on it cannot be told from none."""
 
@@ -67,15 +70,16 @@ def bounds_met(layout: Layout, x: Array) -> list[bool]:
 
 
 def estimates(
-    layout: Layout, x: Array, found: Uncertainty, tracks: Sequence[Track], still: Mapping[str, str], coarse: Sequence[str]
+    residuals: Residuals, x: Array, found: Uncertainty, still: Mapping[str, str], coarse: Sequence[str]
 ) -> tuple[list[Estimate], list[Combination]]:
     """still: joint -> why nothing is told of what moves there; coarse: joints whose friction an encoder hides."""
+    layout, tracks = residuals.layout, residuals.tracks
     met = bounds_met(layout, x)
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
     without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
-    known = combinations(layout, x, found.jacobian, 1.0, free)
+    known = combinations(layout, x, found, free, residuals)
     result = []
     for i, entry in enumerate(layout.entries):
         value = float(values[i])
@@ -99,7 +103,10 @@ def estimates(
         elif math.isnan(margin):
             verdict, reason = RATIO, "it is not told apart from others: see the correlations"
         elif margin >= NONE:
-            verdict, reason = NO_EFFECT, "it cannot be told from none: its interval is as wide as itself"
+            verdict = NO_EFFECT
+            reason = still.get(_joint(entry, tracks), "it cannot be told from none: its interval is as wide as itself")
+            if not margin < HOPELESS:
+                low = high = math.nan
         elif any(entry.parameter.key.startswith(f"{joint}.") for joint in coarse) and "friction" in entry.parameter.key:
             verdict, reason = WITHHELD, "the encoder's steps hide how the joint sticks"
             low = high = math.nan
@@ -124,11 +131,15 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
     return middle - parameter.size * width, middle + parameter.size * width
 
 
+def _joint(entry: Entry, tracks: Sequence[Track]) -> str:
+    """That an entry is of: a link's is the one that moves it."""
+    owner = entry.parameter.key.rpartition(".")[0]
+    return next((one.name for one in tracks[0].prepared.robot.joints if owner in (one.name, one.child)), owner)
+
+
 def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[str, str]) -> str:
     """Why nothing compared depends on it."""
-    owner, _, name = entry.parameter.key.rpartition(".")
-    robot = tracks[0].prepared.robot
-    joint = next((one.name for one in robot.joints if owner in (one.name, one.child)), owner)
+    name, joint = entry.parameter.key.rpartition(".")[2], _joint(entry, tracks)
     block = next((one for one in tracks[0].prepared.drives if one.name == joint), None)
     if norm < 1e-9 and block is not None and block.mode is not None:
         mode = MODES[block.mode.number]
@@ -136,7 +147,7 @@ def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[s
             return f"motors have no dynamics in mode {mode.number} ({mode.name})"
         if name.startswith("controller") and not mode.controller:
             return f"mode {mode.number} ({mode.name}) has no controller"
-        if name.startswith(("spring", "max_deflection")) and not mode.spring:
+        if name.startswith(("spring", "max_deflection", "hysteresis")) and not mode.spring:
             return f"mode {mode.number} ({mode.name}) has no spring"
     if joint in still:
         return still[joint]

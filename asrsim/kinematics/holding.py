@@ -110,11 +110,15 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     for springs in groups:
         springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
         springs.low, springs.high = np.array([_stops(robot, name) for name in springs.names]).T[:, :, None]
+    share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)
-        largest = max(springs.settle(positions, loads) for springs in groups)
-        if largest < 1e-5:
+        moved = np.concatenate([springs.settle(positions, loads, share) for springs in groups])
+        if np.max(np.abs(moved) / share) < 1e-5:
             break
+        # Joints that give way together may come back together: steps that turn round are too long.
+        share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
+        before = moved
     limited = {name: row for springs in groups for name, row in springs.limited(positions).items()}
     found = []
     for name in goals:
@@ -159,9 +163,9 @@ class _Springs:
         """(motors, j, n) N m."""
         return self._law(position, *self._goals, self._parameters)
 
-    def settle(self, positions: dict[str, Array], loads: Mapping[str, Array]) -> float:
-        """Let the joints give way to their loads by a step; returns the largest, rad or m. A motor gives way at its largest
-        torque."""
+    def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
+        """Let the joints give way to their loads by shares (n,) of a step; returns what they moved, (j, n) rad or m. A motor
+        gives way at its largest torque."""
         position = np.stack([positions[name] for name in self.names])
         here, near = self._torques(position), self._torques(position + 1e-4)
         motors = len(self._limits)
@@ -171,9 +175,9 @@ class _Springs:
         stiffness = np.maximum((torque - near.sum(axis=0)) / 1e-4, 0.0)
         load = np.stack([loads[name] for name in self.names])
         step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
-        after = np.clip(position + step, self.low, self.high)
+        after = np.clip(position + share * step, self.low, self.high)
         positions.update(zip(self.names, after, strict=True))
-        return float(np.max(np.abs(after - position)))
+        return np.asarray(after - position)
 
     def limited(self, positions: Mapping[str, Array]) -> dict[str, Array]:
         """Joint -> (n,) whether some motor gives way."""

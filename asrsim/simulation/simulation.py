@@ -18,17 +18,17 @@ from asrsim.simulation.divergence import blame, not_finite, runaway
 from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.loop import Loop
 from asrsim.simulation.observation import Observation, Snapshot, observe
-from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
 
-CHUNK = 4096
+CHUNK = 16_384
 """Substeps, at most, of a chunk: between samples handed on, checks of energy, and progress."""
 CHUNK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
-SHORTEST_CHUNK = 256
+SHORTEST_CHUNK = 1024
 
 
 class Simulation:
@@ -268,6 +268,7 @@ class Simulation:
         self.loop.refresh_response(0)
 
     def _take_over(self, varied: Prepared) -> None:
+        links_before = self.prepared.robot.links
         same = self.engine.vary(varied.robot)
         if not same:
             self.engine.close()
@@ -275,6 +276,8 @@ class Simulation:
             self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
         self.recording.take_over(varied, self.engine)
+        if self.engine.model is not None and varied.robot.links != links_before:
+            check_inertia(varied.drives, self.engine.model.mass_matrix(varied.initial_positions))
         if not (same and self.loop.take_drives(varied.drives)):
             self.loop = self._make_loop(self.loop.compiled, None)
 
