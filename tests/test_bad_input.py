@@ -409,5 +409,5 @@ def test_a_name_that_is_nearly_a_files_is_told_which(tmp_path, monkeypatch, asrs
     monkeypatch.chdir(tmp_path)
     outcome = asrsim_command(*command)
     assert outcome.code == 1
-    assert wanted in outcome.err
+    assert wanted in outcome.err + outcome.out
     assert not any(word in outcome.err for word in REFUSED)

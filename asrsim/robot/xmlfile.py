@@ -51,7 +51,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
         reason = (error.msg or "not well-formed").split(", line ")[0]
         raise RobotError(
             Problem(message=f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml",
-                    hint="Expected a robot's URDF; is this a scenario?" if path.suffix in (".yaml", ".yml") else None)
+                    hint=_expected(path))
         ) from error  # fmt: skip
     # The first look was another parser's; this is what lxml itself saw.
     declarations = root.getroottree().docinfo.internalDTD
@@ -105,8 +105,14 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
                 file=path,
                 line=error.lineno,
                 code="malformed-xml",
+                hint=_expected(path),
             )
         ) from error
+
+
+def _expected(path: Path) -> str | None:
+    """A hint where another kind of file was named."""
+    return "Expected a robot's URDF; is this a scenario?" if path.suffix.lower() in (".yaml", ".yml") else None
 
 
 def text_of(element: Any) -> str:

@@ -61,9 +61,8 @@ def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
         body += f'<script id="data" type="application/json">{data}</script><script>{script}</script>'
     generator = escape(str(study.manifest["generator"]))
     return (
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="generator" content="{generator}">'
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="generator" content="{generator}">'
         f"<title>{escape(title)}</title><style>{css} canvas {{width: 100%; height: 420px; cursor: crosshair}}"
         f" #wide {{overflow-x: auto}} #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}}"
         f" pre {{white-space: pre-wrap}} img {{max-width: 100%}}</style></head><body><main>{body}</main></body></html>\n"
