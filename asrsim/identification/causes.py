@@ -62,7 +62,7 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         unit = cause.layout.entries[-1].parameter.unit
         # Times and zeros are small.
         size = f"{1e3 * value:.3g} m{unit}" if cause.flags.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
-        texts.append(f"{cause.text}, of {size}".rstrip())
+        texts.append(f"{cause.text} ({size.strip()})")
         flags.append(cause.flags)
         layout, places, cost = cause.layout, [there], least
     if not texts or cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
