@@ -51,7 +51,9 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     flags: list[str] = []
     layout, places, cost = residuals.layout, [x, start], base
     while len(texts) < CAUSES and cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
-        hopeful = [cause for cause in _causes(residuals, layout, places[0]) if _promises(residuals, cause, places[0])]
+        here = Residuals(residuals.tracks, layout, residuals.weights, residuals.ends, residuals.counter)
+        slopes = np.linalg.qr(here.jacobian(places[0]))[0]
+        hopeful = [cause for cause in _causes(residuals, layout, places[0]) if _promises(residuals, cause, places[0], slopes)]
         trials = [_tried(residuals, cause, places) for cause in hopeful]
         if not trials:
             break
@@ -62,7 +64,7 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         unit = cause.layout.entries[-1].parameter.unit
         # Times and zeros are small.
         size = f"{1e3 * value:.3g} m{unit}" if cause.flags.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
-        texts.append(f"{cause.text}, of {size}".rstrip())
+        texts.append(f"{cause.text} ({size.strip()})")
         flags.append(cause.flags)
         layout, places, cost = cause.layout, [there], least
     if not texts or cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
@@ -72,14 +74,15 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     return [f"{' and '.join(texts)} {verb} the error to {share:.2g} % ({' '.join(flags)})"]
 
 
-def _promises(residuals: Residuals, cause: _Cause, place: Array) -> bool:
-    """Whether the slope of a cause explains a part of the error."""
+def _promises(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) -> bool:
+    """Whether a cause, beside all that is free (slopes (m, n), orthonormal), explains a part of the error, if slopes hold."""
     trial = Residuals(residuals.tracks, cause.layout, residuals.weights, residuals.ends, residuals.counter)
     x = np.append(place, 0.0)
     base = trial(x)
     step = np.zeros(len(x))
     step[-1] = 1e-3
     slope = (trial(x + step) - base) / 1e-3
+    slope -= slopes @ (slopes.T @ slope)
     return float(slope @ base) ** 2 > HOPE * float(slope @ slope) * float(base @ base)
 
 
