@@ -15,7 +15,7 @@ from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
-from asrsim.robot.values import law_fault, parameter_fault
+from asrsim.robot.values import law_fault, mode_fault, parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
@@ -119,7 +119,7 @@ class _BlockReader:
             publish_elastic_torques=switches[0], publish_state=switches[1], subscribe_external_torque=switches[2],
             sample_time=sample_time, parameters=parameters, plugin_name=plugin.get("name") or "", line=line,
         )  # fmt: skip
-        fault = law_fault(block)
+        fault = mode_fault(block) or law_fault(block)
         if fault is not None:
             self.findings.error(f"with these parameters {fault}", code="law", line=line, key=shown)
         advise(actuator, block, joint, self.findings)
