@@ -448,3 +448,15 @@ def test_the_log_has_topics_for_it(tmp_path: Any) -> None:
     log = read_log(tmp_path / "out" / "log.mcap")
     for name in ("motor_1_current", "motor_2_voltage", "winding_loss", "hysteresis_loss"):
         assert np.array_equal(log.samples.values[name], out.run.samples.values[name]), name
+
+
+def test_an_actuator_of_a_users_own_has_all_of_it() -> None:
+    from pathlib import Path
+
+    from asrsim.actuators.user import load_plugin_file
+
+    (own,) = load_plugin_file(Path(__file__).parents[1] / "examples" / "plugins" / "my_vsa.py")
+    result = full_run(own.name, 5, engine=ENGINES_HERE[0])
+    assert column(result, "hysteresis_loss")[-1] > 1e-4
+    assert np.abs(column(result, "motor_2_voltage")).max() <= 12.0 + 1e-9
+    assert np.abs(column(result, "energy_residual")).max() < 1e-3

@@ -193,6 +193,7 @@ def _hysteresis(residuals: Residuals, x: Array) -> list[str]:
                 size = abs(float(np.mean(left * sign)))
                 found.append(
                     f"{channel.key} is {size:.3g} {channel.unit} off by the direction of its change: "
-                    "hysteresis or friction is missing"
+                    f"hysteresis or friction is missing (--free {channel.joint}.hysteresis_torque=START, "
+                    f"{channel.joint}.stribeck_friction=START)"
                 )
     return found

@@ -8,6 +8,7 @@ from asrsim.actuators import MODES, Actuator
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, ParameterValue
 
+TOOLBOX_MODES = range(7)
 TEMPLATE_VALUES = {"damping": 0.0019, "friction_torque": 0.5}
 """Motor parameters whose value in the toolbox's templates differs from the released code's default."""
 
@@ -29,6 +30,11 @@ def advise(actuator: type[Actuator], block: ActuatorBlock, joint: Joint, finding
         findings.warn(
             f"mode 1: <{given_tags(given, 'controller_1')}> set the link's controller; spring and motors are not simulated",
             code="link-controller", line=block.line, key=place,
+        )  # fmt: skip
+    if block.mode not in TOOLBOX_MODES:
+        findings.warn(
+            f"mode {block.mode} ({MODES[block.mode].name}) is asrsim's: the toolbox's plugin has none of this number",
+            code="own-mode", line=block.line, key=place,
         )  # fmt: skip
     if joint.effort is None:
         findings.warn(

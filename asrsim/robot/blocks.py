@@ -15,7 +15,7 @@ from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
-from asrsim.robot.values import law_fault, parameter_fault
+from asrsim.robot.values import law_fault, mode_fault, parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
@@ -104,7 +104,7 @@ class _BlockReader:
                     code="missing-tag", line=line, key=shown,
                 )  # fmt: skip
         joint = self._joint(by_tag, line, shown)
-        mode = self._mode(by_tag, line, shown)
+        mode = self._mode(actuator, by_tag, line, shown)
         switches = [
             self._switch(by_tag, tag, shown, default)
             for tag, default in (("pub_eltau", True), ("pub_state", True), ("sub_ext_tau", False))
@@ -119,7 +119,7 @@ class _BlockReader:
             publish_elastic_torques=switches[0], publish_state=switches[1], subscribe_external_torque=switches[2],
             sample_time=sample_time, parameters=parameters, plugin_name=plugin.get("name") or "", line=line,
         )  # fmt: skip
-        fault = law_fault(block)
+        fault = mode_fault(block) or law_fault(block)
         if fault is not None:
             self.findings.error(f"with these parameters {fault}", code="law", line=line, key=shown)
         advise(actuator, block, joint, self.findings)
@@ -176,7 +176,7 @@ class _BlockReader:
         self._taken[name] = line
         return joint
 
-    def _mode(self, by_tag: Mapping[str, Any], line: int | None, shown: str) -> int | None:
+    def _mode(self, actuator: type[Actuator], by_tag: Mapping[str, Any], line: int | None, shown: str) -> int | None:
         if "operation_mode" not in by_tag:
             self.findings.error(
                 "required tag <operation_mode> is missing", code="missing-tag", line=line, key=shown, choices=MODE_CHOICES
@@ -185,10 +185,14 @@ class _BlockReader:
         tag = by_tag["operation_mode"]
         text = text_of(tag)
         mode = int(text) if re.fullmatch("[0-9]{1,3}", text) else None
-        if mode not in MODES:
+        # Modes that the toolbox does not have are there for electric motors alone.
+        needed = [f"motor_{i}_torque_constant" for i in range(1, actuator.motors + 1)]
+        lacking = [tag for name, tag in parameter_tags(actuator).items() if name in needed and tag not in by_tag]
+        if mode not in MODES or (MODES[mode].command != "torque" and lacking):
             self.findings.error(
                 "there is no such operation mode", code="operation-mode", line=self.line(tag),
                 key=f"{shown}.operation_mode", value=text, choices=MODE_CHOICES,
+                hint=f"Mode {mode} is for electric motors: give <{'>, <'.join(lacking)}>" if mode in MODES else None,
             )  # fmt: skip
             return None
         return mode

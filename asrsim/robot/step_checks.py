@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.detailed_motor import electric_of
 from asrsim.errors import Problem
 from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
@@ -123,10 +124,12 @@ def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: fl
             # Motor and link swing against each other: 1/I + 1/J.
             spring_mobility = mobility + max(1.0 / values[f"motor_{i}_inertia"] for i in indices)
             if mode.controller:
-                motor_gain = max(
-                    step * (values[f"controller_{i}_derivative"] + values[f"motor_{i}_damping"]) / values[f"motor_{i}_inertia"]
-                    for i in indices
-                )
+                losses = []
+                for i in indices:
+                    electric = electric_of(values, i, mode)
+                    brake = electric.gain * values[f"controller_{i}_derivative"] + electric.lag
+                    losses.append((brake + values[f"motor_{i}_damping"]) / values[f"motor_{i}_inertia"])
+                motor_gain = step * max(losses)
         else:
             spring_mobility = mobility
         spring = step * math.sqrt(stiffness * spring_mobility) if stiffness > 0.0 else 0.0

@@ -26,6 +26,15 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
     return fault
 
 
+def mode_fault(block: ActuatorBlock) -> str | None:
+    """Why the block's motors cannot be driven as its mode says, or None: voltages and currents are for electric motors."""
+    mode = MODES[block.mode]
+    lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode)
+    if not lacking:
+        return None
+    return f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
+
+
 def law_fault(block: ActuatorBlock) -> str | None:
     """Why the actuator's laws give no number with its parameters around rest, or None. Laws of users that raise something of
     their own are told of where they are used.
@@ -33,9 +42,6 @@ def law_fault(block: ActuatorBlock) -> str | None:
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
     mode = MODES[block.mode]
-    lacking = missing_constants(values, actuator.motors, mode)
-    if lacking:
-        return f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
     preset = actuator.typical_preset
     away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
     if not mode.spring:
@@ -61,6 +67,9 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
         if low > high:
             message, value = f"lower stop of motor {index} is above the upper one", f"{low:g} > {high:g}"
             yield Problem(message=message, key=f"parameters.{block.joint}", value=value, code="limits-crossed")
+    fault = mode_fault(block)
+    if fault is not None:
+        yield Problem(message=fault, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
     fault = law_fault(block)
     if fault is not None:
         given = ", ".join(f"{one.name} = {one.value:g}" for one in block.parameters.values() if one.origin == "scenario")

@@ -42,6 +42,8 @@ def _free(plan: Plan) -> Iterator[str]:
             yield f"  {word(f'{block.joint}.{name}')}:"
         for name in ("inertia", "damping", "friction_torque") if mode.motor else ():
             yield f"  {word(f'{block.joint}.motor_1_{name}')}:"
+        for name in ("torque_constant", "resistance") if mode.command != "torque" else ():
+            yield f"  {word(f'{block.joint}.motor_1_{name}')}:"
         yield f"  {word(f'{block.joint}.damping')}:"
         yield f"  {word(f'{block.joint}.friction')}:"
         link = joint.child
@@ -51,6 +53,9 @@ def _free(plan: Plan) -> Iterator[str]:
             strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
             yield f"  {word(f'{link}.{INERTIA[strongest]}')}:"
             yield f"  # {word(f'{link}.mass')}:            # with gravity; without it only the inertia shows"
+        if mode.spring:
+            yield f"  # {word(f'{block.joint}.hysteresis_torque')}: 0.05   # N m, springs that lag; with hysteresis_deflection"
+        yield f"  # {word(f'{block.joint}.stribeck_friction')}: 0.05   # N m, static above Coulomb's; with stribeck_velocity"
     for one in plan.played:
         if one.slot == 0:
             yield f"  # {one.joint}.reference_1.delay:    # s, of the command on its way to the motor"

@@ -197,7 +197,7 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     if command.quantity in TORQUES.get(block.mode, ()):
         return mode.number
-    if command.unit and command.unit == mode.units[0]:
+    if command.unit in ("V", "A"):
         return mode.number
     if command.unit in ("N m", "N"):
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
