@@ -83,7 +83,7 @@ def test_a_delay_that_is_ignored_is_suspected(tmp_path):
     write(tmp_path, "lab", GUESS)
     result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert not result.fits
-    assert any("a delay of the commands is suspected: 12" in text for text in result.causes), result.causes
+    assert any("a delay of the commands, of 12 ms is suspected" in text for text in result.causes), result.causes
 
 
 @pytest.mark.slow

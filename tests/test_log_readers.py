@@ -88,6 +88,7 @@ def test_topics_and_types(log_path: Path) -> None:
         "/arm/right/shoulder/stiffness_preset": number,
         "/arm/right/shoulder/external_torque": number,
         "/arm/right/shoulder/details": details,
+        "/arm/right/shoulder/motor_1_voltage": number,
         "/arm/right/_lbow_2/link_state": link_state,
         "/arm/right/_lbow_2/motor_1_state": joint_state,
         "/arm/right/_lbow_2/torque_el1_state": number,
@@ -174,7 +175,7 @@ def test_message_indexes_point_at_their_messages(log_path: Path) -> None:
         raw = log_path.read_bytes()
         for channel, offset in chunk_index.message_index_offsets.items():
             assert struct.unpack_from("<BQH", raw, offset)[::2] == (7, channel)
-    assert checked == 1 + COUNT * 37
+    assert checked == 1 + COUNT * 38
 
 
 def test_attachments_and_metadata_with_the_official_reader(log_path: Path) -> None:

@@ -32,6 +32,8 @@ class Parameter:
     """False: infinite values are meaningful (position limits)."""
     unused: str = ""
     """Why the value has no effect, if it has none."""
+    needs: str = ""
+    """The parameter without which it does nothing."""
     optional: bool = False
     """Of a model beside the toolbox's, which is off by default; what lists values leaves it out where it is."""
 
@@ -81,7 +83,7 @@ def _friction_parameters(motor: str) -> tuple[Parameter, ...]:
         ),
         Parameter(
             name=f"{motor}_stribeck_velocity", default=0.1, unit="rad/s", minimum=0.0, exclusive_minimum=True, source=STRIBECK,
-            optional=True, doc="Stribeck velocity: at it 37 % of that excess is left",
+            optional=True, needs=f"{motor}_stribeck_friction", doc="Stribeck velocity: at it 37 % of that excess is left",
         ),
         Parameter(
             name=f"{motor}_load_friction", default=0.0, unit="1", minimum=0.0, source=LOAD_FRICTION, optional=True,
@@ -98,19 +100,20 @@ def _electric_parameters(motor: str) -> tuple[Parameter, ...]:
         ),
         Parameter(
             name=f"{motor}_resistance", default=0.0, unit="ohm", minimum=0.0, source=DC_MOTOR, optional=True,
+            needs=f"{motor}_torque_constant",
             doc="resistance R of the winding; 0: the controller gives current, else voltage",
         ),
         Parameter(
             name=f"{motor}_gear_ratio", default=1.0, unit="1", minimum=0.0, exclusive_minimum=True, source=DC_MOTOR,
-            optional=True, doc="turns n of the rotor per turn of the motor's output",
+            optional=True, needs=f"{motor}_torque_constant", doc="turns n of the rotor per turn of the motor's output",
         ),
         Parameter(
             name=f"{motor}_max_voltage", default=math.inf, unit="V", minimum=0.0, exclusive_minimum=True, finite=False,
-            source=DC_MOTOR, optional=True, doc="the voltage is clipped to it",
+            source=DC_MOTOR, optional=True, needs=f"{motor}_resistance", doc="the voltage is clipped to it",
         ),
         Parameter(
             name=f"{motor}_max_current", default=math.inf, unit="A", minimum=0.0, exclusive_minimum=True, finite=False,
-            source=DC_MOTOR, optional=True, doc="the current is clipped to it",
+            source=DC_MOTOR, optional=True, needs=f"{motor}_torque_constant", doc="the current is clipped to it",
         ),
     )  # fmt: skip
 
@@ -122,6 +125,7 @@ HYSTERESIS_PARAMETERS = (
     ),
     Parameter(
         name="hysteresis_deflection", default=0.01, unit="rad", minimum=0.0, exclusive_minimum=True, source=DAHL, optional=True,
+        needs="hysteresis_torque",
         doc="deflection over which that torque turns to the other side",
     ),
 )  # fmt: skip

@@ -113,7 +113,8 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
     table.add_column("unit", no_wrap=True)
     table.add_column("from", overflow="fold")
     section = ""
-    off = {one.name for one in actuator.all_parameters() if one.optional}
+    values = first.values()
+    off = {one.name for one in actuator.all_parameters() if one.optional and not values.get(one.needs, 0.0)}
     for value in first.parameters.values():
         if value.name in off and value.origin == "default":
             continue
@@ -126,6 +127,10 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
         style = "" if value.origin != "default" else "dim"
         table.add_row(escape(name), f"{value.value:.6g}", value.unit, _origin(value, blocks), style=style if used else "dim")
     console.print(table)
+    if mode.motor and mode.controller and any(values[f"motor_{i}_torque_constant"] for i in range(1, actuator.motors + 1)):
+        console.print(
+            "[dim]controllers of electric motors give voltage: gains in V for N m (in A where the resistance is 0)[/]"
+        )
     if not all(_is_used(_part(name), name, mode) for name in first.parameters):
         console.print(f"[dim]* not used in mode {mode.number}[/]")
 

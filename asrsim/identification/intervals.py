@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.identification.noise import autoregression
 from asrsim.identification.residuals import Residuals, Weights
@@ -38,7 +39,7 @@ class Uncertainty:
     """Mean square of the residuals."""
     scores: Array
     """(blocks, n) gradients of the blocks' sums of squares; no rows where only the noise is foreseen."""
-    firsts: Array
+    firsts: NDArray[np.intp]
     """(recordings,) first row of each in the scores."""
 
     def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:

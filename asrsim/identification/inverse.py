@@ -80,6 +80,10 @@ class InverseTrack(Track):
         self.onset = float(self._grid[rows[0]])
         self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
 
+    def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
+        """Noise of the torques is what is compared."""
+        return None
+
     def resolve(self, substeps: int, motor_substeps: int) -> None:
         """Nothing is simulated."""
 

@@ -15,7 +15,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
 from asrsim.identification.intervals import correlations, uncertainty, whitened
-from asrsim.identification.judge import ChannelFit, channel_fits, coarse_joints, still_joints, verdict
+from asrsim.identification.judge import HELD, ChannelFit, channel_fits, coarse_joints, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import Combination, settled
@@ -62,6 +62,8 @@ class Result:
     """By recording and channel: time, recorded, before, after."""
     scenario: Scenario = field(repr=False)
     robot: Robot = field(repr=False)
+    whole: bool = False
+    """Whether the estimates are from whole recordings, the part too that had been held out."""
 
     @property
     def fits(self) -> bool:
@@ -151,6 +153,8 @@ def _identify(
     return _judged(setup, residuals, best, start, before, status, teller.began)
 
 
+APART = 10.0
+"""Times that of the training part: a mean square error of whole recordings that means that they are not explained."""
 ALIKE = 0.05
 """Of the mean square error, at most, that weights by correlated noise may cost: more, and what is correlated is the model's
 fault."""
@@ -190,12 +194,18 @@ def residuals_of(setup: Setup, x: Array, track: int) -> list[Array] | None:
 
 
 def _whole(setup: Setup, residuals: Residuals, x: Array) -> Array:
-    """The estimate from whole recordings, once the part that was held out has judged."""
-    if all(end >= track.data.duration for track, end in zip(setup.fitted, setup.ends, strict=False)):
+    """The estimate from whole recordings, once the part that was held out has judged; x where nothing explains all of them."""
+    trained = residuals.ends
+    if all(end >= track.data.duration for track, end in zip(setup.fitted, trained, strict=False)):
         return x
+    error = float(np.mean(residuals(x) ** 2))
     residuals.ends = [track.data.duration for track in setup.tracks]
     there = solve(residuals, x, loss="linear", rounds=20)
-    return there if np.mean(residuals(there) ** 2) <= np.mean(residuals(x) ** 2) else x
+    errors = [float(np.mean(residuals(one) ** 2)) for one in (there, x)]
+    if min(errors) > APART * max(error, 1.0):
+        residuals.ends = trained
+        return x
+    return there if errors[0] <= errors[1] else x
 
 
 def _moved(layout: Layout, trained: Array, x: Array, deviations: Array) -> list[str]:
@@ -215,8 +225,15 @@ def _judged(
     if status != "complete":
         residuals.weights = [[Weights(w.noise) for w in channel] for channel in residuals.weights]
     after = [residuals_of(setup, trained, track) for track in range(len(setup.tracks))]
-    fits = channel_fits(setup.tracks, setup.ends, before, after)
+    shaken = [track.shaken(layout.table(trained, i)) for i, track in enumerate(setup.tracks)]
+    fits = channel_fits(setup.tracks, setup.ends, before, after, shaken)
     misfit = verdict(fits) if status == "complete" else []
+    if any(HELD in text for text in misfit):
+        roughly = uncertainty(residuals, trained, bounds_met(layout, trained)).covariance
+        fits = with_unsure(
+            fits, setup.tracks, setup.ends, lambda x, track: residuals_of(setup, x, track), trained, roughly
+        )  # fmt: skip
+        misfit = verdict(fits)
     plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
     causes = missing_causes(plain, trained, start) if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
@@ -227,6 +244,13 @@ def _judged(
             x, found = there, uncertainty(residuals, there, bounds_met(layout, there))
     told, combined = estimates(residuals, x, found, still_joints(setup.fitted), coarse_joints(setup.fitted))
     known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
+    whole = residuals.ends is not setup.ends
+    if (
+        status == "complete"
+        and not whole
+        and any(0.0 < e < t.data.duration for t, e in zip(setup.tracks, setup.ends, strict=True))
+    ):
+        misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
     if moved := _moved(layout, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
@@ -251,5 +275,5 @@ def _judged(
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes), remarks=tuple(remarks),
         evaluations=counter.evaluations, seconds=clock.perf_counter() - began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
-        scenario=setup.scenario, robot=setup.robot,
+        scenario=setup.scenario, robot=setup.robot, whole=whole,
     )  # fmt: skip

@@ -64,10 +64,10 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.status == "interrupted":
         yield "interrupted: the best so far; --resume goes on from it", "yellow"
         return
-    if any(end > 0.0 for end in result.ends) and not result.task.validate and result.task.hold_out:
+    if result.whole:
         yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
-        yield "the model fits: residuals are white, and the held-out error is that of the training part", "green"
+        yield "the model fits: residuals are white, and the held-out error is what the training part lets expect", "green"
         return
     yield "model does not fit: intervals hold for this model only", "bold red"
     for text in (*result.misfit, *result.causes):

@@ -11,7 +11,9 @@ from asrsim.engines import ENGINES
 from asrsim.errors import DivergenceError, RobotError
 from asrsim.identification.data import Channel, Data
 from asrsim.identification.keys import CLOCK
+from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
+from asrsim.identification.series import SOON, first_samples, interpolate
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import INERTIAS
 from asrsim.samples import Array
@@ -26,10 +28,6 @@ NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_veloci
 """Last parts of keys that are of recordings."""
 STILL = 4.5
 """Deviations of the mean within which a recording begins where the scenario does."""
-FIRST = 15
-"""Samples, at most, from which the start of a link is told."""
-SOON = 0.05
-"""s after 0 at which a channel must begin to tell of the start."""
 
 
 class Track:
@@ -71,7 +69,7 @@ class Track:
         motors: dict[str, list[float]] = {}
         for j, joint in enumerate(self.evaluation.joints):
             channel = self._channel(joint, "link_position")
-            found = None if channel is None else _first(channel)
+            found = None if channel is None else first_samples(channel)
             if found is None:
                 continue
             place, speed, place_error, speed_error = found
@@ -107,7 +105,7 @@ class Track:
         for joint in [key.rpartition(".")[0] for key in moving]:
             channel, predicted = channels[f"{joint}.link_position"]
             n = len(predicted)
-            first = _first(replace(channel, time=channel.time[:n], values=channel.values[:n] - predicted))
+            first = first_samples(replace(channel, time=channel.time[:n], values=channel.values[:n] - predicted))
             if first is not None and abs(first[0]) < STILL * first[2] and abs(first[1]) < STILL * first[3]:
                 j = self.evaluation.joints.index(joint)
                 self.positions[j], self.velocities[j] = self.prepared.initial_positions[j], self.prepared.initial_velocities[j]
@@ -157,6 +155,22 @@ class Track:
             predicted.append(exact / gain + offset)
         return predicted
 
+    def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
+        """By how much noise as the recorded commands have it moves each channel (n,): one draw; None where it moves nothing."""
+        generator, plain = np.random.default_rng(0), self.data
+        noises = [fine_noise(one.values) if not one.hold and len(one.values) > 8 else 0.0 for one in plain.commands]
+        if all(noise <= 2e-6 * np.ptp(one.values) for noise, one in zip(noises, plain.commands, strict=True)):
+            return None
+        commands = [
+            replace(one, values=one.values + noise * generator.normal(size=len(one.values)))
+            for one, noise in zip(plain.commands, noises, strict=True)
+        ]
+        before = self.predict(values)
+        self.data, self._commands = replace(plain, commands=tuple(commands)), None
+        after = self.predict(values)
+        self.data, self._commands = plain, None
+        return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
+
     def simulated(
         self, robot: Mapping[str, Mapping[str, float]], positions: Sequence[float], velocities: Sequence[float],
         references: Mapping[str, Mapping[str, Signal]], steps: int | None,
@@ -194,18 +208,6 @@ class Track:
     def close(self) -> None:
         """Release the engine."""
         self.evaluation.close()
-
-
-def _first(channel: Channel) -> tuple[float, float, float, float] | None:
-    """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors."""
-    if len(channel.time) < 6 or channel.time[0] > SOON:
-        return None
-    count = max(6, min(FIRST, int(np.sum(channel.time <= channel.time[0] + 0.03))))
-    time, values = channel.time[:count], channel.values[:count]
-    inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
-    errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
-    place, slope, _ = inverse @ values
-    return float(place), float(slope), float(errors[0]), float(errors[1])
 
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:
@@ -263,21 +265,3 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[s
             for name in free:
                 values[name] = full[name] + lack / len(free) * (1.0 + 1e-9)
     return result
-
-
-def interpolate(series: Array, place: Array) -> Array:
-    """Series (n,) at places (m,) in samples, by cubics through four samples; the ends hold."""
-    last = len(series) - 1
-    place = np.clip(place, 0.0, last)
-    nearest = np.round(place)
-    if np.abs(place - nearest).max(initial=0.0) < 1e-6:
-        return np.asarray(series[nearest.astype(np.intp)])
-    if last < 3:
-        return np.interp(place, np.arange(last + 1), series)
-    base = np.clip(np.floor(place).astype(np.intp), 1, last - 2)
-    t = place - base
-    a, b, c, d = (series[base + i] for i in (-1, 0, 1, 2))
-    return np.asarray(
-        -t * (t - 1.0) * (t - 2.0) / 6.0 * a + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * b
-        - (t + 1.0) * t * (t - 2.0) / 2.0 * c + (t + 1.0) * t * (t - 1.0) / 6.0 * d
-    )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,6 +82,22 @@ def suspect_sign(simulation: Array, recording: Array) -> Problem | None:
         message=f"the recording moves against the simulation (correlation {correlation:.2f}): is its sign the other way round?",
         hint="Turn it: --map 'COLUMN=-JOINT.QUANTITY'", code="suspected-sign",
     )  # fmt: skip
+
+
+def suspicions(simulation: Array, recording: Array, column: Column, joint: str) -> list[Problem]:
+    """All of these about a column beside the run's joint, with the item of a mapping that would cure it."""
+    gear = str(column.quantity).startswith("motor")
+    found = (
+        suspect_scale(simulation, recording),
+        suspect_sign(simulation, recording),
+        suspect_gear(simulation, recording) if gear else None,
+    )
+    named = f"{column.source}=", f"{joint}.{column.quantity}"
+    return [
+        replace(one, hint=str(one.hint).replace("COLUMN=", named[0]).replace("JOINT.QUANTITY", named[1]))
+        for one in found
+        if one is not None
+    ]
 
 
 def _size(values: Array) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign, wrong_unit
+from asrsim.recordings.checks import suspicions, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
@@ -220,13 +220,7 @@ def _series(
         )
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
-    suspicions = [suspect_scale(a, b), suspect_sign(a, b), suspect_gear(a, b) if quantity.startswith("motor") else None]
-    named = f"{column.source}=", f"{joint}.{quantity}"
-    findings = [
-        replace(one, hint=str(one.hint).replace("COLUMN=", named[0]).replace("JOINT.QUANTITY", named[1]))
-        for one in suspicions
-        if one is not None
-    ]
+    findings = suspicions(a, b, column, joint)
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:

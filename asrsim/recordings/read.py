@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, similar_file
 from asrsim.quantities import QUANTITIES
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.build import build
@@ -68,7 +68,7 @@ def read_recording(
 def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: bool = False) -> Raw:
     """The series of one file; `partly`: a time that is mapped may be in another one."""
     if not path.exists():
-        raise RecordingError(Problem(message="there is no such file", file=path, code="no-file"))
+        raise RecordingError(Problem(message="there is no such file", file=path, hint=similar_file(path), code="no-file"))
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError(
             Problem(message="the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")

@@ -144,9 +144,9 @@ class Joint:
     line: int | None = None
 
     @property
-    def rubs(self) -> bool:
-        """It has friction of any kind."""
-        return bool(self.friction or self.friction_varies)
+    def frictions(self) -> tuple[float, float, float]:
+        """Coulomb level and static excess in N m (N), and the load's share: all 0 where nothing rubs."""
+        return self.friction, self.stribeck_friction, self.load_friction
 
     @property
     def friction_varies(self) -> bool:

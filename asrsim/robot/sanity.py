@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators import ACTUATORS, MODES
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import Pose, link_poses
@@ -100,23 +100,15 @@ def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
         yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
 
 
-NEEDS = {
-    "stribeck_velocity": "stribeck_friction", "resistance": "torque_constant", "gear_ratio": "torque_constant",
-    "max_voltage": "resistance", "max_current": "torque_constant", "hysteresis_deflection": "hysteresis_torque",
-}  # fmt: skip
-"""Parameter of an optional model -> the one without which it does nothing; a motor's without its number."""
-
-
 def _model_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
     """Optional models that are given in part, or beyond sense."""
     values = block.values()
-    for name, parameter in block.parameters.items():
-        if parameter.origin not in ("tag", "scenario"):
+    for declared in ACTUATORS.get(block.actuator).all_parameters():
+        name, parameter = declared.name, block.parameters[declared.name]
+        if not declared.optional or parameter.origin not in ("tag", "scenario"):
             continue
-        motor = name[: len("motor_1_")] if name.startswith("motor_") else ""
-        needed = motor + NEEDS.get(name.removeprefix(motor), "")
-        if values.get(needed, 1.0) <= 0.0:
-            message = f"<{parameter.tag}> has no effect without {needed}"
+        if values.get(declared.needs, 1.0) <= 0.0:
+            message = f"<{parameter.tag}> has no effect without {declared.needs}"
             yield Doubt(message=message, code="no-effect", value=f"{parameter.value:g}", parameter=parameter)
         if name.endswith("load_friction") and parameter.value >= 1.0:
             message = "friction grows by more than the load: the spring never turns the motor back"

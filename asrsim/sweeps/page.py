@@ -26,6 +26,8 @@ from asrsim.sweeps.table import Table, shares
 LINES = 4000
 """Runs that are drawn as lines; of more, some evenly, and those at the ends of every result."""
 AXES = 12
+LINE_WIDTH = 90
+"""Pixels of an axis, below which the picture is wider than a telephone and is moved."""
 DPI = 110
 
 
@@ -62,6 +64,7 @@ def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="generator" content="{generator}">'
         f"<title>{escape(title)}</title><style>{css} canvas {{width: 100%; height: 420px; cursor: crosshair}}"
+        f" #wide {{overflow-x: auto}} #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}}"
         f" pre {{white-space: pre-wrap}} img {{max-width: 100%}}</style></head><body><main>{body}</main></body></html>\n"
     )
 
@@ -84,8 +87,17 @@ def _results(study: Table, results: list[str]) -> str:
         found = study.quantiles(name)
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
-            rows.append((name, found.count, *map(number, numbers), f"run {found.least_run}", f"run {found.largest_run}"))
-    heads = ("result", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
+            rows.append(
+                (
+                    name,
+                    study.unit(name),
+                    found.count,
+                    *map(number, numbers),
+                    f"run {found.least_run}",
+                    f"run {found.largest_run}",
+                )
+            )
+    heads = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
     return table(heads, rows) if rows else "<p>No result differs between the runs.</p>"
 
 
@@ -105,7 +117,7 @@ def _lines(study: Table, axes: list[str]) -> str:
     return (
         f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; a line to "
         f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
-        '<canvas id="lines"></canvas><div id="chosen"></div>'
+        '<div id="wide"><canvas id="lines"></canvas></div><div id="chosen"></div>'
     )
 
 

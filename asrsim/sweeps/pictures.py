@@ -158,6 +158,7 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
     axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))))
     for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
         axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style)
+    axes.locator_params(axis="y", integer=True)
     lacking = len(values) - len(there)
     axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
 
