@@ -115,6 +115,15 @@ def test_pulse_train_counts_its_pulses():
     assert parse_signal(data).jumps(0, 5) == pytest.approx([0.2, 0.3, 0.7, 0.8])
 
 
+@pytest.mark.parametrize("by", [0.0, 0.05, 0.3])
+def test_a_delayed_jump_at_the_edge_of_a_window_is_in_it(by):
+    late = Delay(by=by, of=Step(at=1.0, after=0.5))
+    (place,) = late.jumps(0.0, 9.0).tolist()
+    assert place == pytest.approx(1.0 + by)
+    for window in ((place, 2.0), (0.5, place), (place, place)):
+        assert late.jumps(*window).tolist() == [place]
+
+
 def test_sum_unites_jumps_and_delay_and_scale_carry_them():
     data = {
         "sum": [

@@ -71,6 +71,19 @@ def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path,
     assert found == pytest.approx(np.abs(rest - goal), abs=2e-3)
 
 
+def test_two_motors_asked_apart_are_an_equilibrium_and_a_preset(tmp_path):
+    """Mode 2 gives the motors' positions, mode 3 where the link would rest and how stiff: the same springs, the same sag."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(0.3,))
+    found = []
+    apart, mapped = {"reference_1": 0.8, "reference_2": 0.2}, {"equilibrium_position": 0.5, "stiffness_preset": 0.3}
+    for mode, references in ((2, apart), (3, mapped)):
+        keys = {"actuators": {"*": {"type": "qbmove", "mode": mode}}, "references": {"*": references}}
+        (one,) = judged(scenario_of(robot, **keys), propose=False).joints
+        found.append((one.sag, one.load))
+    assert found[0] == pytest.approx(found[1], abs=1e-4)
+    assert found[0][0] > 0.01
+
+
 def test_the_sag_of_one_spring_in_closed_form(tmp_path):
     """k (e - q) + m g r sin q = 0, of one upright link."""
     robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.5,))

@@ -37,6 +37,9 @@ FORESEEN = 50
 """Updates that are foreseen at most."""
 HASTE = (0.01, 0.1, 1.0)
 """Weights of the input's change, times the law's, with which the start is caught up."""
+RIPPLE = 1e-3
+"""Of the tolerance: what a trial has at all frequencies that no model foresees (friction that lets go a moment later), and that
+grows from trial to trial where errors grow."""
 GROWTH = 1.05
 """Factor by which foreseen errors grow before it is said."""
 
@@ -81,11 +84,12 @@ class Prepared:
         norms = [first.norm]
         if not isinstance(self.law, FixedGain) or not np.isfinite(first.norm):
             return norms
-        inputs, outputs = first.inputs, first.outputs
+        ripple = RIPPLE * self.settings.tolerance * np.random.default_rng(0).standard_normal(first.outputs.shape)
+        inputs, outputs = first.inputs, first.outputs + ripple
         friction = self.model.friction(self.model.state(inputs, outputs))
         for update in range(min(self.settings.max_iterations, FORESEEN)):
             inputs = self.law.after(inputs, outputs, update)
-            outputs = first.outputs + self.model.expected(self.linear, inputs - first.inputs, friction)
+            outputs = first.outputs + ripple + self.model.expected(self.linear, inputs - first.inputs, friction)
             norms.append(float(np.linalg.norm(self.problem.reference - outputs, axis=1).max()))
             if norms[-1] > 10.0 * norms[0]:
                 break
