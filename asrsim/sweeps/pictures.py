@@ -153,12 +153,14 @@ def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> Non
 
 
 def _distribution(table: Table, result: str, axes: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     values = table[result]
     there = values[np.isfinite(values)]
     axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))))
     for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
         axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style)
-    axes.locator_params(axis="y", integer=True)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     lacking = len(values) - len(there)
     axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
 
