@@ -212,7 +212,9 @@ def _marked(
         if not first:
             first.append(copy)
             return copy
-        return numba.njit(copy, forceinline=copy.__module__ in inline)
+        # Nobody calls it from Python, and wrappers for that would be half of the time that compiling takes.
+        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        return numba.njit(copy, forceinline=copy.__module__ in inline, **options)
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, mark=f"_{digest}")
     if kept is not None:

@@ -141,3 +141,13 @@ def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
     """A hint naming the nearest choice, or None."""
     found = nearest(name, choices)
     return f"Did you mean '{found}'?" if found else None
+
+
+def similar_file(path: Path) -> str | None:
+    """A hint naming the file that was perhaps meant by a path that is not there, or None."""
+    try:
+        names = [] if path.exists() else [one.name for one in path.parent.iterdir() if one.is_file()]
+    except OSError:
+        return None
+    found = difflib.get_close_matches(path.name, names, n=1, cutoff=0.8)
+    return f"Did you mean '{path.with_name(found[0])}'?" if found else None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import re
-import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -83,7 +83,7 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
             yield stream
         return
     # A name that nobody can foresee, made anew: nothing that stands there is followed or cut.
-    part = path.with_name(f".asrsim-{secrets.token_hex(8)}.part")
+    part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
     try:
         with _told(path):
             with part.open("xb") as stream:

@@ -15,6 +15,8 @@ class Quantity:
     label: str
     """For axes and legends; the paper's symbols, in matplotlib's mathtext."""
     doc: str
+    apart: bool = False
+    """Of an optional model: it has a topic of its own, and is no field of the messages that hold the others."""
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -38,6 +40,11 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("damping_torque", "N m", r"$\tau_d$", "torque of the link's viscous damping"),
         Quantity("friction_torque_1", "N m", r"$\tau_{f,1}$", "friction torque on motor 1"),
         Quantity("friction_torque_2", "N m", r"$\tau_{f,2}$", "friction torque on motor 2"),
+        *(
+            Quantity(f"motor_{i}_{name}", unit, rf"${symbol}_{i}$", f"{name} of motor {i}, where it is electric", apart=True)
+            for i in (1, 2)
+            for name, unit, symbol in (("voltage", "V", "u"), ("current", "A", "i"))
+        ),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
         Quantity("spring_energy", "J", r"$E_{el}$", "energy that the springs hold, by their law"),
         Quantity(
@@ -48,6 +55,8 @@ QUANTITIES: dict[str, Quantity] = {
             "limit_loss", "J", r"$E_l$", "energy that the effort limit kept from the link since the start; it can be negative"
         ),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
+        Quantity("winding_loss", "J", r"$E_R$", "heat of the motors' windings since the start", apart=True),
+        Quantity("hysteresis_loss", "J", r"$E_h$", "energy lost in the springs' hysteresis since the start", apart=True),
         Quantity(
             "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: closes to the scheme's order"
         ),

@@ -22,3 +22,9 @@ def version(package: str) -> str:
         return installed(package)
     except PackageNotFoundError:
         return ""
+
+
+def numeric_versions() -> dict[str, str]:
+    """Of Python, ourselves and the libraries whose arithmetic ours rests on: with others, numbers may differ."""
+    found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": version("asrsim")}
+    return found | {name: version(name) for name in ("numpy", "mujoco-core", "pybullet", "numba", "scipy")}

@@ -151,7 +151,9 @@ def _commands(take: Callable[[str, Callable[[], float]], None], here: Version, b
     robot = str(alterego if alterego.exists() else humanoid(folder, 14, 48))
 
     def run(version: Version, path: str, *more: str) -> float:
-        return version.ask("command", arguments=["run", path, "--quiet", "--out", str(folder / "out"), "--overwrite", *more])
+        # Neither version takes the other's results away.
+        out = folder / ("out" if version is here else "out_before")
+        return version.ask("command", arguments=["run", path, "--quiet", "--out", str(out), "--overwrite", *more])
 
     take("pictures", lambda: run(here, second) / run(here, second, "--no-plot"))
     if before is not None:

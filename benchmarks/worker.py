@@ -73,7 +73,8 @@ def command(request: dict[str, Any]) -> float:
     """CPU s of the command line with these arguments, with the Python that asks."""
     code = "from asrsim.cli.app import main; main()"
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, "-c", code, *request["arguments"]], check=False, capture_output=True)
+    # -P: the folder that the benchmark was started in may be the other version's.
+    subprocess.run([sys.executable, "-P", "-c", code, *request["arguments"]], check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 

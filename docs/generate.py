@@ -41,6 +41,7 @@ def parts() -> dict[str, str]:
         "commands": commands(),
         "packages": packages(),
         "actuators": actuators(),
+        "models": models(),
         "steppings": steppings(),
         "engines": engines(),
         "transports": transports(),
@@ -88,6 +89,23 @@ def actuators() -> str:
     return markdown_table(
         ("actuator", "`filename` in the URDF", "law"),
         [(one.title, f"`lib{one.name}_plugin.so`", f"`{one.law}`") for one in known],
+    )
+
+
+def models() -> str:
+    """Every optional parameter of an actuator with one motor, off at its default."""
+    from asrsim.actuators import ACTUATORS
+    from asrsim.robot.tags import parameter_tags
+
+    actuator = ACTUATORS.get("sea")
+    tags = parameter_tags(actuator)
+    return markdown_table(
+        ("parameter", "tag", "unit", "default", "what", "source"),
+        [
+            (f"`{one.name}`", f"`<{tags[one.name]}>`", one.unit, f"{one.default:g}", one.doc, one.source)
+            for one in actuator.all_parameters()
+            if one.optional
+        ],
     )
 
 

@@ -7,14 +7,17 @@ import numpy as np
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import JointInfo, RunInfo, Samples
 
+ORDINARY = tuple(name for name, quantity in QUANTITIES.items() if not quantity.apart)
 SEA_QUANTITIES = tuple(
-    name for name in QUANTITIES if not name.startswith("motor_2") and not name.endswith("_2") and name != "numerical_error"
+    name for name in ORDINARY if not name.startswith("motor_2") and not name.endswith("_2") and name != "numerical_error"
 )
 JOINTS = (
-    JointInfo(name="shoulder", actuator="qbmove", mode=6, namespace="arm/right", motors=2, quantities=tuple(QUANTITIES)),
+    JointInfo(
+        name="shoulder", actuator="qbmove", mode=6, namespace="arm/right", motors=2, quantities=(*ORDINARY, "motor_1_voltage")
+    ),
     JointInfo(name="élbow-2", actuator="sea", mode=5, namespace="arm/right", motors=1, quantities=SEA_QUANTITIES),
     JointInfo(name="slide", actuator="rigid", mode=None, prismatic=True, quantities=("link_position", "link_velocity")),
-    JointInfo(name="lever", actuator="awas_ii", mode=4, motors=2, quantities=(*QUANTITIES, "temperature")),
+    JointInfo(name="lever", actuator="awas_ii", mode=4, motors=2, quantities=(*ORDINARY, "temperature")),
 )
 INFO = RunInfo(
     robot="two arms",

@@ -16,6 +16,7 @@ from asrsim.actuators.motor import motor_coefficients, motor_kick
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.actuators.sampling import parameter_sets
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
+from asrsim.errors import ScenarioError
 from validation.models import Body, chain, column, run
 
 NAMES = ACTUATORS.names()
@@ -119,13 +120,23 @@ def references(law: type[Actuator], mode: int) -> dict[str, float]:
         2: {"reference_1": first, "reference_2": second},
         4: {"motor_1_torque": 0.05, "motor_2_torque": second if law.adjuster else 0.05},
         5: {"reference_1": first, "reference_2": second},
+        7: {"motor_1_voltage": 0.5, "motor_2_voltage": second if law.adjuster else 0.5},
+        8: {"motor_1_current": 0.5, "motor_2_current": second if law.adjuster else 0.5},
     }[mode]
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
 @pytest.mark.parametrize("mode", sorted(MODES))
 def test_every_mode_runs_in_every_stepping(law: type[Actuator], mode: int, stepping: str) -> None:
-    result = run(chain(replace_actuator(law)), mode=mode, references=references(law, mode), duration=0.3, stepping=stepping)
+    constants = {f"motor_{i}_{name}": 0.2 for i in range(1, law.motors + 1) for name in ("torque_constant", "resistance")}
+    how: dict[str, Any] = {"references": references(law, mode), "duration": 0.3, "stepping": stepping}
+    if mode > 6:
+        how["parameters"] = constants
+    if mode > 6 and stepping == "toolbox":
+        with pytest.raises(ScenarioError, match="which the toolbox does not have"):
+            run(chain(replace_actuator(law)), mode=mode, **how)
+        return
+    result = run(chain(replace_actuator(law)), mode=mode, **how)
     assert result.samples is not None
     joint = result.samples.joint("joint_1")
     assert set(result.info.joints[0].quantities) >= set(joint)

@@ -56,7 +56,7 @@ ROBOTS = {
     "no shape": (*collision(""), "empty <geometry>"),
     "no real value": ("<spring_k>10<", "<spring_k>pow(-1, 0.5)<", "has no real value"),
     "negative inertia": ('ixx="1e-3"', 'ixx="-1e-3"', "negative principal moment"),
-    "mode 7": ("<operation_mode>3<", "<operation_mode>7<", "6 (PIDEqPres)"),
+    "mode 9": ("<operation_mode>3<", "<operation_mode>9<", "8 (MotorCurrents)"),
     "wrong joint": ("<joint>elbow<", "<joint>ellbow<", "Did you mean 'elbow'?"),
     "massless": ('<mass value="0.5"/>\n      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>',
                  '<mass value="0"/><inertia ixx="0" iyy="0" izz="0"/>', "nothing behind this joint"),
@@ -389,3 +389,25 @@ def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> No
         outcome = asrsim_command(command, tiny.scenario)
         assert outcome.code == 1
         assert "'j0', 'j1'" in outcome.out + outcome.err
+
+
+@pytest.mark.parametrize(
+    ("command", "wanted"),
+    [
+        (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
+        (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
+        (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
+        (("init", "scenario.yaml"), "is this a scenario?"),
+        (("render", "scenario.yaml"), "the folder of a run"),
+        (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
+    ],
+)
+def test_a_name_that_is_nearly_a_files_is_told_which(tmp_path, monkeypatch, asrsim_command, command, wanted) -> None:
+    (tmp_path / "robot.urdf").write_text(chain(1))
+    (tmp_path / "scenario.yaml").write_text("robot: robot.urdf\nduration: 1\n")
+    (tmp_path / "motion.csv").write_text("t,j0\n0,0\n1,0\n")
+    monkeypatch.chdir(tmp_path)
+    outcome = asrsim_command(*command)
+    assert outcome.code == 1
+    assert wanted in outcome.err + outcome.out
+    assert not any(word in outcome.err for word in REFUSED)

@@ -256,6 +256,22 @@ def test_ctrl_c_ends_a_run_cleanly(tiny) -> None:
     assert summary["samples"] == len(log.samples.time)
 
 
+def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
+    """While the loop is compiled nobody asks whether to stop; once somebody has, the first signal is left to them."""
+    from asrsim.cli.interrupt import Interruption
+
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), Interruption():
+        signal.raise_signal(signal.SIGINT)
+    with Interruption() as interruption:
+        assert not interruption.stop()
+        signal.raise_signal(signal.SIGINT)
+        assert interruption.stop()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
 def test_a_killed_run_leaves_a_readable_log_that_can_be_repeated(tiny, asrsim_command) -> None:
     process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
     # Beyond the first chunk with its index (576 kB): a kill in the midst of its writing would leave no sample.

@@ -11,7 +11,8 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import asrsim  # noqa: E402
 from asrsim.environment import make_env  # noqa: E402
-from asrsim.environment.reach import make_reach  # noqa: E402
+from asrsim.environment.env import State  # noqa: E402
+from asrsim.environment.reach import make_reach, reward  # noqa: E402
 
 RANDOM = {
     "joint_1.damping": "uniform(0.01, 0.2)", "link_2.mass": {"normal": [0.5, 0.05]},
@@ -136,6 +137,27 @@ def test_rewards_see_goal_and_tip_and_may_end_the_episode(scenario):
     assert seen[1].time == pytest.approx(0.04)
 
 
+def test_a_reward_needs_no_end_and_an_end_no_reward(scenario):
+    paid = make_env(scenario, reward=lambda state: 2.0)
+    paid.reset()
+    assert paid.step(np.zeros(2))[1:3] == (2.0, False)
+    ended = make_env(scenario, terminated=lambda state: True)
+    ended.reset()
+    assert ended.step(np.zeros(2))[1:3] == (0.0, True)
+
+
+def test_the_reward_of_the_example_prefers_near_slow_and_there():
+    """10 a metre, 0.002 a (rad/s)^2, and 1 for the last centimetre."""
+
+    def paid(off, speeds):
+        values = {"tip": np.array([0.1, 0.05 + off, 0.3]), "link_velocity": np.array(speeds)}
+        return reward(State(time=0.0, values=values, goal={"x": 0.1, "y": 0.05}, action=np.zeros(2)))
+
+    assert paid(0.2, (0.0, 0.0)) == pytest.approx(-2.0)
+    assert paid(0.2, (3.0, -4.0)) == pytest.approx(-2.05)
+    assert paid(0.005, (0.0, 0.0)) == pytest.approx(0.95)
+
+
 def test_the_picture_moves_with_the_arm(scenario):
     env = make_env(scenario, render_mode="rgb_array", size=96)
     env.reset()
@@ -151,7 +173,7 @@ def test_the_picture_moves_with_the_arm(scenario):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"observe": ("link_positon",)}, "link_position"),
+        ({"observe": ("link_positon",)}, "Did you mean 'link_position'"),
         ({"observe": ("tip",)}, "needs the argument tip"),
         ({"observe": ("motor_work",)}, "cannot be observed"),
         ({"act": ("reference_1",)}, "no joint has the reference"),

@@ -10,6 +10,7 @@ from scipy.stats import binom
 from asrsim.errors import RecordingError
 from asrsim.metrics.excitation import excited_band
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
+from asrsim.metrics.local import local_rational
 from asrsim.metrics.periodic import by_periods
 from asrsim.metrics.spectra import welch
 
@@ -283,6 +284,17 @@ def test_so_many_independent_averages_are_in_half_overlapping_windows() -> None:
     power = powers(noise, nperseg=segment, noverlap=segment // 2, detrend=False, axis=1)[1][:, 4 : segment // 2 - 4 : 4]
     spread = np.mean(power.var(axis=0) / power.mean(axis=0) ** 2)
     assert found.averages == pytest.approx(1.0 / spread, rel=0.03)
+
+
+def test_the_shortest_record_that_a_local_fit_takes() -> None:
+    """17 bins of its own: 36 samples; two less, and it is said."""
+    for count, taken in ((36, True), (34, False)):
+        u = np.random.default_rng(8).standard_normal(count)
+        if taken:
+            assert len(local_rational(u, u, STEP, 1.0, 500.0).frequency) > 10
+        else:
+            with pytest.raises(RecordingError, match="too short"):
+                local_rational(u, u, STEP, 1.0, 500.0)
 
 
 def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:

@@ -94,6 +94,17 @@ def test_a_desired_motion_beyond_a_stop_is_out_of_reach(tmp_path):
         assert prepare_learning(plant, model).out_of_reach[0].what == "joint stop"
 
 
+def test_a_start_that_the_motors_have_no_torque_for_is_out_of_reach(tmp_path):
+    """All of it holds the springs' pretension: what the first moments miss stays, though an input could be written for it."""
+    arm = random_arm(307)
+    strong = replace(arm, urdf=arm.urdf.replace("tauMax>1.60885<", "tauMax>160.885<"))
+    for robot, reached in ((arm, False), (strong, True)):
+        plant = make_plant(robot.make(tmp_path))
+        with learning_model(plant) as model:
+            told = prepare_learning(plant, model).out_of_reach
+        assert [item.what for item in told] == ([] if reached else ["error from the start"])
+
+
 def test_losses_are_those_of_the_joint(tmp_path):
     robot = make_plant(random_arm(5).make(tmp_path)).robot
     assert Losses.of(robot, "joint_1").damping == robot.joint("joint_1").damping

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
 from asrsim.learning.arm import learning_model
 from asrsim.learning.contraction import FREQUENCIES, responses, zero_phase_amplitude
-from asrsim.learning.linear import Friction, spring_slopes
+from asrsim.learning.friction import Friction
+from asrsim.learning.linear import spring_slopes
 from asrsim.learning.plant import make_plant
 
 MASS, LENGTH, GRAVITY = 0.5, 0.08, 9.81
@@ -74,6 +76,40 @@ def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
 def test_an_integral_action_takes_the_droop_away():
     linear = linear_at(sea(mode=6, integral=(300.0,)))
     assert response(linear, 0.0).real == pytest.approx(2.0 / (2.0 + MASS * GRAVITY * LENGTH), rel=1e-6)
+
+
+@pytest.mark.parametrize("mode", [3, 6])
+def test_motors_move_links_as_far_as_their_torques_have_room(mode):
+    """With room for all: the response; without: none."""
+    linear = linear_at(sea(mode), count=501)
+    change = 0.3 * np.sin(5.0 * linear.time)[:, None]
+    room = np.tile([-1.0, 1.0], (501, 1, 2, 1))
+    wide = linear.within(change, 1e6 * room)
+    np.testing.assert_allclose(wide, linear.response(change), atol=1e-12)
+    np.testing.assert_allclose(linear.within(change, 0.0 * room), wide if mode == 3 else 0.0 * wide, atol=1e-12)
+
+
+def test_a_motor_lifts_what_its_torque_holds():
+    """At rest a motor's torque is the link's weight: asked for 2 rad, 0.1 N m lift it to 0.1 over the weight's slope."""
+    linear = linear_at(sea(6), damping=0.3, count=2001, end=20.0)
+    change = np.minimum(linear.time, 2.0)[:, None]
+    for side in (1.0, -1.0):
+        lifted = linear.within(side * change, np.tile([-0.1, 0.1], (2001, 1, 2, 1)))
+        assert lifted[-1, 0] == pytest.approx(side * 0.1 / (MASS * GRAVITY * LENGTH), rel=0.01)
+
+
+@pytest.mark.parametrize("mode", [3, 6])
+def test_what_an_input_does_follows_the_motion(mode):
+    """A spring that stiffens and an inertia that grows: each step has the joints as they are in its middle."""
+    linear = linear_at(sea(mode), count=401)
+    grows = np.linspace(1.0, 3.0, 401)
+    changing = replace(linear, springs=linear.springs * grows[:, None, None], mass=linear.mass * grows[:, None, None])
+    states, inputs = changing.steps
+    for index in (0, 200, 399):
+        factor = 0.5 * (grows[index] + grows[index + 1])
+        there = replace(linear, springs=linear.springs * factor, mass=linear.mass * factor).steps
+        np.testing.assert_allclose(states[index], there[0][index], rtol=1e-5, atol=1e-7)
+        np.testing.assert_allclose(inputs[index], there[1][index], rtol=1e-5, atol=1e-7)
 
 
 def test_slopes_of_two_springs_are_those_of_the_law():

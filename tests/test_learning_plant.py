@@ -16,7 +16,7 @@ from asrsim.errors import ScenarioError
 from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
 from asrsim.learning.identity import identity_of
-from asrsim.learning.perturb import Workers, perturbed
+from asrsim.learning.perturb import outputs_of, perturbed
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning, turning
 from asrsim.learning.session import run_session
@@ -24,6 +24,7 @@ from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
+from asrsim.workers import executor
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
@@ -255,9 +256,8 @@ def test_every_file_that_the_plant_depends_on_counts(tmp_path):
 def test_processes_change_nothing_in_the_numbers():
     chosen = plant()
     draws = [{"mass.joint_1": change} for change in (-0.1, 0.0, 0.1)]
-    alone = Workers().outputs(chosen, chosen.reference, draws)
-    with Workers(2) as workers:
-        together = workers.outputs(chosen, chosen.reference, draws)
+    with executor(1) as here, executor(2) as there:
+        alone, together = (outputs_of(chosen, chosen.reference, draws, workers) for workers in (here, there))
     assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
 
 

@@ -68,7 +68,10 @@ def test_a_diverged_draw_is_outside_and_named_infinite():
 def test_the_scenario_s_block_spreads_every_joint_on_its_own():
     block = {
         "draws": 10, "seed": 0, "distribution": "normal",
-        "spread": {"parameters": {"spring_k_1": 0.1}, "mass": 0.05, "damping": 0.0, "friction": 0.5, "delay": 0.002},
+        "spread": {
+            "parameters": {"spring_k_1": 0.1}, "mass": 0.05, "damping": 0.0, "friction": 0.5, "delay": 0.002,
+            "added_friction": 0.03, "added_damping": 0.04,
+        },
     }  # fmt: skip
     spread = Spread.of(block, ("one", "two"))
     assert spread.distribution == "normal"
@@ -79,6 +82,10 @@ def test_the_scenario_s_block_spreads_every_joint_on_its_own():
         "mass.two": 0.05,
         "friction.one": 0.5,
         "friction.two": 0.5,
+        "added_friction.one": 0.03,
+        "added_friction.two": 0.03,
+        "added_damping.one": 0.04,
+        "added_damping.two": 0.04,
         "delay": 0.002,
     }
 

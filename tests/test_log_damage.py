@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -189,6 +190,19 @@ def test_flipped_bytes_never_pass_unseen_nor_crash(tmp_path: Path, whole: bytes,
         else:
             assert_same(log.samples, part(samples, slice(0, len(log.samples.time))))
     assert refused > 20
+
+
+def test_a_damaged_chunk_is_named_by_its_time(tmp_path: Path, whole: bytes) -> None:
+    path = tmp_path / "bad.mcap"
+    path.write_bytes(whole)
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    chunk = sorted(chunks, key=lambda one: one.message_start_time)[1]
+    data = bytearray(whole)
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(LogError, match=re.escape(f"(at {chunk.message_start_time * 1e-9:g} s)")):
+        read_log(path)
 
 
 def test_a_hole_at_the_end_of_a_cut_file(tmp_path: Path, whole: bytes) -> None:

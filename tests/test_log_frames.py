@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from random_robots import random_urdf
 
 import asrsim
 from asrsim.robot.poses import quaternion, rotation_matrix
@@ -59,13 +60,28 @@ def test_links_stand_where_the_engine_has_them(tmp_path, robot):
     )
     result = asrsim.run(path, out=tmp_path / "out")
     found = transforms(result.log)
-    ((first, still),) = found["/tf_static"]
-    assert first == 0.0
+    assert [time for time, _ in found["/tf_static"]] == [0.0]
     moving = [entry for entry in found["/tf"] if set(entry[1]) & {j.child for j in result.run.robot.moving_joints}]
     assert [round(time, 9) for time, _ in moving] == pytest.approx(np.arange(0.0, 0.301, 0.05))
-    prepared = prepare(path)
-    engine = prepared.make_engine()
-    time, frames = moving[-1]
+    compare(path, result)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 8])
+def test_frames_of_any_tree_are_those_of_the_engine(tmp_path, seed):
+    """Sliding and turning joints about any axis, in frames that are turned, with links that fixed joints hold."""
+    (tmp_path / "robot.urdf").write_text(random_urdf(seed))
+    path = tmp_path / "scenario.yaml"
+    path.write_text("robot: robot.urdf\nduration: 0.1\ntf_rate: 20\ncompiled: false\nbase: {rpy: [0.5, -0.3, 0.8]}\n")
+    compare(path, asrsim.run(path, out=tmp_path / "out"))
+
+
+def compare(path, result):
+    """The log's frames at the end with those of the engine."""
+    found = transforms(result.log)
+    moved = {joint.child for joint in result.run.robot.moving_joints}
+    time, frames = [entry for entry in found["/tf"] if set(entry[1]) & moved][-1]
+    still = found["/tf_static"][0][1] if found["/tf_static"] else {}
+    engine = prepare(path).make_engine()
     row = round(time / result.run.scenario.step)
     positions = [result[joint]["link_position"][row] for joint in engine.joints]
     for link in engine.model.links:

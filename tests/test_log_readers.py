@@ -53,6 +53,21 @@ def same(left: Any, right: Any) -> bool:
     return struct.pack("<d", left) == struct.pack("<d", right)
 
 
+def test_what_the_file_counts_is_what_is_in_it(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        counts = summary.statistics
+        times = [message.log_time for _, _, message in reader.iter_messages()]
+        assert counts.message_count == len(times) == sum(counts.channel_message_counts.values())
+        assert (counts.message_start_time, counts.message_end_time) == (min(times), max(times))
+        assert counts.attachment_count == len(list(reader.iter_attachments())) == len(summary.attachment_indexes)
+        assert counts.metadata_count == len(list(reader.iter_metadata())) == len(summary.metadata_indexes)
+    assert (counts.channel_count, counts.schema_count) == (len(summary.channels), len(summary.schemas))
+    assert counts.chunk_count == len(summary.chunk_indexes) > 1
+
+
 def test_topics_and_types(log_path: Path) -> None:
     with log_path.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -73,6 +88,7 @@ def test_topics_and_types(log_path: Path) -> None:
         "/arm/right/shoulder/stiffness_preset": number,
         "/arm/right/shoulder/external_torque": number,
         "/arm/right/shoulder/details": details,
+        "/arm/right/shoulder/motor_1_voltage": number,
         "/arm/right/_lbow_2/link_state": link_state,
         "/arm/right/_lbow_2/motor_1_state": joint_state,
         "/arm/right/_lbow_2/torque_el1_state": number,
@@ -159,7 +175,7 @@ def test_message_indexes_point_at_their_messages(log_path: Path) -> None:
         raw = log_path.read_bytes()
         for channel, offset in chunk_index.message_index_offsets.items():
             assert struct.unpack_from("<BQH", raw, offset)[::2] == (7, channel)
-    assert checked == 1 + COUNT * 37
+    assert checked == 1 + COUNT * 38
 
 
 def test_attachments_and_metadata_with_the_official_reader(log_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.metrics import MEASURES, MetricRow, measure, metrics_table, summarise, write_metrics_json
 from asrsim.metrics.docs import tables
+from asrsim.metrics.lag import _chance_by_samples as chance_by_samples
 from asrsim.metrics.lag import estimate_lag
 
 TIME = np.linspace(0, 10, 10_001)
@@ -21,6 +22,26 @@ def second_order(damping: float, omega: float = 20.0, height: float = 1.0, start
     damped = omega * math.sqrt(1 - damping**2)
     decay = np.exp(-damping * omega * TIME)
     return start + height * (1 - decay * (np.cos(damped * TIME) + damping * omega / damped * np.sin(damped * TIME)))
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+@pytest.mark.parametrize("name", ["frequency", "overshoot", "settling", "rise", "peak_time", "rms", "final", "steady_state"])
+def test_measures_do_not_know_the_unit(name: str, unit: float) -> None:
+    """In other units shares, times and frequencies are the same, and values are so many times larger; noise included."""
+    noise = 0.01 * np.random.default_rng(3).standard_normal(len(TIME))
+    values = second_order(0.1) + noise
+    times = unit if MEASURES.get(name).unit == "series" else 1.0
+    assert measure(name, TIME, unit * values) == pytest.approx(times * measure(name, TIME, values), rel=1e-9, nan_ok=True)
+
+
+@pytest.mark.parametrize("length", [500, 5000])
+def test_by_chance_white_series_correlate_as_the_t_test_says(length: int) -> None:
+    from scipy.stats import pearsonr
+
+    one, other = np.random.default_rng(length).standard_normal((2, length))
+    other = other + 2.5 / np.sqrt(length) * one
+    correlation, chance = pearsonr(one, other)
+    assert chance_by_samples(one, other, 0.4, correlation) == pytest.approx(chance, rel=0.4)
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.3, 0.6])

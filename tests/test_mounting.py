@@ -85,7 +85,7 @@ def test_a_rerun_of_the_log_is_the_same_in_every_bit(tmp_path):
 def test_every_fault_of_an_actuator_is_told_at_its_key(tmp_path):
     robot = write_plain_arm(tmp_path)
     path = tmp_path / "s.yaml"
-    path.write_text("robot: arm.urdf\nduration: 1\nactuators:\n  joint_1: qbmov\n  joint_2: {type: sea, mode: 7}\n")
+    path.write_text("robot: arm.urdf\nduration: 1\nactuators:\n  joint_1: qbmov\n  joint_2: {type: sea, mode: 9}\n")
     with pytest.raises(ScenarioError) as caught:
         load_scenario(path)
     assert [(problem.key, problem.line) for problem in caught.value.problems] == [

@@ -14,7 +14,7 @@ from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run, draw_runs, read_curves, style
 from asrsim.plots.curves import CurveSource, distinct_labels
-from asrsim.plots.figures import new_figure, run_pages
+from asrsim.plots.figures import new_figure, objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
 
@@ -188,6 +188,14 @@ def test_objects_are_drawn_from_where_they_started(tmp_path: Path):
     box = run.bodies["box"]
     assert set(box) == {"dx", "dy", "dz", "force"}
     assert box["dx"].values[0] == box["dy"].values[0] == 0.0
+    # The tip is no object that something pushes: it is drawn with its goal, and how far it is from it.
+    assert set(run.bodies) == {"box", "tip"}
+    tip = run.bodies["tip"]
+    assert set(tip) == {"dx", "dy", "dz", "goal_x", "goal_y", "goal_z", "error"}
+    apart = [tip[f"d{axis}"].values - tip[f"goal_{axis}"].values for axis in "xyz"]
+    assert tip["error"].values.max() == pytest.approx(np.linalg.norm(apart, axis=0).max(), rel=0.05)
+    figure = objects_figure([run])
+    assert [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()].count("distance to the goal (m)") == 1
 
 
 def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path: Path):

@@ -77,6 +77,22 @@ def check(path: Path) -> None:
     np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
 
 
+@pytest.mark.parametrize("off", [-3600, 45, 3600, 4_000_000])
+def test_one_bad_stamp_does_not_refuse_a_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, off: int) -> None:
+    """One message's header is off by `off` seconds, as after a clock that was set; its times of recording are sound."""
+    stamps = STAMPS.copy()
+    whole = joint_state
+
+    def spoilt(store: Any, i: int, stamp: int, names: list[str], ros1: bool) -> Any:
+        return whole(store, i, stamp + (off * 10**9 if i == 17 else 0), names, ros1)
+
+    monkeypatch.setattr("test_recordings_bags.joint_state", spoilt)
+    recording = read_recording(write_ros1(tmp_path / "lab.bag"))
+    column = recording.column("elbow", "link_position")
+    np.testing.assert_allclose(column.time, (np.delete(stamps, 17) - ZERO) * 1e-9, atol=1e-9)
+    np.testing.assert_allclose(column.values, np.delete(Q[1], 17))
+
+
 def test_ros1_bag(tmp_path: Path) -> None:
     path = write_ros1(tmp_path / "lab.bag")
     check(path)

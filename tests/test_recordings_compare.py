@@ -189,6 +189,29 @@ def test_no_overlap_in_time_names_both_ranges(tmp_path: Path) -> None:
     assert compare(simulation(), recording, lag="start").series[0].metrics["rmse"] < 1e-6
 
 
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_an_axis_that_is_turned_round_is_not_laid_half_a_period_beside_itself(tmp_path: Path, late: float) -> None:
+    recording = read(laboratory(tmp_path, late=late, scale=-1.0, header="time,elbow_pos,other"))
+    result = compare(simulation(), recording)
+    assert result.alignment.lag == pytest.approx(late, abs=3e-3)
+    assert "the other way round" in result.alignment.how
+    (hint,) = (one.hint for one in result.findings if one.code == "suspected-sign")
+    assert "elbow_pos=-elbow.link_position" in str(hint)
+
+
+def test_a_column_of_another_kind_of_joint_does_not_set_the_clock(tmp_path: Path) -> None:
+    """A reference in m, of a revolute joint, is compared with nothing, and so no lag is taken from it."""
+    t = np.arange(0, 5, 0.01)
+    table = np.column_stack([t, motion(t - 0.4), motion(t - 0.1)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,elbow_ref [m],elbow_pos [rad]", comments="")
+    recording = read(tmp_path / "lab.csv")
+    infos = (JointInfo(name="elbow", actuator="sea", mode=1, prismatic=False, quantities=("reference_1", "link_position")),)
+    result = compare(simulation(), recording, infos=infos)
+    assert result.alignment.how.endswith("elbow.link_position")
+    assert result.alignment.lag == pytest.approx(0.1, abs=0.01)
+    assert any(one.code == "wrong-unit" for one in result.findings)
+
+
 def test_no_common_joint_names_both(tmp_path: Path) -> None:
     path = laboratory(tmp_path)
     recording = read_recording(path, mapping=["elbow_pos=wrist.link_position"])

@@ -9,6 +9,8 @@ import pytest
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.recordings import guess_rows, guess_table, read_recording
+from asrsim.recordings.header import comment_header
+from asrsim.recordings.units import split_header
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -322,6 +324,16 @@ def test_guesses_of_joints(tmp_path: Path, names: list[str], joints: list[str] |
     lines = [",".join(["time", *names]), *[",".join([f"{t}", *[f"{t * t + i}" for i in range(len(names))]]) for t in TIME]]
     recording = read_recording(write(tmp_path / "lab.csv", lines), joints=joints)
     assert [recording.channels[name].joint for name in names] == expected
+
+
+@pytest.mark.parametrize("letter", ["S", "M", "D"])
+def test_a_single_letter_is_a_unit_in_its_own_case_only(letter: str) -> None:
+    assert split_header(f"torque_{letter}") == (f"torque_{letter}", None)
+
+
+@pytest.mark.parametrize(("line", "names"), [("# t, a, 3", ["t", "a", "3"]), ("# 0.1, 0.2, bad", None), ("# two words", None)])
+def test_a_comment_is_a_header_where_it_names_the_columns(line: str, names: list[str] | None) -> None:
+    assert comment_header(line, ",", 3, ".") == names
 
 
 def test_guesses_are_shown(tmp_path: Path) -> None:

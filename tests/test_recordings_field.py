@@ -84,6 +84,8 @@ UNDERSTOOD: dict[str, tuple[bytes, str, str]] = {
     "other signs in units": (
         table([TIME, A * DEGREES, B * DEGREES, A], before="t [sec.],q1 [º],q2 [deg.],dq1 [rad·s⁻¹]\n"), "joint_1", "joint_2",
     ),
+    "Unix times under a blank name": (table([texts(SENT, "%d"), A, B], before=",q1,q2\n"), "joint_1", "joint_2"),
+    "ts in ms": (table([texts(TIME * 1e3, "%.0f"), A, B], before="ts,q1,q2\n"), "joint_1", "joint_2"),
     "json lines, cut off": (
         ("".join(json.dumps({"t": t, "q1": a, "q2": b}) + "\n" for t, a, b in zip(TIME, A, B, strict=True)) + '{"t":').encode(),
         "joint_1", "joint_2",
@@ -112,6 +114,9 @@ def test_understood(tmp_path: Path, name: str) -> None:
 REFUSED: dict[str, tuple[bytes, str]] = {
     "an index only": (table([texts(ORDER, "%d"), A, B], before=",q1,q2\n"), "counts the rows.*--rate"),
     "an index by pandas": (table([texts(ORDER + 1, "%d"), A, B], before="Unnamed: 0,q1,q2\n"), "counts the rows.*--rate"),
+    "an index by reset_index": (table([texts(ORDER, "%d"), A, B], before="level_0,q1,q2\n"), "'level_0' counts the rows"),
+    "an index from 1200 on": (table([texts(ORDER + 1200, "%d"), A, B], before="step,q1,q2\n"), "'step' counts the rows"),
+    "an index of every tenth row": (table([texts(10 * ORDER, "%d"), A, B], before=",q1,q2\n"), "column 1, which has no name"),
     "12 names over 13 columns": (
         table([TIME, *[A + i for i in range(12)]], before="time," + ",".join(f"q{i}" for i in range(1, 12)) + "\n"),
         "header has 12 names, its rows have 13 fields",
@@ -273,6 +278,19 @@ def test_files_are_joined_on_one_clock(tmp_path: Path) -> None:
         read_recording(tmp_path / "q1.csv+q3.csv")
 
 
+@pytest.mark.parametrize("joined", [False, True])
+def test_a_files_name_tells_what_its_only_column_is(tmp_path: Path, joined: bool) -> None:
+    for name, values in (("q2_deg", B * DEGREES), ("q1", A)):
+        (tmp_path / f"{name}.csv").write_bytes(table([TIME, values], before="t,data\n"))
+    recording = read_recording(tmp_path / ("q1.csv+q2_deg.csv" if joined else "q2_deg.csv"), joints=JOINTS)
+    column = recording.column("joint_2", "link_position")
+    np.testing.assert_allclose(column.values, B, atol=1e-6)
+    assert (column.unit, column.stated, column.label) == ("rad", True, "data")
+    assert not recording.findings
+    own = read_recording(tmp_path / "q2_deg.csv", joints=JOINTS, mapping=["data=joint_1.deflection"])
+    np.testing.assert_allclose(own.column("joint_1", "deflection").values, B, atol=1e-6)
+
+
 def test_names_of_a_file_reach_no_terminal_as_commands(tmp_path: Path) -> None:
     recording = read(tmp_path, table([TIME, A, B], before="t,q1\x1b]0;x,q2\n"))
     rows = json.dumps([{"t": t, "q\ud800": a, "q2\x1b[31m": a} for t, a in zip(TIME, A, strict=True)])
@@ -284,6 +302,13 @@ def test_names_of_a_file_reach_no_terminal_as_commands(tmp_path: Path) -> None:
 
 MATLAB: dict[str, dict[str, Any]] = {
     "an empty label": {"out": {"time": TIME, "signals": {"values": A, "label": np.array([])}, "blockName": "arm/q1"}},
+    "two signals without a label": {
+        "out": {
+            "time": TIME,
+            "signals": {"values": np.column_stack([A, B]), "dimensions": 2, "label": np.array([])},
+            "blockName": "arm/q",
+        },
+    },
     "empty labels among others": {"out": {"time": TIME, "signals": [{"values": A, "label": "q1"}, {"values": B, "label": ""}]}},
     "a simulation beside": {"t": TIME, "q1": A, "tsim": np.linspace(0, 3, 500), "xsim": np.zeros((500, 2))},
     "a simulation as long": {"t": TIME, "q1": A, "tsim": 2 * TIME, "xsim": np.column_stack([A, B])},
@@ -303,6 +328,7 @@ def test_matlab(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(column.time, TIME, atol=1e-9)
     np.testing.assert_allclose(column.values, A)
     assert len(recording.findings) <= 3
+    assert not any("signals" in str(one.key) for one in recording.findings)  # what is read is not said to be left out
     for name, other in recording.channels.items():
         if name.startswith("xsim"):
             assert other.time[-1] == pytest.approx(3.0 if len(other.time) == 500 else 2 * TIME[-1])
@@ -372,6 +398,17 @@ def test_a_time_that_stays_behind_is_another_recording(tmp_path: Path, share: fl
             read(tmp_path, content)
     else:
         assert f"{behind} time stamps that go backward" in said(read(tmp_path, content).findings, "backward-time")
+
+
+@pytest.mark.parametrize(("place", "stamp"), [(0, 500.0), (120, 9.0), (120, 1e7), (120, -3.0), (296, 50.0)])
+def test_one_bad_stamp_refuses_no_file(tmp_path: Path, place: int, stamp: float) -> None:
+    time = TIME.copy()
+    time[place] = stamp
+    recording = read(tmp_path, table([time, A, B], before="t,q1,q2\n"))
+    kept = np.arange(COUNT) != place
+    np.testing.assert_allclose(recording.time, TIME[kept], atol=1e-9)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, A[kept], atol=1e-6)
+    assert f"line {place + 2}" in said(recording.findings, "backward-time") + said(recording.findings, "stray-time")
 
 
 @pytest.mark.parametrize(("correlation", "suspected"), [(-0.9, True), (-0.8, True), (-0.6, False), (0.9, False)])

@@ -254,6 +254,17 @@ def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: P
     assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
 
 
+def test_each_comparison_of_a_folder_is_found_once(tmp_path: Path):
+    """Beside the logs, in `compared`, in each variant's folder, and in `compared` of those."""
+    from asrsim.report.content import _compared_folders
+
+    names = ["", "compared", "soft", "stiff/compared"]
+    for name in names:
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+        (tmp_path / name / "metrics.json").write_text("{}")
+    assert _compared_folders(tmp_path) == [tmp_path / name for name in names]
+
+
 def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     from asrsim.runs.folder import find_logs
 

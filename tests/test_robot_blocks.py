@@ -157,7 +157,7 @@ def test_bad_numbers_are_refused(text: str) -> None:
     [
         (block(joint="elbwo"), "unknown-joint", 12, "elbow"),
         (block(joint="glued"), "joint-type", 12, "fixed"),
-        (block(mode="7"), "operation-mode", 13, "6 (PIDEqPres)"),
+        (block(mode="9"), "operation-mode", 13, "8 (MotorCurrents)"),
         (block(mode="five"), "operation-mode", 13, "five"),
         (block("<spring_a1>stiff</spring_a1>"), "not-a-number", 14, "stiff"),
         (block("<spring_a1>nan</spring_a1>"), "out-of-range", 14, "must be a number"),

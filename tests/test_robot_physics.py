@@ -185,7 +185,7 @@ def test_bad_overrides_come_at_once(read: Callable[[str], Robot]) -> None:
     robot = read(pendulum(block=plugin("sea", 5)))
     with pytest.raises(ScenarioError) as caught:
         with_overrides(
-            robot, modes={"x": 3, "j": 8}, parameters={"*": {"sprung_k": 1.0}, "j": {"spring_k": -1.0, "mot_1_J": 1.0}}
+            robot, modes={"x": 3, "j": 9}, parameters={"*": {"sprung_k": 1.0}, "j": {"spring_k": -1.0, "mot_1_J": 1.0}}
         )
     assert sorted(problem.code for problem in caught.value.problems) == [
         "operation-mode", "out-of-range", "unknown-joint", "unknown-parameter", "unknown-parameter",

@@ -52,6 +52,15 @@ def test_the_smallest_scenario(load, tmp_path):
     assert scenario.text == BASE
 
 
+@pytest.mark.parametrize("name", ["x" * 5000, "a/" * 3000, "no such file"])
+def test_a_name_that_no_file_can_have_is_no_file(tmp_path, name):
+    path = tmp_path / "s.yaml"
+    path.write_text(f"robot: {name}.urdf\nduration: 1\n")
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(path)
+    assert [(problem.code, problem.line) for problem in error.value.problems] == [("no-file", 1)]
+
+
 def test_duplicate_keys_are_told_together_with_all_else(load):
     text = BASE + "duration: 3\nduratoin: 4\nbase: {fixed: maybe}\nexpect: [{variant: no, joint: a, measure: mean}]\n"
     found = {(problem.line, problem.key) for problem in faults(load, text)}
@@ -151,8 +160,8 @@ expect:
         ("gravity: [0, 0, down]", 3, "gravity.2", "must be a number"),
         ("base:\n  fixd: true", 4, "base.fixd", "Did you mean 'fixed'?"),
         ("compiled: 1", 3, "compiled", "must be true or false"),
-        ("modes: 7", 3, "modes", "whole number 0 to 6"),
-        ("modes: {a: 7}", 3, "modes.a", "whole number 0 to 6"),
+        ("modes: 9", 3, "modes", "whole number 0 to 8"),
+        ("modes: {a: 9}", 3, "modes.a", "whole number 0 to 8"),
         ("motion: {a: 1}", 3, "motion", "needs 'engine: bench'"),
         ("references: {a: 1}", 3, "references.a", "must be a mapping"),
         ("references:\n  a:\n    x: {stp: 1}", 5, "references.a.x.stp", "Did you mean 'step'?"),

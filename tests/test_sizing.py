@@ -46,6 +46,31 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
+@pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
+def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
+    """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
+    from scipy.optimize import fsolve
+
+    goal, spring, masses = 0.4, 3.0, [0.2] * (len(lengths) - 1) + [1.5]
+    scenario = scenario_of(
+        write_plain_arm(tmp_path, lengths=lengths, masses=masses),
+        gravity=[0.0, 0.0, 9.81],
+        actuators={"*": {"type": "sea", "mode": 2, "parameters": {"spring_stiffness": spring, "max_deflection": 3.0}}},
+        references={"*": {"reference_1": goal}},
+    )
+
+    def unbalanced(q):
+        angles = np.cumsum(q)
+        joints = np.concatenate([[0.0], np.cumsum(np.array(lengths) * np.sin(angles))])
+        centres = joints[:-1] + 0.5 * np.array(lengths) * np.sin(angles)
+        weights = [sum(9.81 * masses[j] * (centres[j] - joints[i]) for j in range(i, len(q))) for i in range(len(q))]
+        return spring * (goal - q) - np.array(weights)
+
+    rest = fsolve(unbalanced, np.full(len(lengths), 0.01), xtol=1e-10)
+    found = [one.sag for one in judged(scenario, propose=False).joints]
+    assert found == pytest.approx(np.abs(rest - goal), abs=2e-3)
+
+
 def test_the_sag_of_one_spring_in_closed_form(tmp_path):
     """k (e - q) + m g r sin q = 0, of one upright link."""
     robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.5,))
@@ -130,3 +155,42 @@ def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
                 position, rotation = model.pose(posture, link, (0.0, 0.0, 0.0))
                 assert poses[link][1][row] == pytest.approx(position, abs=1e-6)
                 assert poses[link][0][row] == pytest.approx(rotation, abs=1e-6)
+
+
+SLIDER = """
+  <link name="fork"><inertial><origin xyz="0.15 0 0"/><mass value="0.7"/>
+    <inertia ixx="0.001" iyy="0.005" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="reach" type="prismatic"><parent link="link_1"/><child link="fork"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.25" effort="60" velocity="1"/></joint>
+</robot>"""
+
+
+def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
+    """A slider of 0.25 m that its arm tilts: 0.15 m of sag would be most of its travel, and onto its stop as it moves."""
+    from asrsim.kinematics.sizing import ENOUGH, RESERVE
+    from asrsim.scenario.start_file import write_starter
+
+    robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.8,))
+    robot.write_text(robot.read_text().replace("</robot>", SLIDER))
+    (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"})
+    assert not notes
+    (scenario,) = asrsim.load_scenario(file)
+    reach = next(one for one in judged(scenario, propose=False).joints if one.joint == "reach")
+    assert reach.sag <= ENOUGH * 0.25 + 1e-3
+    result = asrsim.run(scenario)
+    assert not [one for one in result.summary.warnings if one.code in ("falls", "sags", "on-stop")]
+    for block in apply_to_robot(scenario, checked_robot(scenario)[0]).actuators:
+        used = abs(result[block.joint].elastic_torque_1[-1000:]).mean()
+        assert used <= RESERVE * block.values()["motor_1_max_torque"]
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+def test_a_heavy_arm_is_held_too(tmp_path, actuator):
+    """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
+    preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
+    keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0))
+    proposal = judged(scenario_of(robot, **keys)).proposal
+    assert set(proposal) == {"joint_1", "joint_2"}
+    assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
+    assert proposal["joint_1"]["motor_1_max_torque"] > 50

@@ -29,6 +29,11 @@ def test_numbers_are_those_of_the_samples(tiny) -> None:
     assert measures.peak_deflection == np.abs(0.5 * (time >= 0.1) - q).max()
     outside = np.flatnonzero(np.abs(q - measures.steady_state) > 0.02 * measures.steady_state)
     assert measures.settling == pytest.approx(time[outside[-1]] - 0.1, abs=0.002)
+    cells = {column.heading: column.cells for column in joint_columns(result.summary)}
+    assert float(cells["over-\nshoot %"][0]) == pytest.approx(100.0 * (q.max() / measures.steady_state - 1.0), abs=0.1)
+    assert float(cells["settling\ns"][0]) == pytest.approx(measures.settling, abs=1e-3)
+    assert float(cells["steady\nrad"][0]) == pytest.approx(measures.steady_state, abs=1e-5)
+    assert float(cells["peak defl.\nrad"][0]) == pytest.approx(measures.peak_deflection, rel=1e-2)
 
 
 @pytest.mark.parametrize("signal", ["{sinusoid: {amplitude: 0.3, frequency: 2}}", "{waypoints: [[0, 0], [0.5, 0.4], [1, 0]]}"])

@@ -11,15 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from robots import write_plain_arm
 
 import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.executor import Workers
-from asrsim.sweeps.runner import Runner
+from asrsim.sweeps.runner import Runner, lost
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
+from asrsim.workers import Lost
+from asrsim.workers.local import Processes
 
 pytest.importorskip("pyarrow")
 
@@ -165,7 +167,7 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
     payload = make_payload(study)
     runner = Runner(payload)
     for run in (3, 1, 4, 3):
-        row = dict(zip(payload.names, runner.row(run), strict=True))
+        row = dict(zip(payload.names, runner(run), strict=True))
         variant, values = payload.study.point(run)
         fresh = Runner(payload)._alone(payload.cases[variant], values)
         assert {key: row[key] for key in fresh} == fresh
@@ -182,12 +184,29 @@ def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):
     monkeypatch.setattr(BulletEngine, "__init__", lambda self, *given: made.append(1) or begin(self, *given))
     study = study_of({"joint_1.friction": "uniform(0.01, 0.2)"}, samples=6, overrides=["engine=bullet", "duration=0.02"])
     runner = Runner(make_payload(study))
-    runner.row(0)
+    runner(0)
     before = len(made)
     for run in range(1, 6):
-        runner.row(run)
+        runner(run)
     runner.close()
     assert len(made) == before
+
+
+@pytest.mark.parametrize("task", [True, False])
+def test_there_are_columns_for_what_the_scenario_has(task, tmp_path):
+    """Joints' measures of all, a tip's where a task moves it, a claim's for each claim."""
+    path = tmp_path / "s.yaml"
+    poses = "[{time: 0.04, position: [0.3, 0, 0.4]}]"
+    moved = f"{{joint_1: 0.3, joint_2: 0.8}}\ntask: {{link: link_2, point: [0, 0, 0.25], tolerance: 0.1, poses: {poses}}}"
+    path.write_text(
+        f"robot: {write_plain_arm(tmp_path)}\nduration: 0.05\nengine: mujoco\ncompiled: false\n"
+        f"actuators: {{'*': {{type: sea, mode: 3}}}}\ninitial: {moved if task else '{}'}\n"
+        "expect: [{joint: joint_1, quantity: link_position, measure: final, comparison: <, value: 9}]\n"
+    )
+    columns = [column for column, _ in make_payload(study_of({"joint_1.damping": [0.05]}, path, overrides=[])).columns]
+    assert [column for column in columns if column.startswith("tip.")] == ["tip.largest", "tip.rms", "tip.last"] * task
+    assert len(columns) == len(set(columns))
+    assert {"joint_1.overshoot", "joint_2.settling", "claim_0.measured", "seconds"} <= set(columns)
 
 
 def test_a_row_is_what_run_says(tmp_path):
@@ -279,17 +298,17 @@ def kill_study(samples: int):
 
 def assert_survives(payload, kills: int, pause: float) -> None:
     rows, killed, generator = [], 0, random.Random(1)
-    with Workers(payload, count=2) as workers:
+    with Processes(2) as workers:
         last = time.monotonic()
-        for some in workers.rows(range(len(payload.study))):
-            rows += some
+        for some in workers.results(Runner(payload), range(len(payload.study))):
+            rows += [row for _, row in some]
             if killed < kills and time.monotonic() - last > pause:
                 os.kill(generator.choice(workers.pids), signal.SIGKILL)
                 killed, last = killed + 1, time.monotonic()
     assert killed == kills
     assert sorted(row[0] for row in rows) == list(range(len(payload.study)))
     runner = Runner(payload)
-    expected = [runner.row(run) for run in range(len(payload.study))]
+    expected = [runner(run) for run in range(len(payload.study))]
     assert without_time(rows) == without_time(expected)
 
 
@@ -305,20 +324,21 @@ def test_twenty_killed_workers_in_a_study_of_500():
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     payload = kill_study(5)
     code = (
-        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner.row\n"
-        "r.Runner.row = lambda self, run: os._exit(7) if run == 2 else old(self, run)\n"
+        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner.__call__\n"
+        "r.Runner.__call__ = lambda self, run: os._exit(7) if run == 2 else old(self, run)\n"
     )
     (tmp_path / "sitecustomize.py").write_text(
-        "import sys\nclass F:\n def find_spec(self, name, path=None, target=None):\n  if name == 'asrsim.sweeps.worker':\n"
+        "import sys\nclass F:\n def find_spec(self, name, path=None, target=None):\n  if name == 'asrsim.workers.child':\n"
         f"   exec({code!r}, {{}})\n   sys.meta_path.remove(self)\nsys.meta_path.insert(0, F())\n"
     )
     before = os.environ.get("PYTHONPATH", "")
     os.environ["PYTHONPATH"] = f"{tmp_path}{os.pathsep}{before}"
     try:
-        with Workers(payload, count=1) as workers:
-            rows = sorted(row for some in workers.rows(range(5)) for row in some)
+        with Processes(1) as workers:
+            found = [one for some in workers.results(Runner(payload), range(5)) for one in some]
     finally:
         os.environ["PYTHONPATH"] = before
+    rows = [lost(payload, n, row.reason) if isinstance(row, Lost) else row for n, row in sorted(found, key=lambda one: one[0])]
     assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
     status, reason = payload.names.index("status"), payload.names.index("reason")
     assert [row[status] for row in rows] == ["complete", "complete", "crashed", "complete", "complete"]
@@ -330,7 +350,7 @@ def test_a_study_that_cannot_be_sent_is_refused():
     payload = kill_study(2)
     object.__setattr__(payload.study, "name", lambda: None)
     with pytest.raises(SimulationError, match="cannot be sent"):
-        Workers(payload, count=1)
+        next(Processes(1).results(Runner(payload), [0, 1]))
 
 
 def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):

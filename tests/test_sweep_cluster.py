@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 import asrsim
+from asrsim import versions
 from asrsim.errors import SimulationError
-from asrsim.sweeps import cluster, make_study
-from asrsim.sweeps import run as sweep_run
+from asrsim.sweeps import make_study
+from asrsim.workers import cluster
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
@@ -28,6 +29,16 @@ def study_of(samples: int):
         TWO_JOINTS, {"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples, variants=["soft"],
         overrides=["duration=0.05", "engine=mujoco"],
     )  # fmt: skip
+
+
+class OtherVersions:
+    """Here they are others; where it is sent to, they are true."""
+
+    def __call__(self):
+        return {**versions.numeric_versions(), "numpy": "1.0"}
+
+    def __reduce__(self):
+        return getattr, (versions, "numeric_versions")
 
 
 def start(*arguments: str) -> subprocess.Popen[bytes]:
@@ -84,8 +95,7 @@ def test_dask_gives_the_rows_of_one_process_though_a_worker_is_killed(address: s
 @pytest.mark.slow
 def test_a_worker_of_another_version_is_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
     worker = start_worker(address)
-    others = {**sweep_run.versions(), "numpy": "1.0"}
-    monkeypatch.setattr(sweep_run, "versions", lambda: others)
+    monkeypatch.setattr(cluster, "numeric_versions", OtherVersions())
     try:
         with pytest.raises(
             SimulationError, match=r"rows would differ between machines: worker .* has numpy .*, here it is 1\.0"

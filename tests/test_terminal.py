@@ -8,7 +8,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from asrsim.cli.console import shown, styled
+from asrsim.cli.console import SHOWN, problem_lines, shown, styled
+from asrsim.errors import Problem
 from asrsim.report.html import script_json
 
 EVIL = "\x1b]0;owned\x07\x1b[2Jelbow\x9b31m\u202e\r"
@@ -83,6 +84,14 @@ def test_no_name_swallows_the_scripts_of_a_report(tiny, name: str) -> None:
     assert json.loads(page.found[0])["joints"]
     assert "<!--" not in text
     assert text.count("<script") == 3
+
+
+@pytest.mark.parametrize("count", [1, SHOWN - 1, SHOWN, SHOWN + 1, SHOWN + 7])
+def test_of_many_places_it_is_said_how_many_are_left(count: int) -> None:
+    problems = [Problem(message="odd", key=f"joint_{i}", code="odd") for i in range(count)]
+    (line,) = problem_lines(problems)
+    assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
+    assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
 
 
 def test_json_in_a_script_reads_back() -> None:

@@ -205,11 +205,12 @@ def test_a_reader_that_goes_ends_the_run(place: Path) -> None:
 
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     code = (
-        "import multiprocessing, os, time\nfrom asrsim.processes import end_with_parent\n"
-        "def work(): print(os.getpid(), flush=True); time.sleep(600)\n"
-        "if __name__ == '__main__':\n"
-        "    pool = multiprocessing.get_context('spawn').Pool(1, initializer=end_with_parent)\n"
-        "    pool.apply(work)\n"
+        "import sys, time\nsys.path.insert(0, '.')\nfrom asrsim.workers.local import Processes\n"
+        "with Processes(1) as workers:\n"
+        "    def said():\n"
+        "        if workers.pids and not told: print(told.append(1) or workers.pids[0], flush=True)\n"
+        "    told = []\n"
+        "    list(workers.results(time.sleep, [600], stop=said))\n"
     )
     (tmp_path / "parent.py").write_text(code)
     parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from asrsim.actuators.parameters import Parameter, controller_parameters, motor_parameters
+from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, controller_parameters, motor_parameters
 
 
 class Actuator:
@@ -77,10 +77,11 @@ class Actuator:
 
     @classmethod
     def all_parameters(cls) -> tuple[Parameter, ...]:
-        """Spring, motor and controller parameters, in this order."""
+        """Parameters of spring, its hysteresis, motors and controllers, in this order."""
         indices = range(1, cls.motors + 1)
         return (
             *cls.parameters,
+            *HYSTERESIS_PARAMETERS,
             *(parameter for index in indices for parameter in motor_parameters(index)),
             *(parameter for index in indices for parameter in controller_parameters(index)),
         )

@@ -1,4 +1,5 @@
-"""The seven operation modes of the paper's section 3.1 as a table; what a mode does follows from its columns."""
+"""The operation modes as a table: seven of the paper's section 3.1, and two of ours for motors that are driven by voltage or
+current. What a mode does follows from its columns."""
 
 from __future__ import annotations
 
@@ -23,6 +24,13 @@ class Mode:
     mapped: bool
     """References are equilibrium and preset and go through the actuator's reference map."""
     doc: str
+    command: str = "torque"
+    """What a reference is that drives a motor directly: torque, voltage or current."""
+
+    @property
+    def direct(self) -> bool:
+        """The references drive the motors, with no controller between."""
+        return self.motor and not self.controller
 
 
 MODES: dict[int, Mode] = {
@@ -42,5 +50,11 @@ MODES: dict[int, Mode] = {
              spring=True, motor=True, controller=True, mapped=False, doc="PID controllers bring the motors to the references"),
         Mode(number=6, name="PIDEqPres", references=("equilibrium_position", "stiffness_preset"), units=("rad", "rad"),
              spring=True, motor=True, controller=True, mapped=True, doc="as 5, through the reference map"),
+        Mode(number=7, name="MotorVoltages", references=("motor_1_voltage", "motor_2_voltage"), units=("V", "V"),
+             spring=True, motor=True, controller=False, mapped=False, command="voltage",
+             doc="the references are the motors' voltages (not in the toolbox)"),
+        Mode(number=8, name="MotorCurrents", references=("motor_1_current", "motor_2_current"), units=("A", "A"),
+             spring=True, motor=True, controller=False, mapped=False, command="current",
+             doc="the references are the motors' currents (not in the toolbox)"),
     )
 }  # fmt: skip

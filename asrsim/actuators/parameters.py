@@ -6,6 +6,10 @@ import math
 from dataclasses import dataclass
 
 TOOLBOX = "released toolbox, code default"
+STRIBECK = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994)"
+LOAD_FRICTION = "Duclusaud et al. (2025), extended friction models of servo actuators (BAM), M3"
+DC_MOTOR = "DC motor without inductance: n k_t i, u = R i + n k_t omega"
+DAHL = "Dahl (1968)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +32,10 @@ class Parameter:
     """False: infinite values are meaningful (position limits)."""
     unused: str = ""
     """Why the value has no effect, if it has none."""
+    needs: str = ""
+    """The parameter without which it does nothing."""
+    optional: bool = False
+    """Of a model beside the toolbox's, which is off by default; what lists values leaves it out where it is."""
 
     def fault(self, value: float) -> str | None:
         """Why `value` is not allowed, or None."""
@@ -62,7 +70,66 @@ def motor_parameters(index: int) -> tuple[Parameter, ...]:
             name=f"{motor}_friction_torque", default=0.02, unit="N m", doc="Coulomb level of the Dahl friction (paper eq. 8)",
             minimum=0.0,
         ),
+        *_friction_parameters(motor),
+        *_electric_parameters(motor),
     )  # fmt: skip
+
+
+def _friction_parameters(motor: str) -> tuple[Parameter, ...]:
+    return (
+        Parameter(
+            name=f"{motor}_stribeck_friction", default=0.0, unit="N m", minimum=0.0, source=STRIBECK, optional=True,
+            doc="static friction above the Coulomb level; it fades with speed",
+        ),
+        Parameter(
+            name=f"{motor}_stribeck_velocity", default=0.1, unit="rad/s", minimum=0.0, exclusive_minimum=True, source=STRIBECK,
+            optional=True, needs=f"{motor}_stribeck_friction", doc="Stribeck velocity: at it 37 % of that excess is left",
+        ),
+        Parameter(
+            name=f"{motor}_load_friction", default=0.0, unit="1", minimum=0.0, source=LOAD_FRICTION, optional=True,
+            doc="share of the spring's torque on the motor that adds to the Coulomb level",
+        ),
+    )  # fmt: skip
+
+
+def _electric_parameters(motor: str) -> tuple[Parameter, ...]:
+    return (
+        Parameter(
+            name=f"{motor}_torque_constant", default=0.0, unit="N m/A", minimum=0.0, source=DC_MOTOR, optional=True,
+            doc="torque constant k_t of the rotor, in V s/rad its back-EMF constant; 0: the motor gives torque as told",
+        ),
+        Parameter(
+            name=f"{motor}_resistance", default=0.0, unit="ohm", minimum=0.0, source=DC_MOTOR, optional=True,
+            needs=f"{motor}_torque_constant",
+            doc="resistance R of the winding; 0: the controller gives current, else voltage",
+        ),
+        Parameter(
+            name=f"{motor}_gear_ratio", default=1.0, unit="1", minimum=0.0, exclusive_minimum=True, source=DC_MOTOR,
+            optional=True, needs=f"{motor}_torque_constant", doc="turns n of the rotor per turn of the motor's output",
+        ),
+        Parameter(
+            name=f"{motor}_max_voltage", default=math.inf, unit="V", minimum=0.0, exclusive_minimum=True, finite=False,
+            source=DC_MOTOR, optional=True, needs=f"{motor}_resistance", doc="the voltage is clipped to it",
+        ),
+        Parameter(
+            name=f"{motor}_max_current", default=math.inf, unit="A", minimum=0.0, exclusive_minimum=True, finite=False,
+            source=DC_MOTOR, optional=True, needs=f"{motor}_torque_constant", doc="the current is clipped to it",
+        ),
+    )  # fmt: skip
+
+
+HYSTERESIS_PARAMETERS = (
+    Parameter(
+        name="hysteresis_torque", default=0.0, unit="N m", minimum=0.0, source=DAHL, optional=True,
+        doc="torque that each spring lags by: half the width of its loop",
+    ),
+    Parameter(
+        name="hysteresis_deflection", default=0.01, unit="rad", minimum=0.0, exclusive_minimum=True, source=DAHL, optional=True,
+        needs="hysteresis_torque",
+        doc="deflection over which that torque turns to the other side",
+    ),
+)  # fmt: skip
+"""Dahl's element beside each spring (:mod:`asrsim.actuators.hysteresis`)."""
 
 
 def controller_parameters(index: int) -> tuple[Parameter, ...]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Callable
-from typing import Any
+from functools import cache
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,14 @@ _ARRAY_MATH: dict[str, Any] = {
 _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
 
 
+_Law = TypeVar("_Law", bound=Callable[..., Any])
+
+
+def _once(make: _Law) -> _Law:
+    """A law is translated once, for all runs."""
+    return cast("_Law", cache(make))
+
+
 def _saturate_array(value: Any, limit: float) -> Any:
     return np.clip(value, -limit, limit)
 
@@ -55,6 +64,7 @@ def _with_arrays(value: Any) -> Any:
     return value
 
 
+@_once
 def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     """A law `(q, theta_1, theta_2, parameters) -> number(s)` on arrays (n,) or (joints, n) of equal shape.
 
@@ -82,6 +92,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     return evaluate
 
 
+@_once
 def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], tuple[Array, Array]]:
     """The actuator's reference map on arrays of equal shape: motor positions for equilibria and presets."""
     law = actuator.motor_references
@@ -115,6 +126,7 @@ def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array]
     return evaluate
 
 
+@_once
 def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
     """Energy of the springs in J on arrays: the actuator's own, else integrated from its torques from the undeflected state."""
     if actuator.elastic_energy is not Actuator.elastic_energy:

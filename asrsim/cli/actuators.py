@@ -19,7 +19,7 @@ def actuators(
         list[str] | None,
         typer.Option("--urdf", metavar="JOINT", help="Print the block that puts it on this joint of a URDF; may be repeated."),
     ] = None,
-    mode: Annotated[int, typer.Option("--mode", min=0, max=6, help="Operation mode of the block.")] = 6,
+    mode: Annotated[int, typer.Option("--mode", min=0, max=8, help="Operation mode of the block.")] = 6,
     plugin: Plugins = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
 ) -> None:
@@ -79,6 +79,7 @@ def _as_dict(actuator: type[Actuator]) -> dict[str, Any]:
                 "doc": parameter.doc,
                 "source": parameter.source,
                 "unused": parameter.unused,
+                "optional": parameter.optional,
             }
             for parameter in actuator.all_parameters()
         ],

@@ -84,7 +84,7 @@ def main() -> None:
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
-    from asrsim.processes import use_one_thread
+    from asrsim.workers import use_one_thread
 
     use_one_thread(os.environ)
     clean_streams()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.options import Plugins, load_plugins
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.errors import Problem, RecordingError, did_you_mean, similar_file
 from asrsim.outfile import check_output, written
 
 if TYPE_CHECKING:
@@ -84,7 +84,10 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.reader(stream))
     except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(Problem(message=f"cannot be read ({error})", file=path, code="unreadable")) from error
+        said = error.strerror if isinstance(error, OSError) else error
+        raise RecordingError(
+            Problem(message=f"cannot be read: {said}", file=path, hint=similar_file(path), code="unreadable")
+        ) from error
     if len(rows) < 2:
         raise RecordingError(
             Problem(

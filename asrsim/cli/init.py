@@ -19,7 +19,7 @@ def init(
     robot: Annotated[Path, typer.Argument(help="URDF or xacro file of the robot.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The scenario file to write.")] = Path("scenario.yaml"),
     mode: Annotated[
-        int | None, typer.Option("--mode", min=0, max=6, help="Operation mode of all joints instead of the robot file's.")
+        int | None, typer.Option("--mode", min=0, max=8, help="Operation mode of all joints instead of the robot file's.")
     ] = None,
     actuator: Annotated[
         list[str] | None,

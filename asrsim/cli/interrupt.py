@@ -38,11 +38,16 @@ def like_an_interruption() -> Iterator[None]:
 
 
 class Interruption:
-    """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt."""
+    """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt.
+
+    So does the first before anybody has asked :meth:`stop`: a loop that is being compiled, for half a minute on a busy machine,
+    asks nothing, and there is nothing to close yet.
+    """
 
     def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
         """message: what the first signal says; empty: it is how one ends the command, there is nothing to say."""
         self.requested = False
+        self._asked = False
         self._message = message
         self._before: dict[int, Any] = {}
         self._pipe = _piped_stdout()
@@ -59,13 +64,14 @@ class Interruption:
 
     def stop(self) -> bool:
         """For the simulation: whether to end the run."""
+        self._asked = True
         if self._pipe is not None and not self.requested:
             # Nobody reads any more (`| head -1`): nobody is told.
             self.requested = any(event & (select.POLLERR | select.POLLNVAL) for _, event in self._pipe.poll(0))
         return self.requested
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
+        if self.requested or not self._asked:
             raise KeyboardInterrupt
         self.requested = True
         if self._message:

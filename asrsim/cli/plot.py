@@ -156,7 +156,7 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
 def _print_experiments(result: PlotResult) -> None:
     from asrsim.cli.console import say
     from asrsim.cli.recording_table import say_columns
-    from asrsim.recordings import guess_rows
+    from asrsim.recordings import guess_rows, name_of
 
     shown: Recording | None = None
     for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
@@ -170,7 +170,9 @@ def _print_experiments(result: PlotResult) -> None:
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
-            say(f"{Path(name).name} beside {one.label}: {round(alignment.lag, 4) + 0.0:.4g} s late ({alignment.how}{found})")
+            say(
+                f"{name_of(Path(name))} beside {one.label}: {round(alignment.lag, 4) + 0.0:.4g} s late ({alignment.how}{found})"
+            )
 
 
 def _print_rows(result: PlotResult) -> None:

@@ -56,6 +56,10 @@ def sweep(
     run: Annotated[
         int | None, typer.Option(min=0, help="Of a folder of a study: do this run again, with a log.", show_default=False)
     ] = None,
+    result: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT.MEASURE", help="Draw this result; may be repeated.", show_default="the first that differ"),
+    ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
@@ -91,7 +95,7 @@ def sweep(
                 study, over or [], given, workers, cluster, out, resume=resume, overwrite=overwrite, quiet=quiet or json
             )
         if table is not None:
-            _show(table, plot=plot and not code, report=report and not code, quiet=quiet, json=json)
+            _show(table, result or [], plot=plot and not code, report=report and not code, quiet=quiet, json=json)
     if code:
         raise typer.Exit(code)
 
@@ -149,7 +153,7 @@ def _opened(folder: Path, run: int | None, out: Path | None, *, quiet: bool) -> 
     return None
 
 
-def _show(table: Table, *, plot: bool, report: bool, quiet: bool, json: bool) -> None:
+def _show(table: Table, results: list[str], *, plot: bool, report: bool, quiet: bool, json: bool) -> None:
     from asrsim.cli.console import say, say_json
     from asrsim.sweeps.show import as_dict, say_summary
 
@@ -158,11 +162,11 @@ def _show(table: Table, *, plot: bool, report: bool, quiet: bool, json: bool) ->
         if plot:
             from asrsim.sweeps.pictures import draw_sweep
 
-            files += draw_sweep(table)
+            files += draw_sweep(table, results=results)
         if report:
             from asrsim.sweeps.page import write_page
 
-            files.append(write_page(table))
+            files.append(write_page(table, results=results))
     if json:
         say_json({**as_dict(table), "files": [str(path) for path in (*table.files, *files)]})
     elif not quiet:

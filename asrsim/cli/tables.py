@@ -113,7 +113,11 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
     table.add_column("unit", no_wrap=True)
     table.add_column("from", overflow="fold")
     section = ""
+    values = first.values()
+    off = {one.name for one in actuator.all_parameters() if one.optional and not values.get(one.needs, 0.0)}
     for value in first.parameters.values():
+        if value.name in off and value.origin == "default":
+            continue
         part = _part(value.name)
         if section and part != section:
             table.add_section()
@@ -123,6 +127,10 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
         style = "" if value.origin != "default" else "dim"
         table.add_row(escape(name), f"{value.value:.6g}", value.unit, _origin(value, blocks), style=style if used else "dim")
     console.print(table)
+    if mode.motor and mode.controller and any(values[f"motor_{i}_torque_constant"] for i in range(1, actuator.motors + 1)):
+        console.print(
+            "[dim]controllers of electric motors give voltage: gains in V for N m (in A where the resistance is 0)[/]"
+        )
     if not all(_is_used(_part(name), name, mode) for name in first.parameters):
         console.print(f"[dim]* not used in mode {mode.number}[/]")
 
@@ -235,13 +243,16 @@ def print_actuator(actuator: type[Actuator]) -> None:
     tags = parameter_tags(actuator)
     # What a parameter is stands below it: beside it there is no room on a terminal of 80 columns.
     console.print(f"\n[bold]{'parameter':<26}{'default':>8}  {'unit':<13}tag[/]")
-    for parameter in actuator.all_parameters():
+    parameters = actuator.all_parameters()
+    for parameter in sorted(parameters, key=lambda one: one.optional):
+        if parameter.optional and parameter is next(one for one in parameters if one.optional):
+            console.print("\n[bold]optional models, off at these defaults[/]")
         tag = escape(f"<{tags[parameter.name]}>")
         console.print(f"{parameter.name:<26}{parameter.default:>8.6g}  {parameter.unit:<13}{tag}", soft_wrap=True)
         note = f"{parameter.doc} ({parameter.unused})" if parameter.unused else parameter.doc
         console.print(Padding(f"[dim]{escape(note)}[/]", (0, 0, 0, 4)))
     console.print()
-    sources = dict.fromkeys(parameter.source for parameter in actuator.all_parameters())
+    sources = dict.fromkeys(parameter.source for parameter in parameters)
     console.print(f"defaults: {escape('; '.join(sources))}; in mode 1 <ctrl> gains are 0.8, 0, 0.2 and act on the link")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.document.node import Node, Value
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, similar_file
 
 MAX_BYTES = 2_000_000
 MAX_DEPTH = 40
@@ -61,7 +61,8 @@ def read_yaml(
     except UnicodeDecodeError as fault:
         raise error(Problem(message=f"is not UTF-8 text ({fault.reason})", file=path, code="encoding")) from None
     except OSError as fault:
-        raise error(Problem(message=f"cannot be read: {fault.strerror}", file=path, code="no-file")) from None
+        hint = similar_file(path)
+        raise error(Problem(message=f"cannot be read: {fault.strerror}", file=path, hint=hint, code="no-file")) from None
     return parse_yaml(text, file=path, error=error, faults=faults), text
 
 

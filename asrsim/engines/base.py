@@ -55,7 +55,8 @@ class EngineKernel:
     advance: Callable[[Sequence[float]], None] | None = None
     """Where `move` takes no step: one step from Python under the forces that it left."""
     world: Any
-    """A named tuple of arrays and numbers: the engine's live state; (n,) arrays `positions`, `velocities`, `forces`."""
+    """A named tuple of arrays and numbers: the engine's live state; (n,) arrays `positions`, `velocities`, `forces`, and
+    `friction` (N m, Coulomb) where joints whose friction varies are to run compiled."""
     compiled: Mapping[str, Any]
     """Names that the code of look and move mentions -> what stands for them in compiled code; symbols are known to the
     process."""
@@ -87,6 +88,9 @@ class Engine(Protocol):
 
     def read(self) -> tuple[list[float], list[float]]:
         """Positions (rad, m) and velocities (rad/s, m/s) of the joints, the latter half a step late if staggered."""
+
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Coulomb friction of the joints (N m) in the steps to come, where it varies; joints begin with that of the robot."""
 
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques (N m), one a joint. fraction: of the kick, less than 1 for the first of a staggered

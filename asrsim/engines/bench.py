@@ -69,6 +69,9 @@ class BenchEngine:
         """Raises: there is nothing to be won by compiling a bench."""
         raise NotImplementedError("the bench runs in plain Python")
 
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Nothing: the bench holds the links."""
+
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step: the bench holds the links."""
         self._k += 1

@@ -15,7 +15,7 @@ import numpy as np
 
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.bullet_companion import Companion, without_stops
-from asrsim.engines.bullet_loading import load_body
+from asrsim.engines.bullet_loading import free_of_losses, load_body
 from asrsim.engines.bullet_model import BulletModel
 from asrsim.engines.bullet_saved import SavedState
 from asrsim.engines.bullet_world import BulletWorld
@@ -28,8 +28,6 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.versions import version
 
-NO_CLAMP = 1e9
-"""rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 SOLVER_ITERATIONS = 500
 SOLVER_RESIDUAL = 1e-18
 """With contacts. Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and
@@ -56,7 +54,7 @@ class BulletEngine:
         self._scenario = scenario
         self._step = scenario.step
         merged = merge_fixed(robot)
-        self._exact = exact = scenario.world.empty and any(joint.friction for joint in robot.moving_joints)
+        self._exact = exact = scenario.world.empty and any(any(joint.frictions) for joint in robot.moving_joints)
         shown = without_stops(merged.robot) if exact else merged.robot
         text, self.warnings = engine_urdf(shown, package_paths=scenario.package_paths)
         try:
@@ -92,11 +90,7 @@ class BulletEngine:
             info = p.getJointInfo(body, index, client)
             index_of[info[1].decode()] = index
             self._link_index[info[12].decode()] = index
-            p.changeDynamics(
-                body, index, linearDamping=0, angularDamping=0, jointDamping=0, maxJointVelocity=NO_CLAMP,
-                lateralFriction=1.0, physicsClientId=client,
-            )  # fmt: skip
-        p.changeDynamics(body, -1, linearDamping=0, angularDamping=0, lateralFriction=1.0, physicsClientId=client)
+        free_of_losses(p, client, body)
         moving = self.robot.moving_joints
         self.joints = tuple(joint.name for joint in moving)
         self._indices = [index_of[joint.name] for joint in moving]
@@ -169,6 +163,14 @@ class BulletEngine:
         joint = kinds.Tuple((kinds.float64, kinds.float64, kinds.none, kinds.none))
         return kinds.UniTuple(joint, len(self.joints))
 
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Coulomb friction of the joints."""
+        if self._exact and self._companion is not None:
+            self._companion.set_friction(bounds)
+        else:
+            self._frictions = list(bounds)
+            self._set_friction(1.0)
+
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques."""
         if fraction != 1.0:
@@ -214,8 +216,7 @@ class BulletEngine:
         if self._companion is not None:
             self._companion.wrench(index, values)
         p, client, body = self._p, self._client, self._body
-        place, rotation = self.model.frame_now(wrench.link)
-        force, torque = np.array(values[:3]), np.array(values[3:])
+        (place, rotation), force, torque = self.model.frame_now(wrench.link), np.array(values[:3]), np.array(values[3:])
         if wrench.frame != "world":
             force, torque = rotation @ force, rotation @ torque
         number = self.model.index_of(wrench.link)
@@ -230,10 +231,10 @@ class BulletEngine:
 
     def vary(self, robot: Robot) -> bool:
         """True where only damping and motors differ, or friction that the companion has: changed bodies differ from loaded."""
-        before, after = ([joint.friction for joint in one.moving_joints] for one in (self.robot, robot))
+        before, after = ([joint.frictions for joint in one.moving_joints] for one in (self.robot, robot))
         if robot.links != self.robot.links or before == after:
             return robot.links == self.robot.links
-        if not (self._exact and any(after) and self._companion and self._companion.vary(robot)):
+        if not (self._exact and any(map(any, after)) and self._companion and self._companion.vary(robot)):
             return False
         self.robot = robot
         return True
@@ -241,8 +242,7 @@ class BulletEngine:
     def snapshot(self) -> Any:
         """The engine's whole state."""
         state = self._p.saveState(physicsClientId=self._client)
-        companion = self._companion and self._companion.snapshot()
-        return SavedState(self._p, self._client, state, self._alive), companion
+        return SavedState(self._p, self._client, state, self._alive), self._companion and self._companion.snapshot()
 
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""

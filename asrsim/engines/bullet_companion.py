@@ -106,6 +106,11 @@ class Companion:
         self._mujoco.set_orientation(self._rotation)
         self._world.qvel[:6] = velocity
 
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Coulomb friction of the joints."""
+        if self._exact:
+            self._mujoco.set_friction(bounds)
+
     def wrench(self, index: int, values: Sequence[float]) -> None:
         """A wrench of the next step."""
         if self._exact:

@@ -12,6 +12,9 @@ from asrsim.errors import Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
+NO_CLAMP = 1e9
+"""rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
+
 
 def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
     """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError.
@@ -39,3 +42,13 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
         except p.error as error:
             message = f"PyBullet cannot load this robot ({error})"
             raise RobotError(Problem(message=message, file=robot.path, code="engine-load")) from error
+
+
+def free_of_losses(p: Any, client: int, body: int) -> None:
+    """Bullet's own damping of links and joints off, its clamp on joint velocities out of the way."""
+    p.changeDynamics(body, -1, linearDamping=0, angularDamping=0, lateralFriction=1.0, physicsClientId=client)
+    for index in range(p.getNumJoints(body, client)):
+        p.changeDynamics(
+            body, index, linearDamping=0, angularDamping=0, jointDamping=0, maxJointVelocity=NO_CLAMP, lateralFriction=1.0,
+            physicsClientId=client,
+        )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.base import Point
+from asrsim.engines.foreign import quiet
 from asrsim.robot.poses import Pose
 from asrsim.samples import Array
 from asrsim.scenario.data import Vector
@@ -38,6 +39,10 @@ class BulletModel:
         self._from_bullet = [self._to_bullet.index(j) for j in range(len(self._indices))]
         self._same_order = self._to_bullet == list(range(len(self._indices)))
         self._zero = [0.0] * len(self._indices)
+        if indices:
+            # Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
+            with quiet():
+                self.mass_matrix(self._zero)
 
     def index_of(self, link: str) -> int:
         """Bullet's number of the body that a link of the file is part of."""

@@ -84,16 +84,14 @@ def _hold(world: Any, count: int) -> None:
             mj_solveM(world.model, world.data, world.at_columns + 8 * size * int(j), world.at_push, 1)
             world.known[j] = 1
     for a in range(count):
-        column = world.columns[world.pick[a]]
         for b in range(a, count):
-            square[b, a] = column[world.joint_v[world.pick[b]]]
+            square[b, a] = world.columns[world.pick[a], world.joint_v[world.pick[b]]]
         place = world.joint_v[world.pick[a]]
         world.push[a] = world.target[world.pick[a]] - world.qvel[place] - world.change[place]
     _solve(square, world.push, count)
     for a in range(count):
-        column = world.columns[world.pick[a]]
         for i in range(size):
-            world.change[i] += world.push[a] * column[i]
+            world.change[i] += world.push[a] * world.columns[world.pick[a], i]
 
 
 def _move_others(world: Any, count: int) -> None:

@@ -18,7 +18,7 @@ from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
 from asrsim.engines.mujoco_library import compiled_stage, plain_stage, say_nothing
 from asrsim.engines.mujoco_model import MujocoModel
-from asrsim.engines.mujoco_world import make_world
+from asrsim.engines.mujoco_world import make_world, plain_world
 from asrsim.errors import Problem
 from asrsim.packed import pack
 from asrsim.robot.engine_text import usable_shapes
@@ -65,7 +65,7 @@ class MujocoEngine:
             places=places,
         )  # fmt: skip
         self._packed = pack(self._world)
-        self.stage: Callable[[int], None] = partial(plain_stage(), self._world)
+        self.stage: Callable[[int], None] = partial(plain_stage(), plain_world(self._world))
         """Runs one of the stages of :mod:`asrsim.engines.mujoco_stages`."""
         positions = [float(for_joint(scenario.initial_positions, name, 0.0)) for name in self.joints]
         self.prepare(scenario.step, staggered=True)
@@ -139,6 +139,10 @@ class MujocoEngine:
         positions, velocities = self.states()
         return positions.tolist(), velocities.tolist()
 
+    def set_friction(self, bounds: Sequence[float]) -> None:
+        """Coulomb friction of the joints."""
+        self._world.friction[:] = bounds
+
     def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
         """One step under mean torques."""
         world = self._world
@@ -195,7 +199,9 @@ class MujocoEngine:
         from numba import types
 
         world, packed = self._world, compiled_stage(self._world, self.version)
-        handle = stages.Handle(self._packed.ctypes.data, world.positions, world.velocities, world.forces, world.wrench)
+        handle = stages.Handle(
+            self._packed.ctypes.data, world.positions, world.velocities, world.forces, world.wrench, world.friction
+        )
         symbol = types.ExternalFunction(packed.symbol, types.void(types.intp, types.intp))
         return EngineKernel(
             move=move, look=look, advance=advance, world=handle, compiled={"compiled_stage": symbol}, version=self.version

@@ -38,7 +38,6 @@ class MujocoContacts:
         m, step = self._m, float(state.scheme[STEP])
         m.opt.timestep = step
         joints = state.joint_v
-        m.dof_frictionloss[joints] = state.friction
         m.dof_solimp[joints] = HARD
         m.dof_solref[joints] = (-1.0, -HARD[0] / step)
         places = [int(np.flatnonzero(m.jnt_dofadr == dof)[0]) for dof in joints]
@@ -55,6 +54,8 @@ class MujocoContacts:
         mj, m, d = self._mujoco, self._m, self._d
         now, before, fraction = state.scheme[NOW], state.scheme[BEFORE], float(state.scheme[FRACTION])
         step = float(state.scheme[STEP])
+        # It may vary from step to step, and is a constraint's bound only where it is not 0.
+        m.dof_frictionloss[state.joint_v] = state.friction
         mj.mj_fwdPosition(m, d)
         lagging = d.qvel.copy()
         d.qvel[:] = now * lagging + before * state.previous

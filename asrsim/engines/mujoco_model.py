@@ -29,6 +29,7 @@ class MujocoModel:
         numbers = [model.joint(name).id for name in joints]
         self.at_q = np.array([model.jnt_qposadr[i] for i in numbers], dtype=np.int64)
         self.at_v = np.array([model.jnt_dofadr[i] for i in numbers], dtype=np.int64)
+        self._block = np.ix_(self.at_v, self.at_v)
         self._floating = (
             6 if len(model.jnt_type) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE and model.jnt_bodyid[0] == 1 else 0
         )
@@ -57,7 +58,7 @@ class MujocoModel:
         data = self._place(positions)
         full = np.zeros((self._model.nv, self._model.nv))
         self._mujoco.mj_fullM(self._model, data, full)
-        matrix = full[np.ix_(self.at_v, self.at_v)]
+        matrix = full[self._block]
         if self._floating:
             base, cross = full[:6, :6], full[:6][:, self.at_v]
             matrix = matrix - cross.T @ np.linalg.solve(base, cross)

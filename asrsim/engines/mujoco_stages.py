@@ -74,6 +74,7 @@ class Handle(NamedTuple):
     velocities: Numbers
     forces: Numbers
     wrench: Numbers
+    friction: Numbers
 
 
 compiled_stage: Callable[[int, int], None] = _unbound

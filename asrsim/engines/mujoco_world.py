@@ -136,3 +136,8 @@ def make_world(
         wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
         at_qpos=data.qpos.ctypes.data, at_qvel=data.qvel.ctypes.data, **arrays, **addresses,
     )  # fmt: skip
+
+
+def plain_world(world: World) -> World:
+    """The same memory for plain Python, whose floats reckon several times faster one by one than NumPy's."""
+    return World._make(field.data if isinstance(field, np.ndarray) else field for field in world)

@@ -57,7 +57,7 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
         values = block.values()
         for one in ACTUATORS.get(block.actuator).all_parameters():
             start = values[one.name]
-            loss = "damping" in one.name or "friction" in one.name
+            loss = any(word in one.name for word in ("damping", "friction", "hysteresis_torque"))
             low, high = one.minimum, one.maximum
             logarithmic = low >= 0.0 and start > 0.0 and math.isfinite(start) and not loss
             if logarithmic:
@@ -72,6 +72,12 @@ def _of_joints(robot: Robot) -> Iterator[Parameter]:
         force, place = ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
         yield Parameter(key=f"{joint.name}.damping", unit=f"{force} s/{place}", start=joint.damping, low=0.0)
         yield Parameter(key=f"{joint.name}.friction", unit=force, start=joint.friction, low=0.0)
+        yield Parameter(key=f"{joint.name}.stribeck_friction", unit=force, start=joint.stribeck_friction, low=0.0)
+        yield Parameter(
+            key=f"{joint.name}.stribeck_velocity", unit=f"{place}/s", start=joint.stribeck_velocity, logarithmic=True,
+            low=joint.stribeck_velocity / FACTOR, high=joint.stribeck_velocity * FACTOR,
+        )  # fmt: skip
+        yield Parameter(key=f"{joint.name}.load_friction", unit="1", start=joint.load_friction, low=0.0)
         stiff = joint.spring_stiffness
         bounds = (stiff / FACTOR, stiff * FACTOR) if stiff > 0.0 else (0.0, math.inf)
         yield Parameter(

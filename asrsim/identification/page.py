@@ -48,7 +48,9 @@ def make_page(result: Result, pictures: Sequence[Path]) -> str:
     body += section("Recordings", bullets([f"{one.file}" for one in result.task.experiments] + list(result.remarks)))
     body += section("Pictures", "".join(map(_picture, pictures)))
     return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="generator" content="asrsim {__version__}">'
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<meta name="generator" content="asrsim {__version__}">'
         f"<title>{escape(title)}</title><style>{css} img {{max-width: 100%}}</style></head>"
         f"<body><main>{body}</main></body></html>\n"
     )

@@ -91,6 +91,8 @@ def advice(result: Result) -> Iterator[str]:
             yield f"{one.name}: turn slowly, and reverse often: friction shows at low speed"
         elif "damping" in name:
             yield f"{one.name}: move fast and let swing out: damping shows at high speed"
+        elif name.startswith("hysteresis"):
+            yield f"{one.name}: deflect {joint} to and fro, far and little, slowly: hysteresis shows where the motion turns"
         elif name.startswith(("spring", "max_deflection", "lever", "pulley")):
             yield f"{one.name}: deflect {joint} more, by loads or fast reversals, and at several presets"
         elif "inertia" in name or name == "mass" or name.startswith("i"):

@@ -147,7 +147,7 @@ def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[s
             return f"motors have no dynamics in mode {mode.number} ({mode.name})"
         if name.startswith("controller") and not mode.controller:
             return f"mode {mode.number} ({mode.name}) has no controller"
-        if name.startswith(("spring", "max_deflection")) and not mode.spring:
+        if name.startswith(("spring", "max_deflection", "hysteresis")) and not mode.spring:
             return f"mode {mode.number} ({mode.name}) has no spring"
     if joint in still:
         return still[joint]

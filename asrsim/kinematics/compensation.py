@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.detailed_motor import electric_of
 from asrsim.errors import InputError, Problem
 from asrsim.robot.model import ActuatorBlock
 
@@ -65,19 +66,29 @@ def drive_of(block: ActuatorBlock) -> JointDrive:
     values = block.values()
     motors = range(1, actuator.motors + 1)
     mode = MODES[block.mode]
+    # Of electric motors, whose controllers give voltage or current, what they come to in torque.
+    electric = [electric_of(values, i, mode) for i in motors]
+
+    def of_controllers(name: str) -> tuple[float, ...]:
+        gains = zip(motors, electric, strict=True)
+        return tuple(one.gain * values[f"controller_{i}_{name}"] for i, one in gains) if mode.controller else ()
+
+    def of_motors(name: str) -> tuple[float, ...]:
+        return tuple(values[f"motor_{i}_{name}"] for i in motors) if mode.motor else ()
+
     return JointDrive(
         joint=block.joint,
         actuator=actuator,
         mode=block.mode,
         spring=tuple(values[parameter.name] for parameter in actuator.parameters),
-        proportional=tuple(values[f"controller_{i}_proportional"] for i in motors) if mode.controller else (),
-        integral=tuple(values[f"controller_{i}_integral"] for i in motors) if mode.controller else (),
-        derivative=tuple(values[f"controller_{i}_derivative"] for i in motors) if mode.controller else (),
-        max_torque=tuple(values[f"motor_{i}_max_torque"] for i in motors) if mode.motor else (),
-        motor_inertia=tuple(values[f"motor_{i}_inertia"] for i in motors) if mode.motor else (),
-        motor_damping=tuple(values[f"motor_{i}_damping"] for i in motors) if mode.motor else (),
-        motor_friction=tuple(values[f"motor_{i}_friction_torque"] for i in motors) if mode.motor else (),
-        max_velocity=tuple(values[f"motor_{i}_max_velocity"] for i in motors) if mode.motor else (),
+        proportional=of_controllers("proportional"),
+        integral=of_controllers("integral"),
+        derivative=of_controllers("derivative"),
+        max_torque=tuple(min(one.limit, one.stall) for one in electric) if mode.motor else (),
+        motor_inertia=of_motors("inertia"),
+        motor_damping=tuple(d + one.lag for d, one in zip(of_motors("damping"), electric, strict=False)),
+        motor_friction=of_motors("friction_torque"),
+        max_velocity=of_motors("max_velocity"),
     )
 
 

@@ -42,29 +42,33 @@ def link_torque(drive: JointDrive, position: Array, velocity: Array, motors: Arr
 def _follow(drive: JointDrive, step: float, positions: list[float], goals: list[list[float]]) -> Array:
     """Drift - kick - drift, the controller's part of the kick by the midpoint rule."""
     law, spring = drive.actuator.elastic_torques, drive.spring
-    motors = range(len(drive.proportional))
+    count, half = len(drive.proportional), 0.5 * step
+    # Numbers of a motor, and where the next line finds them: this is the innermost loop of every prediction.
+    motors = list(
+        zip(
+            range(count), drive.proportional, [step * gain for gain in drive.integral], drive.derivative, drive.motor_inertia,
+            drive.motor_damping, drive.max_torque, drive.max_velocity,
+            strict=True,
+        )
+    )  # fmt: skip
     places, rates, sums = [positions[0]] * 2, [0.0, 0.0], [0.0, 0.0]
     found = []
     for q, *wanted in zip(positions, *goals, strict=True):
-        if drive.actuator.adjuster or len(motors) < 2:
+        if count < 2:
             places[1] = wanted[1]
         found.append(tuple(places))
-        middle = [place + 0.5 * step * rate for place, rate in zip(places, rates, strict=True)]
-        middle[1] = middle[1] if len(motors) > 1 else wanted[1]
-        torques = law(q, middle[0], middle[1], spring)
-        for i in motors:
+        middle = places[0] + half * rates[0], places[1] + half * rates[1]
+        torques = law(q, *middle, spring)
+        for i, proportional, integral, derivative, inertia, damping, most, fastest in motors:
             error = wanted[i] - middle[i]
-            sums[i] += step * drive.integral[i] * error
-            drag = drive.motor_damping[i] + drive.derivative[i]
-            push = drive.proportional[i] * error + sums[i] - torques[i]
+            sums[i] += integral * error
+            asked = proportional * error + sums[i]
+            drag, push, rate = damping + derivative, asked - torques[i], rates[i]
             # The motor's torque is limited, and so is its speed.
-            asked = push + torques[i] - drive.derivative[i] * rates[i]
-            limit = drive.max_torque[i]
-            if abs(asked) > limit:
-                push, drag = (limit if asked > 0.0 else -limit) - torques[i], drive.motor_damping[i]
-            weight = drive.motor_inertia[i] + 0.5 * step * drag
-            after = ((drive.motor_inertia[i] - 0.5 * step * drag) * rates[i] + step * push) / weight
-            after = min(max(after, -drive.max_velocity[i]), drive.max_velocity[i])
-            places[i] = middle[i] + 0.5 * step * after
-            rates[i] = after
+            asked -= derivative * rate
+            if abs(asked) > most:
+                push, drag = (most if asked > 0.0 else -most) - torques[i], damping
+            after = ((inertia - half * drag) * rate + step * push) / (inertia + half * drag)
+            rates[i] = after = min(max(after, -fastest), fastest)
+            places[i] = middle[i] + half * after
     return np.array(found)

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 FALL = 1.0
 """rad beyond which it is said to fall."""
+OFF = 0.1
+"""rad or m from its reference at which a joint on a stop does not belong there; of a short travel, the share."""
 STEPS = 400
 LARGEST_STEP = 0.05
 """rad, of the search for the rest."""
@@ -45,6 +47,8 @@ class Holding:
     """A motor gives way: it would need more than its largest torque."""
     time: float
     """s, of that instant."""
+    travel: float
+    """rad or m between the joint's stops."""
 
     @property
     def falls(self) -> bool:
@@ -106,22 +110,27 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     for springs in groups:
         springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
         springs.low, springs.high = np.array([_stops(robot, name) for name in springs.names]).T[:, :, None]
+    share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)
-        largest = max(springs.settle(positions, loads) for springs in groups)
-        if largest < 1e-5:
+        moved = np.concatenate([springs.settle(positions, loads, share) for springs in groups])
+        if np.max(np.abs(moved) / share) < 1e-5:
             break
+        # Joints that give way together may come back together: steps that turn round are too long.
+        share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
+        before = moved
     limited = {name: row for springs in groups for name, row in springs.limited(positions).items()}
     found = []
     for name in goals:
         off = np.abs(positions[name] - wanted[name])
         worst = int(np.argmax(off))
         low, high = _stops(robot, name)
-        stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6 and off[worst] > 0.1
+        stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6
+        stopped = stopped and off[worst] > OFF * min(high - low, 1.0)
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(limited[name][worst]), time=float(time[worst]),
+                limited=bool(limited[name][worst]), time=float(time[worst]), travel=high - low,
             )
         )  # fmt: skip
     return tuple(found)
@@ -154,9 +163,9 @@ class _Springs:
         """(motors, j, n) N m."""
         return self._law(position, *self._goals, self._parameters)
 
-    def settle(self, positions: dict[str, Array], loads: Mapping[str, Array]) -> float:
-        """Let the joints give way to their loads by a step; returns the largest, rad or m. A motor gives way at its largest
-        torque."""
+    def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
+        """Let the joints give way to their loads by shares (n,) of a step; returns what they moved, (j, n) rad or m. A motor
+        gives way at its largest torque."""
         position = np.stack([positions[name] for name in self.names])
         here, near = self._torques(position), self._torques(position + 1e-4)
         motors = len(self._limits)
@@ -166,9 +175,9 @@ class _Springs:
         stiffness = np.maximum((torque - near.sum(axis=0)) / 1e-4, 0.0)
         load = np.stack([loads[name] for name in self.names])
         step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
-        after = np.clip(position + step, self.low, self.high)
+        after = np.clip(position + share * step, self.low, self.high)
         positions.update(zip(self.names, after, strict=True))
-        return float(np.max(np.abs(after - position)))
+        return np.asarray(after - position)
 
     def limited(self, positions: Mapping[str, Array]) -> dict[str, Array]:
         """Joint -> (n,) whether some motor gives way."""

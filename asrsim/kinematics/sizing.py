@@ -19,10 +19,13 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 SAG = 0.3
-"""rad or m beyond which a joint is said to sag: a soft arm sags a little, that is what it is for."""
+"""rad or m beyond which a joint is said to sag: a soft arm sags a little, that is what it is for. Of a joint whose travel is
+less than 1 rad or m, the same share of it."""
 ENOUGH = 0.15
-"""rad or m that proposed parameters leave: some of it is left to what is not foreseen here."""
-TRIES = 24
+"""Likewise, what proposed parameters leave: some of it is left to what is not foreseen here."""
+RESERVE = 0.8
+"""Share of its largest torque that a motor may need to hold an arm with proposed parameters: the rest is for moving it."""
+TRIES = 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,15 +43,16 @@ class Sizing:
         return self.beyond(SAG)
 
     def beyond(self, sag: float) -> tuple[Holding, ...]:
-        """Those that sag by more (rad or m), or come to rest on a stop."""
-        return tuple(one for one in self.joints if one.on_stop or one.sag > sag)
+        """Those that sag by more (rad or m, or share of a short travel), or come to rest on a stop."""
+        return tuple(one for one in self.joints if one.on_stop or one.sag > sag * min(one.travel, 1.0))
 
 
-def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
+def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
     """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
 
     Nothing is said of floating bases, of modes without spring, of references that are torques, that a task or learning
-    makes, or beside which a `desired` motion of the link stands: they see to it themselves.
+    makes, or beside which a `desired` motion of the link stands: they see to it themselves. sag: see `SAG`, beyond which
+    something is proposed.
     """
     blocks = [
         block
@@ -61,7 +65,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
     if not scenario.fixed_base or not any(scenario.gravity) or not blocks:
         return Sizing(joints=())
     joints = holdings(scenario, robot, blocks)
-    weak = Sizing(joints=joints).weak
+    weak = Sizing(joints=joints).beyond(sag)
     if not weak or not propose:
         return Sizing(joints=joints)
     changed = {block.joint: block for block in blocks}
@@ -73,7 +77,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
                 return Sizing(joints=joints)
             proposal[one.joint] = proposal.get(one.joint, {}) | given
             changed[one.joint] = _with_values(changed[one.joint], given)
-        weak = Sizing(joints=holdings(scenario, robot, list(changed.values()))).beyond(ENOUGH)
+        weak = Sizing(joints=holdings(scenario, robot, [_in_reserve(block) for block in changed.values()])).beyond(ENOUGH)
         if not weak:
             return Sizing(joints=joints, proposal=proposal)
     return Sizing(joints=joints)
@@ -110,10 +114,12 @@ def problems_of_weight(
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    factor = min(max(1.25, math.sqrt(weak.sag / ENOUGH)), 2.0)
-    if weak.limited:
-        names = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1))
-        factor = 1.25
+    factor = min(max(1.25, math.sqrt(weak.sag / (ENOUGH * min(weak.travel, 1.0)))), 4.0 if weak.falls else 2.0)
+    motors = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1)) if MODES[block.mode].motor else ()
+    lacking = abs(weak.load) / (RESERVE * min((values[name] for name in motors), default=math.inf))
+    # A spring that was wound past its summit no longer shows that the motor gave way first.
+    if weak.limited or lacking > 1.0:
+        names, factor = motors, max(1.25, lacking)
     else:
         names = linear_parameters(actuator, values)
     return {name: float(f"{factor * values[name]:.2g}") for name in names}
@@ -131,6 +137,13 @@ def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> 
     )
     linear = any(once) and all(math.isclose(b, 2.0 * a, rel_tol=1e-9, abs_tol=1e-12) for a, b in zip(once, twice, strict=True))
     return names if linear else ()
+
+
+def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
+    """The block with motors that keep some of their torque for moving."""
+    return _with_values(
+        block, {name: RESERVE * value for name, value in block.values().items() if name.endswith("_max_torque")}
+    )
 
 
 def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:

@@ -16,7 +16,8 @@ from asrsim.kinematics.drive_forward import link_torque, motor_positions
 from asrsim.kinematics.engine_model import model_of
 from asrsim.kinematics.inverse import InverseDynamics
 from asrsim.kinematics.soft_arm import SoftArm
-from asrsim.learning.linear import CLIP, Friction, Linearised, chords, linearise_along, spring_slopes
+from asrsim.learning.friction import Friction
+from asrsim.learning.linear import CLIP, Linearised, chords, linearise_along, spring_slopes
 from asrsim.learning.trial import Trial
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint

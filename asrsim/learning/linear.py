@@ -22,14 +22,13 @@ from asrsim.kinematics.compensation import JointDrive
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_inverse import reference_map
 from asrsim.kinematics.model import DynamicModel
+from asrsim.learning.friction import Friction
 from asrsim.samples import Array
 
 POSTURES = 101
 """Postures of a motion at which the rigid robot is linearised; between, straight lines."""
 NUDGE = 1e-6
 """rad and rad/s, for slopes by central differences."""
-SWEEPS = 30
-"""Sweeps over the joints, at most, in which friction is found."""
 CLIP = 0.98
 """Share of the deflection limit at which springs beyond it are linearised: at the limit they have no slope."""
 
@@ -163,42 +162,40 @@ class Linearised:
             return found
         effect = self.pushed
         slips = 0.5 * effect[:, m : 2 * m]
-        alone = 1.0 / np.diagonal(slips, axis1=1, axis2=2)
-        force = friction.torques[0]
+        alone = (1.0 / np.diagonal(slips, axis1=1, axis2=2)).tolist()
+        rows, before = slips.tolist(), friction.torques.tolist()
+        force = before[0]
         for index in range(len(states)):
             free = states[index] @ state + pushes[index]
-            before = friction.torques[index]
-            sliding = friction.velocities[index] + 0.5 * (state + free)[m : 2 * m]
-            force = friction.hold(sliding, slips[index], alone[index], before, force)
-            state = free - effect[index] @ (force - before)
+            sliding = friction.velocities[index] + 0.5 * (state[m : 2 * m] + free[m : 2 * m])
+            force = friction.hold(sliding.tolist(), rows[index], alone[index], before[index], force)
+            state = free - effect[index] @ (force - friction.torques[index])
             found[index + 1] = state[:m]
         return found
 
+    def within(self, change: Array, room: Array) -> Array:
+        """(n, m) change of the positions for a change (n, m) of the inputs as far as the motors' torques have room for it.
 
-@dataclass(frozen=True, kw_only=True)
-class Friction:
-    """Coulomb friction of the joints in a motion about which they are linearised."""
-
-    level: Array
-    """(m,) N m."""
-    velocities: Array
-    """(n - 1, m) rad/s, of the motion, in the middle of each step."""
-    torques: Array
-    """(n - 1, m) N m against the motion, within the level: what friction did in it."""
-
-    def hold(self, sliding: Array, slips: Array, alone: Array, before: Array, start: Array) -> Array:
-        """(m,) N m of friction after which the velocities `sliding` - slips (force - before) are 0, or as large as it can be.
-
-        alone: the inverse of the diagonal of slips; start: a guess.
+        room: (n, m, 2, 2) N m, least and most that each motor can give beside what it gives already.
         """
-        force = start
-        for _ in range(SWEEPS):
-            left = sliding - slips @ (force - before)
-            following = np.minimum(np.maximum(force + alone * left, -self.level), self.level)
-            if abs(following - force).max() < 1e-9:
-                break
-            force = following
-        return force
+        states, inputs = self.steps
+        m = len(self.drives)
+        motors = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        asked = 0.5 * (change[1:] + change[:-1])
+        state = np.zeros(states.shape[1])
+        found = np.zeros((len(self.time), m))
+        for index in range(len(states)):
+            given = asked[index].copy()
+            for place, (joint, motor) in enumerate(motors):
+                drive, share = self.drives[joint], _rho(self.drives[joint])[motor]
+                if share:
+                    theta, rate = state[2 * m + 2 * place : 2 * m + 2 * place + 2]
+                    held = drive.proportional[motor] * theta + drive.derivative[motor] * rate
+                    ends = (room[index, joint, motor] + held) / (share * drive.proportional[motor])
+                    given[joint] = min(max(given[joint], ends.min()), ends.max())
+            state = states[index] @ state + inputs[index] @ given
+            found[index + 1] = state[:m]
+        return found
 
 
 def _moving_motors(drive: JointDrive) -> int:

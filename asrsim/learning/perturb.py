@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, ScenarioError
 from asrsim.learning.plant import Plant
 from asrsim.learning.transfer import Draw
-from asrsim.processes import end_with_parent
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, Scenario, for_joint
+from asrsim.workers import Executor, in_order
 
 if TYPE_CHECKING:
-    from concurrent.futures import ProcessPoolExecutor
-
     from asrsim.robot.model import Joint, Robot
 
 
@@ -64,52 +60,10 @@ def perturbed(plant: Plant, draw: Draw) -> Plant:
     return replace(plant, scenario=scenario, robot=robot)
 
 
-class Workers:
-    """Runs drawn plants, side by side in `processes` processes that load `plugins` (users' actuators) first.
-
-    The same numbers come out with any number of processes.
-    """
-
-    def __init__(self, processes: int = 1, plugins: Sequence[Path] = ()) -> None:
-        self.processes = processes
-        self.plugins = tuple(plugins)
-        self._pool: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        if self._pool is not None:
-            if kind is not None:
-                # What is being computed is not wanted any more.
-                for process in list((self._pool._processes or {}).values()):
-                    process.terminate()
-            self._pool.shutdown(cancel_futures=True)
-            self._pool = None
-
-    def outputs(self, plant: Plant, inputs: Array, draws: Sequence[Draw]) -> list[Array]:
-        """Link positions (n, joints) in rad of each drawn plant with these inputs; NaN where a plant diverged."""
-        if self.processes <= 1 or len(draws) < 2:
-            return [perturbed(plant, draw).outputs(inputs) for draw in draws]
-        if self._pool is None:
-            from concurrent.futures import ProcessPoolExecutor
-            from multiprocessing import get_context
-
-            # Fresh interpreters: engines and threads do not survive a fork.
-            self._pool = ProcessPoolExecutor(
-                self.processes, mp_context=get_context("spawn"), initializer=_load, initargs=(self.plugins,)
-            )
-        chunk = math.ceil(len(draws) / (4 * self.processes))
-        return list(self._pool.map(partial(_one, plant, inputs), draws, chunksize=chunk))
-
-
-def _load(plugins: tuple[Path, ...]) -> None:
-    """Users' actuators, in a fresh interpreter."""
-    end_with_parent()
-    from asrsim.actuators.user import load_plugin_file
-
-    for plugin in plugins:
-        load_plugin_file(plugin)
+def outputs_of(plant: Plant, inputs: Array, draws: Sequence[Draw], workers: Executor) -> list[Array]:
+    """Link positions (n, joints) in rad of each drawn plant with these inputs, in the order of the draws; NaN where a plant
+    diverged. Raises ScenarioError for factors that the plant does not have."""
+    return in_order(workers, partial(_one, plant, inputs), draws)
 
 
 def _one(plant: Plant, inputs: Array, draw: Draw) -> Array:

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from asrsim.simulation.run import Run, Sink
 
 
+TRIALS = 10
+"""Runs of a plant that learning takes, about."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plant:
     """A robot in a scenario whose `ilc:` block says what it is to learn."""
@@ -106,8 +110,8 @@ class Plant:
 
         if self.scenario.initial_equilibrium:
             # Where it starts depends on the first references.
-            return simulate(self.with_inputs(inputs), self.robot, sinks=sinks)
-        return simulate(self.prepared.with_references(self._played(inputs)), sinks=sinks)
+            return simulate(self.with_inputs(inputs), self.robot, sinks=sinks, alike=TRIALS)
+        return simulate(self.prepared.with_references(self._played(inputs)), sinks=sinks, alike=TRIALS)
 
     def outputs(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Array:
         """(n, joints) rad, link positions with these inputs; NaN after a divergence."""

@@ -35,6 +35,8 @@ GUESS_KNOTS = 201
 """Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
 FORESEEN = 50
 """Updates that are foreseen at most."""
+HASTE = (0.01, 0.1, 1.0)
+"""Weights of the input's change, times the law's, with which the start is caught up."""
 GROWTH = 1.05
 """Factor by which foreseen errors grow before it is said."""
 
@@ -137,8 +139,7 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     if settings.law == "auto" and not lawless:
         sticks = any(model.arm.losses(joint).friction > 0.0 for joint in plant.joints)
         lifted = Lifted(problem.time, linear, model.delays)
-        # What the first moments leave when the inputs do all that they can.
-        missed = missed + lifted.change(-missed, 0.01 * RHO)[1]
+        missed = _left(plant, inverse, linear, lifted, missed)
         law = NormOptimal(problem, lifted, answers=model.answers if sticks else None)
     raw = plant.scenario.resolved.get("ilc") or {}
     idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
@@ -155,6 +156,22 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         demands=tuple(sorted([*inverse.demands, *_start(plant, missed, settings.tolerance)], key=lambda one: -one.score)),
         notes=tuple(notes),
     )
+
+
+def _left(plant: Plant, inverse: InverseDynamics, linear: Linearised, lifted: Lifted, missed: Array) -> Array:
+    """(n, joints) rad that the first moments leave of `missed` when the inputs do all that the motors have torque for."""
+    room = np.zeros((len(linear.time), len(plant.drives), 2, 2))
+    for column, (drive, item) in enumerate(zip(plant.drives, inverse.drives, strict=True)):
+        for motor, limit in enumerate(drive.max_torque[: item.motor_torques.shape[1]]):
+            used = np.clip(item.motor_torques[:, motor], -limit, limit)
+            room[:, column, motor] = np.stack([-limit - used, limit - used], axis=1)
+    tried = [missed]
+    for weight in HASTE:
+        change = lifted.change(-missed, weight * RHO)[0]
+        change = np.column_stack([np.interp(linear.time, plant.time, column) for column in change.T])
+        moved = linear.within(change, room)
+        tried.append(missed + np.column_stack([np.interp(plant.time, linear.time, column) for column in moved.T]))
+    return min(tried, key=lambda left: float(np.abs(left).max()))
 
 
 def _start(plant: Plant, missed: Array, tolerance: float) -> list[Demand]:

@@ -28,7 +28,7 @@ from asrsim.learning.folder import (
     open_folder,
 )  # fmt: skip
 from asrsim.learning.iterate import learn
-from asrsim.learning.perturb import Workers
+from asrsim.learning.perturb import outputs_of
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
@@ -38,6 +38,7 @@ from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transf
 from asrsim.learning.trial import LearningResult, Trial
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
+from asrsim.workers import Executor, executor
 
 if TYPE_CHECKING:
     from asrsim.log import LogWriter
@@ -105,7 +106,7 @@ def _session(
     earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
     block = plant.scenario.learning
     keep = keep_logs or block.get("keep_logs", "last")
-    with learning_model(plant) as model, Workers(processes, plugins) as workers:
+    with learning_model(plant) as model, executor(processes, plugins) as workers:
         prepared = prepare_learning(plant, model)
         plant = prepared.plant
         if on_start is not None:
@@ -117,7 +118,7 @@ def _session(
             set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
 
             def simulate(inputs: Array) -> Array:
-                return np.array(workers.outputs(plant, inputs, set_of))
+                return np.array(outputs_of(plant, inputs, set_of, workers))
         else:
 
             def simulate(inputs: Array) -> Array:
@@ -188,13 +189,13 @@ def session_data(session: Session) -> dict[str, Any]:
 
 
 def _transfer(
-    plant: Plant, result: LearningResult, prepared: Prepared, block: Any, draws: int | None, workers: Workers
+    plant: Plant, result: LearningResult, prepared: Prepared, block: Any, draws: int | None, workers: Executor
 ) -> TransferReport:
     plants = draw_plants(Spread.of(block, plant.joints), draws or int(block["draws"]), int(block["seed"]))
     return transfer(
         plant.reference,
         plants,
-        lambda chosen: workers.outputs(plant, result.inputs, chosen),
+        lambda chosen: outputs_of(plant, result.inputs, chosen, workers),
         joints=plant.joints,
         tolerance=prepared.settings.tolerance,
     )

@@ -20,6 +20,9 @@ from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, make_summary
 
+CHUNK = 64
+"""Samples of a chunk of the log: a larger one takes milliseconds to compress, in which ticks come late."""
+
 
 class Episode:
     """A sink of the simulation: samples go to the log that is open."""
@@ -40,7 +43,7 @@ class Episode:
             files.enter_context(owned(folder))
             self._earlier = open_folder(folder, self._scenario, overwrite=overwrite)
             path = files.enter_context(new_log(folder, self._earlier))
-            self._writer = files.enter_context(LogWriter(path, self._info))
+            self._writer = files.enter_context(LogWriter(path, self._info, chunk_samples=CHUNK))
         except BaseException:
             files.close()
             raise

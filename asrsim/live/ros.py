@@ -70,6 +70,8 @@ class RosTransport:
         skipped: set[str] = set()
         self._publishers: list[Any] = []
         """Of the outlets that are not latched, None where the type is not there."""
+        self._raw: list[Any] = []
+        """What they send CDR with."""
         self._latched: list[Any] = []
         for outlet in self._interface.outlets:
             kind = message_type(outlet.message)
@@ -80,18 +82,19 @@ class RosTransport:
                 publisher = self._node.create_publisher(kind, outlet.name, once if outlet.latched else stream)
             if not outlet.latched:
                 self._publishers.append(publisher)
+                self._raw.append(publisher and publisher.handle.publish_raw)
             elif publisher is not None:
                 publisher.publish(self._interface.latched[outlet.name])
                 self._latched.append(publisher)
         return skipped
 
-    def _subscribe(self, number: int) -> tuple[int, Any, Any, str]:
+    def _subscribe(self, number: int) -> tuple[int, Any, Any, str, Any]:
         from rclpy.qos import QoSProfile
 
         inlet = self._interface.inlets[number]
         kind = message_type(inlet.message)
         subscription = self._node.create_subscription(kind, inlet.name, lambda message: None, QoSProfile(depth=DEPTH))
-        return number, subscription, kind, inlet.message
+        return number, subscription.handle.take_message, kind, inlet.message, subscription
 
     def _serve(self) -> None:
         from std_srvs.srv import SetBool, Trigger
@@ -125,16 +128,16 @@ class RosTransport:
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """See :class:`asrsim.live.transport.Transport`."""
-        for publisher, message, heard in zip(self._publishers, messages, self._heard, strict=True):
+        for send, message, heard in zip(self._raw, messages, self._heard, strict=True):
             if heard and message:
-                publisher.publish(message)
+                send(message)
 
     def poll(self) -> Iterator[Received]:
         """See :class:`asrsim.live.transport.Transport`."""
         left = MOST
-        for number, subscription, kind, name in self._subscriptions:
+        for number, take, kind, name, _ in self._subscriptions:
             while left:
-                taken = subscription.handle.take_message(kind, False)
+                taken = take(kind, False)
                 if taken is None:
                     break
                 left -= 1

@@ -170,11 +170,11 @@ class Session:
     def _turn(self) -> None:
         """A tick: listen, simulate, speak."""
         step = self.simulation.scenario.step
-        self._listen()
         if self._reset:
             self._begin_again()
         steps = self._tick_steps
         if self.paused:
+            self._listen()
             if not self._single:
                 clock.sleep(2 * TICK)
                 self.pace.start()

@@ -73,10 +73,10 @@ def _positions(samples: Samples) -> Array:
 
 
 def _reference_position(samples: Samples, joint: JointInfo, column: int) -> Array:
-    """The link position that the references ask for; NaN where they are torques."""
+    """The link position that the references ask for; NaN where they drive the joint's motors or the link directly."""
     reference_1 = _column(samples, "reference_1", column)
     mode = MODES.get(joint.mode) if joint.mode is not None else None
-    if mode is None or "torque" in mode.references[0]:
+    if mode is None or mode.direct or "torque" in mode.references[0]:
         return np.full(len(samples.time), np.nan)
     if mode.mapped or not mode.spring:
         return reference_1

@@ -21,8 +21,14 @@ _OWN_TOPICS = {
     "elastic_torque_2",
 }
 
-DETAIL_FIELDS: tuple[str, ...] = tuple(name for name in QUANTITIES if name not in _OWN_TOPICS)
-"""Quantities without a topic of the toolbox; they share one message a joint, NaN where a joint does not record one."""
+DETAIL_FIELDS: tuple[str, ...] = tuple(
+    name for name, quantity in QUANTITIES.items() if name not in _OWN_TOPICS and not quantity.apart
+)
+"""Quantities without a topic of the toolbox or their own; they share one message a joint, NaN where a joint does not
+record one."""
+
+SAMPLE_FIELDS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if not quantity.apart)
+"""Quantities of a message that holds all of a joint."""
 
 _FIELDS: dict[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -44,7 +50,7 @@ _FIELDS: dict[str, str] = {
     "rosgraph_msgs/Clock": "builtin_interfaces/Time clock",
     "asrsim_msgs/Command": "std_msgs/Header header\nstring joint\nstring reference\nuint64 substep\nfloat64 value",
     "asrsim_msgs/LinkState": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in LINK_STATE_FIELDS)]),
-    "asrsim_msgs/JointSample": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in QUANTITIES)]),
+    "asrsim_msgs/JointSample": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in SAMPLE_FIELDS)]),
     "asrsim_msgs/JointDetails": "\n".join(["std_msgs/Header header", *(f"float64 {name}" for name in DETAIL_FIELDS)]),
 }
 

@@ -19,6 +19,7 @@ from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, Metadat
 from asrsim.errors import LogError, Problem
 from asrsim.log.storage import MAGIC
 
+_WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
 _FOOTER_SIZE = 29
 CHUNK_HEAD = struct.Struct("<QQQI")
 """Start and end time, uncompressed size and its CRC: what a chunk record begins with."""
@@ -63,7 +64,7 @@ def read_structure(path: Path) -> Structure:
             if size == 0:
                 raise LogError(Problem(message="the file is empty", file=path, code="empty-log"))
             if file.read(len(MAGIC)) != MAGIC:
-                raise LogError(Problem(message="this is not an MCAP file", file=path, code="not-mcap"))
+                raise LogError(Problem(message="this is not an MCAP file", file=path, code="not-mcap", hint=_WANTED))
             structure = Structure(path=path)
             try:
                 if not _read_index(file, size, structure):

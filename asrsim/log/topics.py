@@ -11,8 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from asrsim.log.cdr import CdrBuilder, CdrTemplate, Column
-from asrsim.log.messages import DETAIL_FIELDS, LINK_STATE_FIELDS
-from asrsim.quantities import QUANTITIES
+from asrsim.log.messages import DETAIL_FIELDS, LINK_STATE_FIELDS, SAMPLE_FIELDS
 from asrsim.samples import JointInfo
 
 TIME_TOPIC = "/asrsim/time"
@@ -27,8 +26,10 @@ REFERENCE_TOPICS: dict[int | None, tuple[str, ...]] = {
     4: ("motor_1_command", "motor_2_command"),
     5: ("reference_1", "reference_2"),
     6: ("equilibrium_position", "stiffness_preset"),
+    7: ("motor_1_voltage_command", "motor_2_voltage_command"),
+    8: ("motor_1_current_command", "motor_2_current_command"),
 }
-"""Operation mode -> the toolbox's names of its reference topics."""
+"""Operation mode -> the toolbox's names of its reference topics; of modes that it does not have, ours."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +98,9 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
 
 
 def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
-    """All numbers of a joint in one message, NaN where it does not record one; users' own quantities beside it."""
+    """All numbers of a joint in one message, NaN where it does not record one; those with topics of their own beside it."""
     builder = CdrBuilder().header()
-    for quantity in QUANTITIES:
+    for quantity in SAMPLE_FIELDS:
         builder.float64(Column("value", quantity, joint.name) if quantity in joint.quantities else None)
     yield Topic(name=f"{path}/state", message="asrsim_msgs/JointSample", template=builder.build())
     yield from _own_quantities(joint, path)
@@ -107,7 +108,7 @@ def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
 
 def _own_quantities(joint: JointInfo, path: str) -> Iterator[Topic]:
     for quantity in joint.quantities:
-        if quantity not in QUANTITIES:
+        if quantity not in SAMPLE_FIELDS:
             template = CdrBuilder().float64(Column("value", quantity, joint.name)).build()
             yield Topic(name=path + _ros_path(quantity), message="std_msgs/Float64", template=template)
 

@@ -21,7 +21,7 @@ class LogWriter:
     """Writes one run to one MCAP file that ROS 2 tools, viewers and :func:`asrsim.log.read_log` open.
 
     path: the file; an existing one is replaced. info: the run; its joints' `quantities` say what is recorded.
-    compression: `zstd`, `lz4`, or empty for none.
+    compression: `zstd`, `lz4`, or empty for none. chunk_samples: of a chunk, where each has to be written in no time.
 
     The file is readable at any time, up to the last whole chunk (some hundred to 2048 samples), also if the process
     is killed. Memory does not depend on the duration. Times are simulated times.
@@ -29,7 +29,9 @@ class LogWriter:
     Raises OutputError if the file cannot be written; what is in it by then stays readable.
     """
 
-    def __init__(self, path: str | os.PathLike[str], info: RunInfo, *, compression: str = "zstd") -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], info: RunInfo, *, compression: str = "zstd", chunk_samples: int | None = None
+    ) -> None:
         self.path = Path(path)
         self.info = info
         self.samples = 0
@@ -46,6 +48,7 @@ class LogWriter:
         self._robot_topics = robot_topics(
             info.joints, compact=compact, arrays=scenario.get("manager") is not None, external="external_torques" in scenario
         )
+        self._chunk_samples = chunk_samples
         self._layout: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self._rows = self._row_buffer()
         self._description = Topic(
@@ -127,7 +130,7 @@ class LogWriter:
     def _row_buffer(self) -> RowBuffer:
         bodies, contacts = self._layout
         topics = [*self._robot_topics, *([body_topic(bodies)] if bodies else []), *map(contact_topic, contacts)]
-        return RowBuffer([(self._container.channel(topic), topic) for topic in topics])
+        return RowBuffer([(self._container.channel(topic), topic) for topic in topics], self._chunk_samples)
 
     def _flush(self, *, last: bool = False) -> None:
         if last and not self._begun:

@@ -123,14 +123,14 @@ def measure(
         keep &= time >= start
     if end is not None:
         keep &= time <= end
-    if not keep.any():
-        return math.nan
-    return float(found.function(time[keep], *(argument[keep] for argument in arguments), **options))
+    if not keep.all():
+        time, arguments = time[keep], [argument[keep] for argument in arguments]
+    return float(found.function(time, *arguments, **options)) if len(time) else math.nan
 
 
 def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
     """What is wrong with the options of a measure."""
-    known = found.options
+    known = _options_of(found.function)
     choices = (*known, "start", "end")
     problems = [
         Problem(message="is not an option of this measure", key=f"{found.name}.{name}", choices=choices,

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.metrics.measures import measure
+from asrsim.metrics.oscillation import frequency
+from asrsim.metrics.step import overshoot, settling
+from asrsim.metrics.values import steady_state
 from asrsim.samples import Array
 
 
@@ -48,15 +51,26 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         nan = math.nan
         return JointSummary(steady_state=nan, steady_state_error=nan, overshoot=nan, settling=nan, frequency=nan,
                             peak_deflection=_of(columns, "peak", "deflection", time))  # fmt: skip
-    stepped = None if step is None else (time[step:], q[step:])
+    whole = _finite(time, q)
+    steady = steady_state(*whole)
+    beyond = settled = math.nan
+    moments, places = _finite(time[step:], q[step:]) if step else whole
+    if step is not None and len(moments):
+        target = steady_state(moments, places) if step else steady
+        beyond, settled = overshoot(moments, places, target=target), settling(moments, places, target=target)
     return JointSummary(
-        steady_state=measure("steady_state", time, q),
+        steady_state=steady,
         steady_state_error=_of(columns, "steady_state", "position_error", time),
-        overshoot=math.nan if stepped is None else measure("overshoot", *stepped),
-        settling=math.nan if stepped is None else measure("settling", *stepped),
-        frequency=measure("frequency", time, q),
+        overshoot=beyond,
+        settling=settled,
+        frequency=frequency(*whole),
         peak_deflection=_of(columns, "peak", "deflection", time),
     )
+
+
+def _finite(time: Array, values: Array) -> tuple[Array, Array]:
+    keep = np.isfinite(values)
+    return (time, values) if keep.all() else (time[keep], values[keep])
 
 
 def _of(columns: Mapping[str, Array], name: str, quantity: str, time: Array) -> float:

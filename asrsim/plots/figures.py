@@ -14,6 +14,7 @@ from asrsim.plots.layout import GAP_Y, Grid, set_title
 from asrsim.plots.legends import legend, limit_handle
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
 from asrsim.plots.view import draw_curve, show_time, show_values
+from asrsim.plots.world import BodyPanel, body_panels
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -149,24 +150,38 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
     wide = style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 0.85)
     grid = Grid(columns=len(names), heights=[1.6, 1.4], width=wide, title=0.26)
     figure, axes = grid.figure([run.label for run in runs], sharex=True)
+    words: dict[str, str] = {}
     for c, body in enumerate(names):
-        for r, keys in enumerate((("dx", "dy", "dz"), ("force",))):
-            found = [(number, key, run.bodies.get(body, {}).get(key)) for number, run in enumerate(runs) for key in keys]
-            drawn = [(number, key, curve) for number, key, curve in found if curve is not None]
-            show_time(axes[r, c], [curve for _, _, curve in drawn])
-            for number, key, curve in drawn:
-                colour = style.variant_colour(number) if several else style.colour(key)
-                line = style.line_style(keys.index(key)) if several else "-"
-                draw_curve(axes[r, c], curve, colour=colour, linestyle=line, gid=f"{body}.{key}.{number}")
-            show_values(axes[r, c], [curve for _, _, curve in drawn], brief=keys == ("force",))
+        moved, _ = (_draw_body(row, runs, body, panel) for row, panel in zip(axes[:, c], body_panels(body), strict=True))
+        words |= moved
         axes[0, c].set_title(shorten(body, 40), loc="left")
-        axes[0, c].set_ylabel("displacement (m)")
-        axes[1, c].set_ylabel("contact force\nwithout ground (N)")
         axes[1, c].set_xlabel("time (s)")
-    legend(axes[0, -1], ["dx", "dy", "dz"], words={"dx": "along x", "dy": "along y", "dz": "along z"}, several=several)
-    legend(axes[1, -1], ["force"], words={"force": "magnitude"}, several=several)
+    legend(axes[0, -1], list(words), words=words, several=several)
     figure_title(figure, runs, "objects", (1, 1))
     return figure
+
+
+def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPanel) -> dict[str, str]:
+    """One panel of a body; its legend's entries. Variants have one goal, which is drawn as references are."""
+    plain = [key for key in panel.entries if not key.startswith("goal")]
+    words: dict[str, str] = {}
+    shown = []
+    for number, run in enumerate(runs):
+        curves = run.bodies.get(body, {})
+        for key in (key for key in panel.entries if key in curves and (key in plain or not number)):
+            led = key not in plain
+            own = len(runs) > 1 and not led
+            draw_curve(
+                axes, curves[key], linestyle=style.line_style(plain.index(key)) if own else "-", gid=f"{body}.{key}.{number}",
+                colour=style.variant_colour(number) if own else style.colour(REFERENCE if led else key),
+                linewidth=2.6 if led else style.WIDTH, zorder=1.5 if led else 2.0,
+            )  # fmt: skip
+            words[REFERENCE if led else key] = "goal" if led else panel.entries[key]
+            shown.append(curves[key])
+    show_time(axes, shown)
+    show_values(axes, shown, brief=panel.unit == "N")
+    axes.set_ylabel(f"{panel.words.replace(' without', chr(10) + 'without')} ({panel.unit})")
+    return words
 
 
 def _limit_handles(shown: Collection[str]) -> list[Any]:

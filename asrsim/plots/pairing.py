@@ -130,7 +130,9 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         given = lags.get(name, "auto") if isinstance(lags, Mapping) else lags
-        alignments[name] = align_recording(recording, pairing, series_of(read, reader.info.joints), lag=given, limit=lag_limit)
+        alignments[name] = align_recording(
+            recording, pairing, series_of(read, reader.info.joints), lag=given, limit=lag_limit, infos=reader.info.joints
+        )
         findings |= {str(problem): problem for problem in alignments[name].findings}
     for number, members in enumerate(groups):
         compared = []

@@ -17,7 +17,7 @@ from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
 from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
-from asrsim.recordings import Recording, resample
+from asrsim.recordings import Recording, name_of, resample
 from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
@@ -136,12 +136,13 @@ def responses(
                 measured, findings = recorded
                 found.append(
                     entry(
-                        source=one.recording.path.name, experiment=True, response=measured,
+                        source=name_of(one.recording.path), experiment=True, response=measured,
                         findings=(*findings, *measured.findings),
                     )
                 )  # fmt: skip
     if not found and not problems:
-        what = "has a reference that moves" if given is None else f"has a {first.quantity} that moves"
+        name = "reference" if given is None else first.quantity
+        what = f"has {'an' if name[0] in 'aeiou' else 'a'} {name} that moves"
         message = f"no joint {what}; a frequency response needs one that does"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message=message, file=path, hint=hint, code="no-excitation"))

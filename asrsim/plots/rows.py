@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from asrsim.metrics import MetricRow
 
+_NOTHING = 1e-12
+"""What is left of a difference of equal numbers is no measure."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MetricTable:
@@ -47,4 +50,7 @@ def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
 
 
 def _cell(row: MetricRow) -> str:
-    return f"{row.value:.4g} {row.unit}".rstrip() if math.isfinite(row.value) else "-"
+    if not math.isfinite(row.value):
+        return "-"
+    value = row.value if abs(row.value) > _NOTHING else 0.0
+    return f"{value:.4g} {row.unit}".rstrip()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from asrsim.plots.decimate import Envelope
-from asrsim.samples import Array, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,39 +27,71 @@ class Curve:
         return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class BodyPanel:
+    """One panel of a body."""
+
+    words: str
+    unit: str
+    entries: Mapping[str, str]
+    """Axis -> its name in a legend."""
+
+
+_MOVED = BodyPanel(words="displacement", unit="m", entries={"dx": "along x", "dy": "along y", "dz": "along z"})
+_PUSHED = BodyPanel(words="contact force without ground", unit="N", entries={"force": "magnitude"})
+_GOAL = {f"goal_{axis}": f"goal along {axis}" for axis in "xyz"}
+_LED = BodyPanel(words="displacement", unit="m", entries={**_GOAL, **_MOVED.entries})
+_MISSED = BodyPanel(words="distance to the goal", unit="m", entries={"error": "distance"})
+
+
+def body_panels(name: str) -> tuple[BodyPanel, ...]:
+    """What is drawn of a body: of a task's tip its goal and the distance to it, which nothing pushes."""
+    return (_LED, _MISSED) if name == TIP else (_MOVED, _PUSHED)
+
+
 class WorldEnvelope:
     """Displacements and contact forces of the world's objects, chunk by chunk; `first` is the first chunk."""
 
-    _AXES = ("dx", "dy", "dz", "force")
-
     def __init__(self, first: Samples, *, start: float, end: float, bins: int) -> None:
-        self._origins = {name: poses[0, :3] for name, poses in first.bodies.items()}
-        self._envelopes = {name: Envelope(4, start=start, end=end, bins=bins) for name in self._origins}
+        self._origins = {
+            name: poses[0, :3] for name, poses in first.bodies.items() if name != TIP_GOAL or TIP not in first.bodies
+        }
+        self._axes = {name: tuple(axis for panel in body_panels(name) for axis in panel.entries) for name in self._origins}
+        self._envelopes = {name: Envelope(len(axes), start=start, end=end, bins=bins) for name, axes in self._axes.items()}
 
     def add(self, part: Samples) -> None:
         """The next chunk."""
         for name, origin in self._origins.items():
             if name not in part.bodies:
                 continue
-            total = np.zeros((len(part.time), 3))
-            for pair, force in part.contacts.items():
-                one, _, other = pair.partition("/")
-                # The force acts on the first body.
-                sign = 1.0 if one == name else -1.0 if other == name else 0.0
-                # Without the ground: what the robot and other objects do to it.
-                if sign and other != "ground":
-                    total += sign * np.nan_to_num(force)
             moved = part.bodies[name][:, :3] - origin
-            force = np.linalg.norm(total, axis=1)
-            self._envelopes[name].add(part.time, np.concatenate([moved, force[:, None]], axis=1))
+            if name == TIP:
+                goal = part.bodies[TIP_GOAL][:, :3] - origin if TIP_GOAL in part.bodies else np.full_like(moved, np.nan)
+                columns = [goal, moved, np.linalg.norm(moved - goal, axis=1)[:, None]]
+            else:
+                columns = [moved, _push(name, part)[:, None]]
+            self._envelopes[name].add(part.time, np.concatenate(columns, axis=1))
 
     def curves(self) -> dict[str, dict[str, Curve]]:
-        """Object -> dx, dy, dz (m from the first sample), force (N)."""
+        """Object -> axis of its panels -> curve: displacement (m from the first sample), force (N), of a tip its goal (m)."""
         result: dict[str, dict[str, Curve]] = {}
         for name, envelope in self._envelopes.items():
             if envelope.samples:
-                columns = [envelope.column(index) for index in range(4)]
+                columns = [envelope.column(index) for index in range(len(self._axes[name]))]
                 result[name] = {
-                    axis: Curve(time=time, values=values) for axis, (time, values) in zip(self._AXES, columns, strict=True)
+                    axis: Curve(time=time, values=values)
+                    for axis, (time, values) in zip(self._axes[name], columns, strict=True)
                 }
         return result
+
+
+def _push(name: str, part: Samples) -> Array:
+    """(n,) N: what the robot and other objects do to a body, without the ground."""
+    total = np.zeros((len(part.time), 3))
+    for pair, force in part.contacts.items():
+        one, _, other = pair.partition("/")
+        # The force acts on the first body.
+        sign = 1.0 if one == name else -1.0 if other == name else 0.0
+        if sign and other != "ground":
+            total += sign * np.nan_to_num(force)
+    return np.asarray(np.linalg.norm(total, axis=1))

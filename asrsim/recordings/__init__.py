@@ -7,6 +7,7 @@ from asrsim.recordings.checks import guess_rows, guess_table, suspect_scale
 from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.join import name_of
 from asrsim.recordings.read import FORMATS, read_recording
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "compare",
     "guess_rows",
     "guess_table",
+    "name_of",
     "read_recording",
     "require_columns",
     "resample",

@@ -15,6 +15,8 @@ LagChoice = float | Literal["auto", "off", "start"]
 """auto: by cross-correlation; off: clocks as they are; start: both begin together; a number: s that the recording is late."""
 TRUSTED = 0.6
 """Correlation below which a lag is not believed."""
+_CLEARLY = 0.1
+"""Correlation by which a series fits better turned round, if it is turned round."""
 _GAP = 3.0
 """Steps of the source beyond which nothing is interpolated."""
 
@@ -61,6 +63,10 @@ def align(
     found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
     if found is None:
         return _unaligned(f"{name} does not move in both", None)
+    # An axis that is counted the other way round would be laid half a period beside itself.
+    turned = estimate_lag(time_simulation, simulation, time_recording, -recording, limit=limit)
+    if turned is not None and turned.correlation > max(found.correlation + _CLEARLY, TRUSTED) and not turned.at_limit:
+        return Alignment(lag=turned.seconds, how=f"cross-correlation of {name}, which moves the other way round", found=turned)
     if found.correlation < TRUSTED:
         return _unaligned(f"the best correlation of {name} is {found.correlation:.2f} (at {found.seconds:.4g} s)", found)
     if found.at_limit:

@@ -16,8 +16,8 @@ from asrsim.recordings.messages import understand
 from asrsim.recordings.timebase import EPOCH, clean_time
 from asrsim.samples import Array
 
-_DAYS = 10 * 86_400_000_000_000
-"""ns that a stamp may be away from the others of its topic."""
+_AWAY = 60_000_000_000
+"""ns that a stamp may be away from the others of its topic, or ten times what most of these span."""
 _SAME_CLOCK = 1.0
 """s by which a header's stamp may differ from the time of recording and still be of the same clock."""
 
@@ -76,12 +76,13 @@ def series_of_groups(groups: list[Group], path: Path, findings: list[Problem]) -
 
 
 def _sound(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Problem]) -> NDArray[np.bool_]:
-    """Messages whose stamp is no nonsense: days away from the others."""
-    keep = np.asarray(np.abs(ns - np.int64(np.median(ns))) < _DAYS, dtype=bool)
+    """Messages whose stamp is no nonsense: far away from the others."""
+    low, high = np.percentile(ns - ns.min(), (5, 95))
+    keep = np.asarray(np.abs(ns - np.int64(np.median(ns))) < max(_AWAY, 10 * (high - low)), dtype=bool)
     bad = int(np.sum(~keep))
     if bad:
         findings.append(
-            Problem(message=f"{bad} messages are left out, whose stamps are days away from the others'", file=path,
+            Problem(message=f"{bad} messages are left out, whose stamps are far away from the others'", file=path,
                     key=group.topic, code="bad-time")
         )  # fmt: skip
     return keep

@@ -82,6 +82,9 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
             # Numbers count the file's columns, of which the time is one; headerless names carry that number.
             label = f"column_{one.column.lstrip('#')}"
             index = names.index(label) if label in names else index
+        if index is None:  # of a file that was joined, or names its only column: what that is called there
+            labels = [series.label for series in raw.series]
+            index = labels.index(one.column) if labels.count(one.column) == 1 else None
         if index is None:
             problems.append(
                 Problem(message="there is no such column", file=path, key=one.column, choices=_shown(names),

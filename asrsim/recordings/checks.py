@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.actuators import MODES
 from asrsim.errors import Problem
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
@@ -83,6 +84,22 @@ def suspect_sign(simulation: Array, recording: Array) -> Problem | None:
     )  # fmt: skip
 
 
+def suspicions(simulation: Array, recording: Array, column: Column, joint: str) -> list[Problem]:
+    """All of these about a column beside the run's joint, with the item of a mapping that would cure it."""
+    gear = str(column.quantity).startswith("motor")
+    found = (
+        suspect_scale(simulation, recording),
+        suspect_sign(simulation, recording),
+        suspect_gear(simulation, recording) if gear else None,
+    )
+    named = f"{column.source}=", f"{joint}.{column.quantity}"
+    return [
+        replace(one, hint=str(one.hint).replace("COLUMN=", named[0]).replace("JOINT.QUANTITY", named[1]))
+        for one in found
+        if one is not None
+    ]
+
+
 def _size(values: Array) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     if not len(finite):
@@ -117,11 +134,12 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
         or quantity in ("reference_2", "motor_2_position", "motor_2_velocity", "motor_2_torque")
     ):
         return None
-    torque = column.unit in ("N m", "N")
-    if quantity == "reference_1" and mode is not None and torque != (mode in (0, 4)):
-        told = "position" if torque else "torque"
-        return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {told} in mode {mode}",
-                       key=column.source, code="wrong-unit")  # fmt: skip
+    kinds = {"N m": "torque", "N": "torque", "V": "voltage", "A": "current"}
+    if quantity == "reference_1" and mode in MODES:
+        told = kinds.get(MODES[mode].units[0], "position")
+        if kinds.get(column.unit, "position") != told:
+            return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {told} in mode {mode}",
+                           key=column.source, code="wrong-unit")  # fmt: skip
     units = PRISMATIC_UNITS.values() if prismatic else PRISMATIC_UNITS.keys()
     if column.unit not in (*PRISMATIC_UNITS, *PRISMATIC_UNITS.values()) or column.unit in units:
         return None

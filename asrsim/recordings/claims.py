@@ -39,7 +39,7 @@ class RecordedSeries:
         key = f"{claim.against} {lag} {limit} {_mapping(claim)} {claim.options.get('rate')}"
         if key not in self._alignments:
             series = series_of(self._read, self._infos)
-            self._alignments[key] = align_recording(recording, pairing, series, lag=lag, limit=limit)
+            self._alignments[key] = align_recording(recording, pairing, series, lag=lag, limit=limit, infos=self._infos)
         sources = DERIVED_SOURCES.get(claim.quantity, (claim.quantity,))
         samples = self._read([name for name in joint.quantities if name in sources], (joint.name,))
         result = compare(

@@ -11,6 +11,7 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.quantities import DERIVED
 from asrsim.recordings.align import Alignment, LagChoice, align
+from asrsim.recordings.checks import wrong_unit
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array, JointInfo, Samples
 
@@ -32,6 +33,7 @@ def align_recording(
     lag: LagChoice = "auto",
     limit: float | None = None,
     on: tuple[str, str] | None = None,
+    infos: Sequence[JointInfo] = (),
 ) -> Alignment:
     """How a recording's clock is moved to that of a run; at most one series of the run is looked at at a time.
 
@@ -42,11 +44,12 @@ def align_recording(
         lag: See `LagChoice`.
         limit: s, largest lag that auto may find; None: a quarter of the shorter record.
         on: Joint (of the run) and quantity to correlate; None: the first of `ALIGN_ON` that moves in both.
+        infos: The run's joints: columns in a unit that cannot be theirs come last.
 
     Raises:
         RecordingError: `on` is not in both; no overlap in time under auto.
     """
-    candidates = list(_candidates(recording, pairing))
+    candidates = list(_candidates(recording, pairing, infos))
     best: tuple[str, Array, Array, Column] | None = None
     for key, column in candidates:
         if on is not None and key != on:
@@ -103,11 +106,20 @@ def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[Joint
     return None if np.all(np.isnan(values)) else values
 
 
-def _candidates(recording: Recording, pairing: Mapping[str, str]) -> Iterator[tuple[tuple[str, str], Column]]:
+def _candidates(
+    recording: Recording, pairing: Mapping[str, str], infos: Sequence[JointInfo]
+) -> Iterator[tuple[tuple[str, str], Column]]:
     """Columns of paired joints, those to align on first."""
     columns = [column for column in recording.channels.values() if column.quantity and column.joint in pairing]
     rank = {quantity: i for i, quantity in enumerate(ALIGN_ON)}
-    for column in sorted(columns, key=lambda column: rank.get(str(column.quantity), len(rank))):
+    known = {info.name: info for info in infos}
+
+    def order(column: Column) -> tuple[bool, int]:
+        info = known.get(pairing[str(column.joint)])
+        wrong = info is not None and wrong_unit(column, info.name, prismatic=info.prismatic, mode=info.mode) is not None
+        return wrong, rank.get(str(column.quantity), len(rank))
+
+    for column in sorted(columns, key=order):
         yield (pairing[str(column.joint)], str(column.quantity)), column
 
 

@@ -15,10 +15,11 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspect_gear, suspect_scale, suspect_sign, wrong_unit
+from asrsim.recordings.checks import suspicions, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.join import name_of
 from asrsim.samples import Array, JointInfo, Samples
 
 
@@ -68,14 +69,14 @@ class Comparison:
 
     def rows(self, source: str = "") -> list[MetricRow]:
         """All metrics as rows for table, JSON and CSV. source: name of the simulation."""
-        pair = f"{source} - {self.recording.name}" if source else self.recording.name
+        name = name_of(self.recording)
+        pair = f"{source} - {name}" if source else name
         rows: list[MetricRow] = []
         for s in self.series:
-            for name, value in s.metrics.items():
-                rows.append(_row(pair, s, name, value))
-            for name, (ours, recorded) in s.steps.items():
-                rows.append(_row(source or "simulation", s, name, ours))
-                rows.append(_row(self.recording.name, s, name, recorded))
+            rows += [_row(pair, s, what, value) for what, value in s.metrics.items()]
+            for what, (ours, recorded) in s.steps.items():
+                rows.append(_row(source or "simulation", s, what, ours))
+                rows.append(_row(name, s, what, recorded))
         return rows
 
 
@@ -119,7 +120,7 @@ def compare(
         info = known.get(joint)
         problem = None if info is None else wrong_unit(column, joint, prismatic=info.prismatic, mode=info.mode)
         if problem is not None:
-            wrong.append(replace(problem, file=recording.path))
+            wrong.append(replace(problem, file=column.part or recording.path))
         else:
             found[joint, column.quantity] = (values, column)
     if wrong and not found:
@@ -132,7 +133,7 @@ def compare(
         values = simulated(samples, joint, quantity, infos)
         return None if values is None else (samples.time, values)
 
-    alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on)
+    alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on, infos=infos)
     findings += alignment.findings
     prismatic = {info.name for info in infos if info.prismatic}
     series = tuple(
@@ -219,8 +220,7 @@ def _series(
         )
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
-    suspicions = [suspect_scale(a, b), suspect_sign(a, b), suspect_gear(a, b) if quantity.startswith("motor") else None]
-    findings = [problem for problem in suspicions if problem is not None]
+    findings = suspicions(a, b, column, joint)
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:

@@ -95,8 +95,9 @@ def comment_header(text: str, separator: str | None, columns: int, decimal: str)
     plain = text.lstrip(" #%/").strip()
     for candidate in dict.fromkeys((separator, ",", ";", "\t", None)):
         cells = split(glue(plain, candidate), candidate, quoted='"' in plain)
-        if len(cells) == columns and share_of_numbers(cells, decimal) < 0.5:
-            return cells
+        if len(cells) == columns:
+            # A row of numbers that somebody took out names nothing, however else it could be split.
+            return cells if share_of_numbers(cells, decimal) < 0.5 else None
     return None
 
 

@@ -7,8 +7,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from asrsim.errors import Problem
 from asrsim.recordings.data import Raw, RawSeries
+from asrsim.recordings.names import tokens_of
+from asrsim.recordings.units import split_header
+from asrsim.samples import Array
+
+_SILENT = {"value", "values", "val", "data", "signal", "output", "y", "column"}
+"""Names of columns that say nothing."""
 
 
 def parts_of(path: Path) -> tuple[Path, ...]:
@@ -19,6 +27,34 @@ def parts_of(path: Path) -> tuple[Path, ...]:
     first = Path(names[0])
     parts = [first, *(Path(name) if Path(name).exists() else first.with_name(name) for name in names[1:])]
     return tuple(parts) if any(part.exists() for part in parts) else (path,)
+
+
+def name_of(path: Path) -> str:
+    """A recording's name without its folders; of joined files with all of their names."""
+    return "+".join(part.name for part in parts_of(path))
+
+
+def alone(path: Path, raw: Raw) -> Raw:
+    """A file's only series, whose column is called `value` or so, named by the file."""
+    words = {word for word in tokens_of(raw.series[0].name) if not word.isdigit()}
+    if len(raw.series) > 1 or raw.series[0].quantity or not words <= _SILENT:
+        return raw
+    return replace(raw, series=(by_file(path, raw.series[0]),))
+
+
+def by_file(part: Path, series: RawSeries) -> RawSeries:
+    """A series with its file's name before its own, and the unit that stands there: `q1_deg.csv`."""
+    stated = split_header(part.stem)[1] if split_header(series.name)[1] is None else None
+    unit = series.unit or (stated.symbol if stated else "")
+    return replace(series, name=f"{part.stem}/{series.name}", unit=unit, part=part, label=series.name)
+
+
+def _shared(time: Array, clocks: list[Array]) -> Array:
+    """The clock that is the same as this one, which joins the list if it is new."""
+    found = next((clock for clock in clocks if np.array_equal(clock, time)), None)
+    if found is None:
+        clocks.append(time)
+    return time if found is None else found
 
 
 def join(path: Path, parts: Sequence[Path], raws: Sequence[Raw]) -> Raw:
@@ -40,13 +76,13 @@ def join(path: Path, parts: Sequence[Path], raws: Sequence[Raw]) -> Raw:
         )
     count = Counter(series.name for raw in raws for series in raw.series)
     joined: list[RawSeries] = []
+    clocks: list[Array] = []
     for part, raw in zip(parts, raws, strict=True):
         # A float of 1.7e9 s resolves 2.4e-7 s.
         shift = round((raw.epoch or 0.0) - zero, 6) if absolute else 0.0
-        times = {id(series.time): series.time + shift if shift else series.time for series in raw.series}
-        alone = len(raw.series) == 1
+        times = {id(series.time): _shared(series.time + shift, clocks) for series in raw.series}
         for series in raw.series:
-            name = f"{part.stem}/{series.name}" if alone or count[series.name] > 1 else series.name
-            joined.append(replace(series, name=name, time=times[id(series.time)], part=part, label=series.name, shift=shift))
+            named = by_file(part, series) if len(raw.series) == 1 or count[series.name] > 1 else series
+            joined.append(replace(named, time=times[id(series.time)], part=part, label=series.name, shift=shift))
     names = tuple(name for raw in raws for name in raw.names)
     return Raw(format="joined", series=tuple(joined), findings=tuple(findings), epoch=zero if absolute else None, names=names)

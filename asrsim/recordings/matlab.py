@@ -122,8 +122,8 @@ def _tables(
         else:
             # A timeseries saved as a struct: the data carry its name.
             _add(table, _label(content) or name if name in ("Data", "data") else name, value)
-    if prefix.endswith("signals.") and "values" in table:
-        return
+    if prefix.endswith("signals.") and "values" in content:
+        return  # they belong to the time one level up, which adds them
     nested = content.get("signals")
     if isinstance(nested, Mapping) and "values" in nested:
         _add(table, _label(nested) or _label(content) or "signals", nested["values"])

@@ -19,6 +19,7 @@ TOPICS: dict[str, str] = {
     "torque_command": "reference_1", "link_command": "reference_1", "reference_1": "reference_1", "reference_2": "reference_2",
     "equilibrium_position": "reference_1", "stiffness_preset": "reference_2", "motor_1_command": "reference_1",
     "motor_2_command": "reference_2", "torque_m1_command": "reference_1", "torque_m2_command": "reference_2",
+    **{f"motor_{i}_{what}_command": f"reference_{i}" for i in (1, 2) for what in ("voltage", "current")},
     "torque_el1_state": "elastic_torque_1", "torque_el2_state": "elastic_torque_2",
     **{name: name for name in QUANTITIES},
 }  # fmt: skip

@@ -37,6 +37,9 @@ _PLAIN = {
     "angolo",
     "gelenk",
     "achse",
+    "enc",
+    "encoder",
+    "ang",
 }
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
@@ -45,6 +48,8 @@ _FOREIGN = {
     "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
     "covariance", "id", "seq", "flag", "strain", "gauge",
 }  # fmt: skip
+_ELECTRIC = {*(f"motor_{i}_{what}" for i in (1, 2) for what in ("voltage", "current")), "reference_1", "reference_2"}
+"""What is in V or A only where a column is called so to the letter: drives record voltages and currents of many kinds."""
 VOCABULARY = {
     *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
     "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
@@ -52,7 +57,7 @@ VOCABULARY = {
     "in", "of", "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
     "ist", "istwert", "messwert", "achse", "gelenk", "giunto", "asse", "articulation", "articulacion", "axe", "eje",
 }  # fmt: skip
-_SUFFIXES = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
+_SUFFIXES = ("ref", "ext", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
 
 
@@ -115,13 +120,16 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     `has_q`: the file has a column of link positions besides angles called theta, which then are motors.
     """
     joint, rest = _find_joint(name, joints)
+    exact = rest.strip(" .:/_").lower()
+    if joint is not None and unit is not None and unit.si in ("V", "A") and exact in _ELECTRIC:
+        return Guess(quantity=exact, joint=joint, reason=f"'{name}' is {exact}")
     words = tokens_of(rest)
     numbers = [int(word) for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
     quantity, own_number = _quantity(plain, words, unit, has_q=has_q, named=joint is not None)
     if quantity is None:
         return Guess(quantity=None, joint=joint, reason="no quantity of the simulation in its name")
-    if unit is not None and not fits(unit.si, (QUANTITIES | DERIVED)[quantity].unit):
+    if unit is not None and (unit.si in ("V", "A") or not fits(unit.si, (QUANTITIES | DERIVED)[quantity].unit)):
         return Guess(quantity=None, joint=joint, reason=f"looks like {quantity}, but its unit is {unit.symbol}")
     # reference_1, motor_2, theta_1: the number is the quantity's own unless numbers count joints in this file.
     if own_number is not None and (len(numbers) > 1 or joint is not None or not counted):

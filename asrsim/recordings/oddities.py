@@ -33,7 +33,7 @@ def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
         if len(glitches):
             places = ", ".join(f"{t:.6g}" for t in glitches[:4]) + (", ..." if len(glitches) > 4 else "")
             found.append(
-                Problem(message=f"{len(glitches)} single samples stand far from both neighbours, at t = {places} s: glitches?",
+                Problem(message=f"{len(glitches)} single samples stand far from both neighbours (glitches?), at t = {places} s",
                         file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
             )  # fmt: skip
         if len(values) > 2 and np.ptp(values) == 0.0:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, similar_file
 from asrsim.quantities import QUANTITIES
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.build import build
 from asrsim.recordings.data import Raw, RawSeries, Recording
-from asrsim.recordings.join import join, parts_of
+from asrsim.recordings.join import alone, join, parts_of
 from asrsim.recordings.mapping import ColumnMap, resolve_mapping
 from asrsim.recordings.matlab import read_mat
 from asrsim.recordings.names import find_column
@@ -58,7 +58,7 @@ def read_recording(
     parts = parts_of(path)
     if len(parts) == 1:
         maps = resolve_mapping(mapping, path)
-        return build(path, _raw(path, maps, rate), maps, joints)
+        return build(path, alone(path, _raw(path, maps, rate)), maps, joints)
     beside = [resolve_mapping(mapping, part) for part in parts]
     raws = [_raw(part, maps, rate, partly=True) for part, maps in zip(parts, beside, strict=True)]
     every = {(one.column, one.role): one for maps in beside for one in maps}
@@ -68,7 +68,7 @@ def read_recording(
 def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: bool = False) -> Raw:
     """The series of one file; `partly`: a time that is mapped may be in another one."""
     if not path.exists():
-        raise RecordingError(Problem(message="there is no such file", file=path, code="no-file"))
+        raise RecordingError(Problem(message="there is no such file", file=path, hint=similar_file(path), code="no-file"))
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError(
             Problem(message="the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")

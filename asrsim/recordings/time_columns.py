@@ -12,6 +12,7 @@ from asrsim.recordings.delimited import Table
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import VOCABULARY, find_column, tokens_of
 from asrsim.recordings.stamps import MERGED
+from asrsim.recordings.timebase import EPOCH
 from asrsim.recordings.units import Unit
 from asrsim.samples import Array
 
@@ -20,6 +21,7 @@ _TIME_WORDS = {
     "t",
     "timestamp",
     "stamp",
+    "ts",
     "zeit",
     "uhrzeit",
     "temps",
@@ -36,8 +38,6 @@ _TIME_WORDS = {
     "unix",
     "utc",
 }
-_COUNTERS = {"sample", "samples", "index", "idx", "n", "no", "nr", "count", "counter", "frame", "row", "seq", "cycle"}
-"""Names of columns that count rows: they rise evenly and are no time."""
 _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
@@ -93,14 +93,14 @@ def time_columns(
     rising = [
         i for i in free if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
     ]
-    # A column without a name that counts 0, 1, 2 is an index: pandas writes one, and it is no time in ms.
-    counters = [
-        i for i in rising if _steps_by_one(table.values[:, i]) and (_nameless(table, i) or set(tokens_of(names[i])) & _COUNTERS)
-    ]
+    # What counts 0, 1, 2 and is not called a time is an index, no time in ms: pandas writes one, under a blank name.
+    counters = [i for i in rising if _steps_by_one(table.values[:, i]) or _is_index(table, i)]
     rising = [i for i in rising if i not in counters]
     if counters and not rising:
+        nameless = counters[0] in table.layout.unnamed
+        which = f"column {counters[0] + 1}, which has no name," if nameless else f"'{labels[counters[0]]}'"
         raise RecordingError(
-            Problem(message=f"no time column found; '{labels[counters[0]]}' counts the rows", file=path, code="no-time",
+            Problem(message=f"no time column found; {which} counts the rows", file=path, code="no-time",
                     hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]")
         )  # fmt: skip
     if rising:
@@ -138,6 +138,13 @@ def _nameless(table: Table, column: int) -> bool:
 def _steps_by_one(values: Array) -> bool:
     finite = values[np.isfinite(values)]
     return bool(np.median(np.diff(finite)) == 1.0)
+
+
+def _is_index(table: Table, column: int) -> bool:
+    """Whole numbers under a blank name, of rows of which some were left out: an index still, unless they are Unix times."""
+    values = table.values[:, column]
+    finite = values[np.isfinite(values)]
+    return column in table.layout.unnamed and bool(np.all(finite == np.round(finite)) and np.max(np.abs(finite)) < EPOCH)
 
 
 def _rises(values: Array) -> bool:

@@ -101,6 +101,18 @@ def clean_time(
             Problem(message=f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}",
                     file=path, line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
         )  # fmt: skip
+    # One stamp that is ahead of both that follow it, which go on where the one before it was.
+    following = np.r_[time[valid], np.inf, np.inf]
+    ahead = (following[:-2] > following[1:-1]) & (following[:-2] > following[2:])
+    ahead &= following[1:-1] > np.r_[-np.inf, time[valid][:-1]]
+    if ahead.any():
+        stray = where[valid][ahead]
+        findings.append(
+            Problem(message=f"{len(stray)} time stamps far ahead of those that follow, dropped: "
+                    f"{lines_text(stray).replace('line', noun)}", file=path,
+                    line=int(stray[0]) if lines is not None else None, key=name, code="stray-time")
+        )  # fmt: skip
+        valid[np.flatnonzero(valid)[ahead]] = False
     t, w = time[valid], where[valid]
     if len(t) < 2:
         raise RecordingError(

@@ -178,5 +178,5 @@ def unknown_unit(header: str) -> str | None:
 def fits(unit: str, quantity_unit: str) -> bool:
     """Whether a column's SI unit can be a quantity's: equal, or its counterpart of a prismatic joint."""
     if quantity_unit == "":
-        return unit in ("", "1", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())
+        return unit in ("", "1", "V", "A", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())
     return unit in ("", quantity_unit) or PRISMATIC_UNITS.get(quantity_unit) == unit

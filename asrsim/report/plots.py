@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.figures import describe, joint_names
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
+from asrsim.plots.world import body_panels
 from asrsim.report.series import PageRun, pack
 from asrsim.samples import Array
 
@@ -71,20 +72,21 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
     """Displacement and contact force of the world's objects. runs: RunCurves with bodies; time: (count,) of the page."""
     plots = []
     for body in dict.fromkeys(name for run in runs for name in run.bodies):
-        for words, unit, keys in (("displacement", "m", ("dx", "dy", "dz")), ("contact force without ground", "N", ("force",))):
+        for panel in body_panels(body):
+            plain = [key for key in panel.entries if not key.startswith("goal")]
             series = []
             for number, run in enumerate(runs):
-                for key in keys:
+                for key, name in panel.entries.items():
                     curve = run.bodies.get(body, {}).get(key)
-                    if curve is None:
+                    if curve is None or (key not in plain and number):  # variants have one goal
                         continue
-                    name = {"dx": "along x", "dy": "along y", "dz": "along z", "force": "magnitude"}[key]
                     values = np.interp(time, curve.time, curve.values, right=np.nan)
                     if len(curve.time) > len(time):
                         values = _envelope(time, curve.time, curve.values)
-                    dash = DASHES[keys.index(key)] if len(runs) > 1 else []
-                    series.append(_series(name, key, unit, number, values, dash=dash, several=len(runs) > 1))
-            plots.append({"title": f"{body}: {words}", "unit": unit, "series": series})
+                    dash = DASHES[plain.index(key)] if len(runs) > 1 and key in plain else []
+                    owner, colour = (number, key) if key in plain else (None, REFERENCE)
+                    series.append(_series(name, colour, panel.unit, owner, values, dash=dash, several=len(runs) > 1))
+            plots.append({"title": f"{body}: {panel.words}", "unit": panel.unit, "series": series})
     return plots
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.newton import ALTEREGO, motion_claims
+from asrsim.reproduce.newton import ALTEREGO, hanging, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         text="The arm of figure 12, hanging, mode 6, AlterEgo's springs.",
         claims=(
             *_claims(results),
-            *motion_claims(13, {name: run.samples for name, run in results.items()}, [ALTEREGO] * 2, hangs=True),
+            *motion_claims(13, {name: run.samples for name, run in results.items()}, [ALTEREGO] * 2, hanging),
         ),
         tables=(_table(results),),
         pictures=(

@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asrsim.reproduce.chain import five_links
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.newton import ALTEREGO, motion_claims
 from asrsim.reproduce.pictures import curves, films, picture
+from asrsim.reproduce.statics import GRAVITY
 from asrsim.reproduce.tip import tip_path
 
 if TYPE_CHECKING:
@@ -24,6 +27,12 @@ if TYPE_CHECKING:
 SCENARIO, PRESETS, BOX = "box_push_5dof", ("soft", "stiff"), "box"
 Y = 1
 """The axis of the push."""
+RESISTANCE = 0.23 * 2.0 * GRAVITY
+"""N, mu m g of the paper's box."""
+SLIDING = 0.02
+"""m/s, from which the box slides."""
+BEFORE = 0.01
+"""s, by which Newton's law ends before the touch, whose impact is within a step."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
@@ -39,7 +48,16 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "closed on the "
         "model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of 0.265 m and "
         "2 kg with friction 0.23 on the ground.",
-        claims=tuple(_claims(results, tips, "paper")),
+        claims=(
+            *_claims(results, tips, "paper"),
+            *motion_claims(
+                14,
+                {name: run.samples for name, run in results.items()},
+                [ALTEREGO] * 5,
+                five_links,
+                until={name: _touch(run) - BEFORE for name, run in results.items()},
+            ),
+        ),
         tables=(_table(results, tips),),
         pictures=(
             picture(
@@ -66,7 +84,6 @@ def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Or
     goal = _goal(stiff)
     force = _force(soft)
     holding = soft.time > 0.8 * soft.time[-1]
-    weight = _resistance(soft)
     return [
         Claim(
             figure=14,
@@ -95,7 +112,7 @@ def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Or
             quantity="contact force while it holds",
             measured=float(np.mean(force[holding])),
             comparison="<",
-            value=weight,
+            value=RESISTANCE,
             unit="N",
         ),
         Claim(
@@ -107,6 +124,17 @@ def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Or
             comparison="<=",
             value=0.01,
             unit="m",
+        ),
+        Claim(
+            figure=14,
+            origin="theory" if origin == "paper" else origin,
+            text="stiff, the box slides on the ground as 2 kg with friction 0.23 do",
+            quantity="contact force while it slides",
+            measured=_sliding_force(stiff),
+            comparison="==",
+            value=RESISTANCE,
+            tolerance=0.1,
+            unit="N",
         ),
         Claim(
             figure=14,
@@ -136,13 +164,6 @@ TIP_RADIUS = 0.03
 """m, of the fist."""
 
 
-def _resistance(result: Result) -> float:
-    """mu m g of the box on the ground."""
-    world = result.run.scenario.world
-    (box,) = world.objects
-    return box.friction * world.ground_friction * box.mass * abs(result.run.scenario.gravity[2])
-
-
 def _moved(result: Result) -> float:
     path = result.bodies[BOX][:, Y]
     return float(path[-1] - path[0])
@@ -150,11 +171,28 @@ def _moved(result: Result) -> float:
 
 def _force(result: Result) -> Array:
     """(n,) N between robot and box."""
+    return np.asarray(np.linalg.norm(_push(result), axis=1))
+
+
+def _push(result: Result) -> Array:
+    """(n, 3) N of the robot on the box."""
     total = np.zeros((len(result.time), 3))
     for pair, force in result.contacts.items():
         if BOX in pair.split("/") and "ground" not in pair:
             total += np.nan_to_num(force)
-    return np.asarray(np.linalg.norm(total, axis=1))
+    return total
+
+
+def _touch(result: Result) -> float:
+    """s, when the arm first meets the box; the run's end if it does not."""
+    touching = _force(result) > 0.0
+    return float(result.time[np.argmax(touching)] if touching.any() else result.time[-1])
+
+
+def _sliding_force(result: Result) -> float:
+    """N along the push, mean over the time in which the box slides; nan if it does not."""
+    slides = np.gradient(result.bodies[BOX][:, Y], result.time) > SLIDING
+    return float(np.mean(_push(result)[slides, Y])) if slides.any() else float("nan")
 
 
 def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Table:
@@ -165,7 +203,7 @@ def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Table:
             f"{1e3 * (tips[name][-1, Y] - _goal(result)):+.1f}",
             f"{np.mean(_force(result)[result.time > 0.8 * result.time[-1]]):.2f}",
             f"{np.max(_force(result)):.2f}",
-            f"{_resistance(result):.2f}",
+            f"{RESISTANCE:.2f}",
         )
         for name, result in results.items()
     ]
@@ -194,15 +232,15 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
         top.set_title(f"{name} (preset {0.2 if name == 'soft' else 0.6})", loc="left")
         force = run.bodies[BOX]["force"]
         bottom.plot(force.time, force.values, color=style.VERMILION, label="between tip and box")
-        bottom.axhline(_resistance(result), color=style.GREY, linestyle="--", label="μ m g: what friction holds")
+        bottom.axhline(RESISTANCE, color=style.GREY, linestyle="--", label="μ m g: what friction holds")
         bottom.set_xlabel("time (s)")
-        bottom.set_ylim(0.0, 3.0 * _resistance(result))
+        bottom.set_ylim(0.0, 3.0 * RESISTANCE)
         peak = int(np.argmax(_force(result)))
-        if _force(result)[peak] < 3.0 * _resistance(result):
+        if _force(result)[peak] < 3.0 * RESISTANCE:
             continue
         bottom.annotate(
             f"impact: {_force(result)[peak]:.0f} N for {1e3 * result.run.scenario.step:g} ms",
-            (float(result.time[peak]), 3.0 * _resistance(result)),
+            (float(result.time[peak]), 3.0 * RESISTANCE),
             xytext=(-6, -10),
             textcoords="offset points",
             ha="right",

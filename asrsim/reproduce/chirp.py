@@ -11,7 +11,7 @@ from asrsim.reproduce.claim import Claim
 from asrsim.reproduce.figure import FIGURES, Figure, Part
 from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.newton import ALTEREGO, motion_claims
+from asrsim.reproduce.newton import ALTEREGO, hanging, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 from asrsim.reproduce.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
 
@@ -48,7 +48,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "phase come from a sweep at the same rate over a little more than the band, at whose ends a chirp's power fades.",
         claims=(
             *_claims(results, wide, found),
-            *motion_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO], hangs=True),
+            *motion_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO], hanging),
         ),
         tables=(response_table(found),),
         pictures=pictures,

@@ -8,7 +8,7 @@ damping or friction does not fit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from asrsim.samples import Array, Samples
+
+    Law = Callable[[Array, Array, Array], Array]
+    """(n, joints) rad, rad/s, rad/s^2 -> N m."""
 
 MASS, CENTRE, INERTIA, LENGTH = 0.5408, 0.0793, 6.33e-4, 0.09
 """kg, m from the axis, kg m^2 about the centre of mass, m from axis to axis: a c-flange with a cube."""
@@ -69,20 +72,21 @@ class Motion:
     """N m."""
 
 
-def read_motion(samples: Samples, springs: Sequence[Springs], *, hangs: bool) -> Motion:
-    """Masses, damping and friction of one or two links with these springs, by least squares of Newton's law.
+def read_motion(samples: Samples, springs: Sequence[Springs], law: Law, *, until: float = np.inf) -> Motion:
+    """Masses, damping and friction of links with these springs, by least squares of Newton's law.
 
-    samples: positions of links and motors at even times; hangs: under gravity, with 0 straight down.
+    samples: positions of links and motors at even times; law: what moves such links; until: s, what comes later is left out.
     """
     step = float(samples.time[1] - samples.time[0])
     links, first, second = (samples.values[name] for name in ("link_position", "motor_1_position", "motor_2_position"))
     q = links[1:-1]
     v = (links[2:] - links[:-2]) / (2.0 * step)
     acceleration = (links[2:] - 2.0 * q + links[:-2]) / step**2
-    inertial = _newton(q, v, acceleration, GRAVITY if hangs else 0.0)
+    inertial = law(q, v, acceleration)
+    free = samples.time[1:-1] < until
     rows, torques = [], []
     for j, spring in enumerate(springs):
-        use = np.abs(v[:, j]) > SLOWEST * np.max(np.abs(v[:, j]))
+        use = free & (np.abs(v[:, j]) > SLOWEST * np.max(np.abs(v[:, j])))
         sign = np.sign(v[:, j])
         # A step in which the velocity changes its sign has friction of both signs.
         use[1:-1] &= (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
@@ -92,8 +96,17 @@ def read_motion(samples: Samples, springs: Sequence[Springs], *, hangs: bool) ->
     return Motion(masses=float(found[0]), damping=float(found[1]), friction=float(found[2]))
 
 
-def _newton(q: Array, v: Array, acceleration: Array, gravity: float) -> Array:
-    """(n, joints) N m that move one or two links without losses; angles are relative to the link before."""
+def level(q: Array, v: Array, acceleration: Array) -> Array:
+    """(n, joints) N m that move one or two links in a level plane without losses; angles are relative to the link before."""
+    return _planar(q, v, acceleration, 0.0)
+
+
+def hanging(q: Array, v: Array, acceleration: Array) -> Array:
+    """The same under gravity, with 0 straight down."""
+    return _planar(q, v, acceleration, GRAVITY)
+
+
+def _planar(q: Array, v: Array, acceleration: Array, gravity: float) -> Array:
     own = INERTIA + MASS * CENTRE**2
     weight = MASS * CENTRE * gravity
     if q.shape[1] == 1:
@@ -112,9 +125,13 @@ def _newton(q: Array, v: Array, acceleration: Array, gravity: float) -> Array:
     return np.column_stack([inner, outer])
 
 
-def motion_claims(figure: int, runs: Mapping[str, Samples], springs: Sequence[Springs], *, hangs: bool) -> list[Claim]:
-    """That each run's motion is one of the paper's masses and losses under these springs."""
-    motions = {name: read_motion(samples, springs, hangs=hangs) for name, samples in runs.items()}
+def motion_claims(
+    figure: int, runs: Mapping[str, Samples], springs: Sequence[Springs], law: Law, *, until: Mapping[str, float] | None = None
+) -> list[Claim]:
+    """That each run's motion is one of the paper's masses and losses under these springs. until: s, of each run, if not to its
+    end."""
+    ends = until or dict.fromkeys(runs, np.inf)
+    motions = {name: read_motion(samples, springs, law, until=ends[name]) for name, samples in runs.items()}
     wanted = {
         "masses": ("masses, times the paper's, that the motion tells", 1.0, ""),
         "damping": ("damping that the motion tells", DAMPING, "N m s/rad"),

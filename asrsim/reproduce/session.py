@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import AsrsimError
 from asrsim.outfile import make_folder, write_text, written
-from asrsim.processes import end_with_parent
 from asrsim.reproduce.figure import FIGURES, Reproduction
+from asrsim.workers import Lost, executor
 
 PAGE, NUMBERS, PICTURES, RUNS = "reproduce.html", "reproduce.json", "pictures", "runs"
 """Names in the folder."""
@@ -65,11 +65,12 @@ def reproduce(
     began = clock.perf_counter()
     make_folder(folder / RUNS)
     found: dict[str, Reproduction] = {}
-    with _mapping(min(processes, len(order))) as each:
-        for name, one in each(partial(run_figure, folder=folder / RUNS), order):
-            found[name] = one
+    with executor(min(processes, len(order))) as workers:
+        for number, one in chain.from_iterable(workers.results(partial(run_figure, folder=folder / RUNS), order)):
+            name = order[number]
+            found[name] = _unfinished(name, one.reason) if isinstance(one, Lost) else one
             if on_figure is not None:
-                on_figure(one)
+                on_figure(found[name])
     outcome = Outcome(
         figures=tuple(found[name] for name in chosen),
         page=folder / PAGE,
@@ -80,42 +81,24 @@ def reproduce(
     return outcome
 
 
-def run_figure(name: str, folder: Path) -> tuple[str, Reproduction]:
+def run_figure(name: str, folder: Path) -> Reproduction:
     """Run one figure, its logs going into `folder`; an error becomes part of the result."""
     from asrsim.reproduce.lab import Lab
 
-    figure = FIGURES.get(name)
     began = clock.perf_counter()
     lab = Lab(folder=folder)
-    error = ""
     try:
-        parts = figure.parts(lab)
+        done = replace(_unfinished(name, ""), parts=FIGURES.get(name).parts(lab))
     except AsrsimError as caught:
-        parts, error = (), str(caught)
-    return name, Reproduction(
-        number=figure.number,
-        title=figure.title,
-        section=figure.section,
-        paper=figure.paper,
-        parts=parts,
-        error=error,
-        simulated=lab.simulated,
-        simulating=lab.simulating,
-        seconds=clock.perf_counter() - began,
-    )
+        done = _unfinished(name, str(caught))
+    return replace(done, simulated=lab.simulated, simulating=lab.simulating, seconds=clock.perf_counter() - began)
 
 
-@contextmanager
-def _mapping(processes: int) -> Iterator[Any]:
-    """A `map` that gives results as they come: here, or in so many fresh processes, which end with the context."""
-    if processes <= 1:
-        yield map
-        return
-    from multiprocessing import get_context
-
-    # Fresh interpreters: engines and threads do not survive a fork. Ctrl-C is ours to handle: leaving the context ends them.
-    with get_context("spawn").Pool(processes, initializer=end_with_parent) as pool:
-        yield pool.imap_unordered
+def _unfinished(name: str, error: str) -> Reproduction:
+    figure = FIGURES.get(name)
+    return Reproduction(
+        number=figure.number, title=figure.title, section=figure.section, paper=figure.paper, parts=(), error=error,
+    )  # fmt: skip
 
 
 def _write(folder: Path, outcome: Outcome) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.learning.folder import LOG
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.newton import IDENTIFIED, motion_claims
+from asrsim.reproduce.newton import IDENTIFIED, hanging, motion_claims
 from asrsim.reproduce.pictures import films, picture
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _claims(session: Session, origin: Origin) -> list[Claim]:
             comparison="<",
             value=0.05,
         ),
-        *motion_claims(15, {"with the learned input": last}, IDENTIFIED, hangs=True),
+        *motion_claims(15, {"with the learned input": last}, IDENTIFIED, hanging),
     ]
 
 

@@ -14,7 +14,11 @@ from asrsim.robot.tags import parameter_tags
 from asrsim.robot.vary import CENTRES, INERTIAS
 
 _DYNAMICS = {"damping": "damping", "friction": "friction"}
-_PASSIVE = {"passive_stiffness": "springStiffness", "passive_reference": "springReference"}
+_PASSIVE = {
+    "passive_stiffness": "springStiffness", "passive_reference": "springReference", "stribeck_friction": "stribeckFriction",
+    "stribeck_velocity": "stribeckVelocity", "load_friction": "loadFriction",
+}  # fmt: skip
+"""Name of a joint -> tag of its `<gazebo reference>`."""
 
 
 @dataclass
@@ -140,6 +144,9 @@ def _passive(root: _Element, data: bytes, owner: str, name: str, value: str) -> 
         tag = one.child(_PASSIVE[name]) if one.name == "gazebo" and one.attributes.get("reference") == owner else None
         if tag is not None and tag.inside >= 0:
             yield tag.inside, tag.end, value.encode()
+            return
+    text = f'<gazebo reference="{owner}"><{_PASSIVE[name]}>{value}</{_PASSIVE[name]}></gazebo>'
+    yield _inserted(data, root, text)
 
 
 def _parameter(

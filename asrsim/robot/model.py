@@ -11,6 +11,8 @@ from asrsim.errors import Problem
 
 Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
+STRIBECK_VELOCITY = 0.1
+"""rad/s (m/s), where a file gives none."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 
 
@@ -127,12 +129,29 @@ class Joint:
     velocity: float | None = None
     damping: float = 0.0
     friction: float = 0.0
+    """N m or N, Coulomb."""
+    stribeck_friction: float = 0.0
+    """N m or N: static friction above the Coulomb level, which fades with speed (`<stribeckFriction>`); 0: none."""
+    stribeck_velocity: float = STRIBECK_VELOCITY
+    """rad/s or m/s at which 37 % of that are left (`<stribeckVelocity>`)."""
+    load_friction: float = 0.0
+    """Share of the torque through the joint's drive that adds to the Coulomb level (`<loadFriction>`); 0: none."""
     spring_stiffness: float = 0.0
     """N m/rad or N/m, of a passive spring (Gazebo's `<springStiffness>`); 0: none."""
     spring_reference: float = 0.0
     """rad or m where that spring is at rest (`<springReference>`)."""
     mimic: Mimic | None = None
     line: int | None = None
+
+    @property
+    def frictions(self) -> tuple[float, float, float]:
+        """Coulomb level and static excess in N m (N), and the load's share: all 0 where nothing rubs."""
+        return self.friction, self.stribeck_friction, self.load_friction
+
+    @property
+    def friction_varies(self) -> bool:
+        """Its friction depends on speed or load."""
+        return bool(self.stribeck_friction or self.load_friction)
 
     @property
     def moves(self) -> bool:

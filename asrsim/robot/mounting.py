@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from asrsim.actuators import ACTUATORS
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.detailed_motor import missing_constants
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
 from asrsim.robot.blocks import default_value
@@ -37,14 +38,17 @@ def block_text(joint: str, actuator: str, mode: int) -> str:
     from xml.sax.saxutils import escape, quoteattr
 
     block = block_for(joint, actuator, mode)
-    docs = {parameter.name: parameter.doc for parameter in ACTUATORS.get(actuator).all_parameters()}
+    declared = ACTUATORS.get(actuator).all_parameters()
+    docs = {parameter.name: parameter.doc for parameter in declared}
+    needed = missing_constants(block.values(), ACTUATORS.get(actuator).motors, MODES[mode])
+    left_out = {parameter.name for parameter in declared if parameter.optional}.difference(needed)
     given = [("joint", escape(joint)), ("operation_mode", str(mode)), *((tag, "true") for tag in REQUIRED_TAGS[2:])]
     lines = ["<gazebo>", f'  <plugin name={quoteattr(f"{joint}_{actuator}")} filename="lib{actuator}_plugin.so">']
     lines += [f"    <{tag}>{text}</{tag}>" for tag, text in given]
     lines += [
         f"    <{one.tag}>{one.value:g}</{one.tag}>  <!-- {one.unit}: {escape(docs[one.name])} -->"
         for one in block.parameters.values()
-        if math.isfinite(one.value)
+        if math.isfinite(one.value) and one.name not in left_out
     ]
     return "\n".join([*lines, "  </plugin>", "</gazebo>"])
 
@@ -90,7 +94,12 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     except InputError as error:
         raise ScenarioError([replace(problem, key=_key(problem.key or "")) for problem in error.problems]) from None
     findings = Findings(robot.path)
-    known = [problem for problem in robot.warnings if not blocks or problem.code != "no-actuators"]
+    driven = {block.joint for block in blocks}
+    known = [
+        problem
+        for problem in robot.warnings
+        if not (problem.code == "no-actuators" and driven) and not (problem.code == "mimic-joint" and problem.key in driven)
+    ]
     for block in changed.actuators:
         if present.get(block.joint) != block:
             advise(ACTUATORS.get(block.actuator), block, moving[block.joint], findings)

@@ -10,7 +10,7 @@ from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.robot.blocks import MODE_CHOICES, default_value
 from asrsim.robot.model import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_name, tag_parameters
-from asrsim.robot.values import law_fault, parameter_fault
+from asrsim.robot.values import parameter_fault, together_faults
 
 
 def with_overrides(
@@ -59,10 +59,7 @@ def with_overrides(
         changed = _with_mode(block, mode) if mode in MODES else block
         for scope in ("*", block.joint):
             changed = _with_parameters(changed, scope, parameters.get(scope, {}), problems)
-        fault = law_fault(changed)
-        if fault is not None:
-            message = f"with these parameters {fault}"
-            problems.append(Problem(message=message, key=f"parameters.{block.joint}", value=_overridden(changed), code="law"))
+        problems += together_faults(changed)
         blocks.append(changed)
     if problems:
         raise ScenarioError(problems)
@@ -106,23 +103,7 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
                 problems.append(problem)
             continue
         values[name] = replace(values[name], value=float(number), origin="scenario", line=None, text="")
-    for index in range(1, actuator.motors + 1):
-        low, high = values[f"motor_{index}_min_position"].value, values[f"motor_{index}_max_position"].value
-        if low > high:
-            problems.append(
-                Problem(
-                    message=f"lower stop of motor {index} is above the upper one",
-                    key=f"parameters.{block.joint}",
-                    value=f"{low:g} > {high:g}",
-                    code="limits-crossed",
-                )
-            )
     return replace(block, parameters=values)
-
-
-def _overridden(block: ActuatorBlock) -> str:
-    given = (value for value in block.parameters.values() if value.origin == "scenario")
-    return ", ".join(f"{value.name} = {value.value:g}" for value in given)
 
 
 def _names(block: ActuatorBlock) -> set[str]:

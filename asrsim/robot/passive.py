@@ -13,6 +13,9 @@ from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 STIFFNESS, REFERENCE = "springStiffness", "springReference"
+EXCESS, PACE, SHARE = "stribeckFriction", "stribeckVelocity", "loadFriction"
+FRICTION = {EXCESS: "stribeck_friction", PACE: "stribeck_velocity", SHARE: "load_friction"}
+"""Tag -> field of a joint: friction that depends on speed and load. The tags are ours; Gazebo passes them by."""
 
 
 class PassiveReader(AttributeReader):
@@ -40,6 +43,42 @@ class PassiveReader(AttributeReader):
             self._judge(found[name], line)
         return tuple(found[joint.name] for joint in joints)
 
+    def frictions(self, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
+        """The joints, each with its friction beside the Coulomb level."""
+        found = {joint.name: joint for joint in joints}
+        places: dict[str, Any] = {}
+        for gazebo in elements(root, "gazebo"):
+            name = name_of(gazebo, "reference")
+            for tag in (tag for key in FRICTION for tag in elements(gazebo, key)):
+                joint = found.get(name)
+                if joint is None or not joint.moves:
+                    moving = tuple(joint.name for joint in joints if joint.moves)
+                    self._misplaced(tag, name, joint, moving, what="friction", code="misplaced-friction")
+                    continue
+                value = self._value(tag, name)
+                if value < 0.0 or (value == 0.0 and tag.tag == PACE):
+                    self.findings.error(
+                        f"must be {'larger than' if tag.tag == PACE else 'at least'} 0", code="out-of-range",
+                        line=self.line(tag), key=f"{name}.{tag.tag}", value=f"{value:g}",
+                        hint="It is what static friction has above the Coulomb level" if tag.tag == EXCESS else None,
+                    )  # fmt: skip
+                    continue
+                changed: dict[str, Any] = {FRICTION[tag.tag]: value}
+                found[name] = replace(joint, **changed)
+                places[name] = tag
+        for name, tag in places.items():
+            if not found[name].friction_varies:
+                self.findings.warn(
+                    f"has no effect: the joint has neither <{EXCESS}> nor <{SHARE}>", code="no-friction", line=self.line(tag),
+                    key=f"{name}.{tag.tag}",
+                )  # fmt: skip
+            elif found[name].load_friction >= 1.0:
+                self.findings.warn(
+                    "friction grows by more than the torque that drives the joint: nothing moves it", code="self-locking",
+                    line=self.line(tag), key=f"{name}.{SHARE}", value=f"{found[name].load_friction:g}",
+                )  # fmt: skip
+        return tuple(found[joint.name] for joint in joints)
+
     def _value(self, tag: Any, name: str) -> float:
         text, place = text_of(tag), f"{name}.{tag.tag}"
         try:
@@ -49,11 +88,14 @@ class PassiveReader(AttributeReader):
             return 0.0
         return self.bounded(value, text, tag, place, finite=True)
 
-    def _misplaced(self, tag: Any, name: str, joint: Joint | None, moving: tuple[str, ...]) -> None:
-        what = "the robot has no such joint" if joint is None else f"a {joint.kind} joint does not move"
+    def _misplaced(
+        self, tag: Any, name: str, joint: Joint | None, moving: tuple[str, ...], *, what: str = "passive spring",
+        code: str = "misplaced-spring",
+    ) -> None:  # fmt: skip
+        why = "the robot has no such joint" if joint is None else f"a {joint.kind} joint does not move"
         hint = did_you_mean(name, moving) if joint is None else None
         self.findings.warn(
-            f"passive spring without effect: {what}", code="misplaced-spring", line=self.line(tag), key=f"{name}.{tag.tag}",
+            f"{what} without effect: {why}", code=code, line=self.line(tag), key=f"{name}.{tag.tag}",
             hint=hint,
         )  # fmt: skip
 

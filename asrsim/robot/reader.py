@@ -80,7 +80,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     whole = not findings.errors
     check_masses(findings, links, joints)
     passive = PassiveReader(findings, line)
-    joints = passive.springs(root, joints)
+    joints = passive.frictions(root, passive.springs(root, joints))
     blocks = read_blocks(root, joints, findings, line)
     passive.judge(joints, blocks)
     _drop_consequences(findings, root, joints)

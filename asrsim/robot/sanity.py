@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators import ACTUATORS, MODES
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import Pose, link_poses
@@ -95,5 +95,25 @@ def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and parameter.value < 0.0:
             message = f"a negative gain (<{parameter.tag}>) drives away from the reference"
             yield Doubt(message=message, code="negative-gain", value=f"{parameter.value:g}", parameter=parameter)
+    yield from _model_doubts(block)
     if mode.spring and not has_spring(block):
         yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+
+
+def _model_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
+    """Optional models that are given in part, or beyond sense."""
+    values = block.values()
+    for declared in ACTUATORS.get(block.actuator).all_parameters():
+        name, parameter = declared.name, block.parameters[declared.name]
+        if not declared.optional or parameter.origin not in ("tag", "scenario"):
+            continue
+        if values.get(declared.needs, 1.0) <= 0.0:
+            message = f"<{parameter.tag}> has no effect without {declared.needs}"
+            yield Doubt(message=message, code="no-effect", value=f"{parameter.value:g}", parameter=parameter)
+        if name.endswith("load_friction") and parameter.value >= 1.0:
+            message = "friction grows by more than the load: the spring never turns the motor back"
+            yield Doubt(message=message, code="self-locking", value=f"{parameter.value:g}", parameter=parameter)
+        limit = values.get("max_deflection", math.inf)
+        if name == "hysteresis_deflection" and values["hysteresis_torque"] > 0.0 and parameter.value > limit:
+            message = "is beyond the deflection limit: the hysteresis is a spring there"
+            yield Doubt(message=message, code="long-hysteresis", value=f"{parameter.value:g}", parameter=parameter)

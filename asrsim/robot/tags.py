@@ -1,7 +1,8 @@
 """The toolbox's tag names and our parameter names: the one place where they meet.
 
 The released toolbox calls the parameters of one-motor actuators `mot_*`, `ctrl_*` and those of two-motor actuators
-`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. A user's own actuator has its parameters' own names as tags.
+`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`; the tags of what it does not have are
+like them. A user's own actuator has its parameters' own names as tags.
 """
 
 from __future__ import annotations
@@ -42,7 +43,16 @@ _MOTOR_TAGS = {
     "min_position": "minPos",
     "max_position": "maxPos",
     "friction_torque": "tauFric",
+    "stribeck_friction": "tauStribeck",
+    "stribeck_velocity": "velStribeck",
+    "load_friction": "fricLoad",
+    "torque_constant": "kt",
+    "resistance": "R",
+    "gear_ratio": "gear",
+    "max_voltage": "voltMax",
+    "max_current": "currMax",
 }
+_HYSTERESIS_TAGS = {"hysteresis_torque": "hyst_tau", "hysteresis_deflection": "hyst_def"}
 _CONTROLLER_TAGS = {"proportional": "P", "integral": "I", "derivative": "D"}
 
 REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_tau")
@@ -67,6 +77,8 @@ def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
 
 
 def _motion_tag(name: str, motors: int) -> str:
+    if name in _HYSTERESIS_TAGS:
+        return _HYSTERESIS_TAGS[name]
     part, index, rest = name.split("_", 2)
     prefix, table = ("mot", _MOTOR_TAGS) if part == "motor" else ("ctrl", _CONTROLLER_TAGS)
     return f"{prefix}_{table[rest]}" if motors == 1 else f"{prefix}_{index}_{table[rest]}"

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from asrsim.actuators import ACTUATORS, MODES, Parameter
+from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.errors import Problem
 from asrsim.robot.attributes import LARGEST, SMALLEST
 from asrsim.robot.model import ActuatorBlock
 
@@ -29,9 +32,13 @@ def law_fault(block: ActuatorBlock) -> str | None:
     """
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    mode = MODES[block.mode]
+    lacking = missing_constants(values, actuator.motors, mode)
+    if lacking:
+        return f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
     preset = actuator.typical_preset
     away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
-    if not MODES[block.mode].spring:
+    if not mode.spring:
         return None
     for law in (actuator.elastic_torques, actuator.stiffness, actuator.elastic_energy):
         try:
@@ -44,6 +51,20 @@ def law_fault(block: ActuatorBlock) -> str | None:
         except Exception:
             return None
     return None
+
+
+def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
+    """What is wrong with the values of a block whose numbers a scenario, or a study, has changed, each of them fine alone."""
+    values = block.values()
+    for index in range(1, ACTUATORS.get(block.actuator).motors + 1):
+        low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
+        if low > high:
+            message, value = f"lower stop of motor {index} is above the upper one", f"{low:g} > {high:g}"
+            yield Problem(message=message, key=f"parameters.{block.joint}", value=value, code="limits-crossed")
+    fault = law_fault(block)
+    if fault is not None:
+        given = ", ".join(f"{one.name} = {one.value:g}" for one in block.parameters.values() if one.origin == "scenario")
+        yield Problem(message=f"with these parameters {fault}", key=f"parameters.{block.joint}", value=given, code="law")
 
 
 def has_spring(block: ActuatorBlock) -> bool:

@@ -10,10 +10,14 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError, did_you_mean
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
+from asrsim.robot.values import parameter_fault, together_faults
 
 JOINT_NAMES = {
     "damping": "damping",
     "friction": "friction",
+    "stribeck_friction": "stribeck_friction",
+    "stribeck_velocity": "stribeck_velocity",
+    "load_friction": "load_friction",
     "passive_stiffness": "spring_stiffness",
     "passive_reference": "spring_reference",
 }
@@ -40,6 +44,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             key = f"{owner}.{name}"
             if owner in joints and name in JOINT_NAMES:
                 _check(value >= 0.0 or name == "passive_reference", key, value, "must be at least 0", problems)
+                _check(value != 0.0 or name != "stribeck_velocity", key, value, "must be larger than 0", problems)
                 changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
                 joints[owner] = replace(joints[owner], **changed)
             elif owner in blocks and name in blocks[owner].parameters:
@@ -52,6 +57,9 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 problems.append(
                     Problem(message="no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
                 )
+    if not problems:
+        problems += (fault for block in robot.actuators if blocks[block.joint] is not block
+                     for fault in together_faults(blocks[block.joint]))  # fmt: skip
     if problems:
         raise RobotError(problems)
     return replace(
@@ -87,7 +95,7 @@ def _declared(actuator: Any) -> dict[str, Parameter]:
 
 def _with_parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ActuatorBlock:
     actuator: Any = ACTUATORS.get(block.actuator)
-    fault = _declared(actuator)[name].fault(value)
+    fault = parameter_fault(_declared(actuator)[name], value)
     _check(fault is None, key, value, fault or "", problems)
     changed = replace(block.parameters[name], value=float(value), origin="scenario")
     return replace(block, parameters={**block.parameters, name: changed})

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 from lxml import etree
 
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import Problem, RobotError, similar_file
 
 MAX_BYTES = 64 * 1024 * 1024
 BLANKS = " \t\r\n"
@@ -20,7 +20,7 @@ def read_bytes(path: Path) -> bytes:
     """The file's content; raises RobotError if it is missing, no plain file, unreadable or too large."""
     try:
         if not path.exists():
-            raise RobotError(Problem(message="no such file", file=path, code="missing-file"))
+            raise RobotError(Problem(message="no such file", file=path, hint=similar_file(path), code="missing-file"))
         if not path.is_file():
             raise RobotError(Problem(message="is not a file", file=path, code="not-a-file"))
         with path.open("rb") as stream:
@@ -50,8 +50,9 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
         raise RobotError(
-            Problem(message=f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml")
-        ) from error
+            Problem(message=f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml",
+                    hint=_expected(path))
+        ) from error  # fmt: skip
     # The first look was another parser's; this is what lxml itself saw.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
@@ -104,8 +105,14 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
                 file=path,
                 line=error.lineno,
                 code="malformed-xml",
+                hint=_expected(path),
             )
         ) from error
+
+
+def _expected(path: Path) -> str | None:
+    """A hint where another kind of file was named."""
+    return "Expected a robot's URDF; is this a scenario?" if path.suffix.lower() in (".yaml", ".yml") else None
 
 
 def text_of(element: Any) -> str:

@@ -59,6 +59,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors.extend(placed(scenario, problem) for problem in _task(scenario))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
+    errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
     for problem, fatal in _references(scenario, changed):
         (errors if fatal else warnings).append(placed(scenario, problem))
     if not errors:
@@ -115,6 +116,15 @@ def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str =
         hint=did_you_mean(name, known),
         code=f"unknown-{noun}",
     )
+
+
+def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """The toolbox's order of a step has the toolbox's motors: voltages and currents are none of its references."""
+    for block in robot.actuators if released_order(scenario.stepping) else ():
+        mode = MODES[block.mode]
+        if mode.command != "torque":
+            message = f"'{block.joint}' is in mode {mode.number} ({mode.name}), which the toolbox does not have"
+            yield Problem(message=message, key="stepping", value=scenario.stepping, code="released-mode")
 
 
 def _task(scenario: Scenario) -> Iterator[Problem]:

@@ -11,6 +11,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.sanity import block_doubts
+from asrsim.scenario.choices import released_order
 from asrsim.scenario.data import Effects, Scenario
 from asrsim.signals.base import Signal
 
@@ -38,6 +39,7 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     for key, signal in signals:
         yield from _late(scenario, key, signal)
     yield from _presets(scenario, changed)
+    yield from _not_released(scenario, changed)
 
 
 def _gravity(scenario: Scenario) -> Iterator[Problem]:
@@ -108,3 +110,16 @@ def _presets(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             message = f"is beyond the deflection limit of the springs of '{block.joint}', {limit:g} rad: they are clipped there"
             key = f"references.{block.joint if own else '*'}.stiffness_preset"
             yield Problem(message=message, key=key, value=largest, code="large-preset")
+
+
+def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Optional models, which the toolbox's own order of a step does not have."""
+    for block in robot.actuators if released_order(scenario.stepping) else ():
+        given = [
+            one.name
+            for one in ACTUATORS.get(block.actuator).all_parameters()
+            if one.optional and block.parameters[one.name].value != one.default
+        ]
+        if given:
+            message = f"the toolbox's order of a step does not know {', '.join(given)} of '{block.joint}'"
+            yield Problem(message=message, key="stepping", value=scenario.stepping, code="released-model")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from asrsim.actuators import ACTUATORS
+from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.block import Block, Key, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.kinds import Boolean, Choice, Integer, Kind, Number, Optional, Schema, attempt
@@ -16,7 +16,7 @@ from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Keys
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 
-MODE = Integer(minimum=0, maximum=6)
+MODE = Integer(minimum=0, maximum=max(MODES))
 PARAMETERS = MapOf(of=Number(finite=False), noun="parameter", star=False)
 
 

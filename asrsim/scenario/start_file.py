@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import OutputError, Problem, ScenarioError
@@ -16,8 +17,13 @@ from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import Starter, starter_text
 
+if TYPE_CHECKING:
+    from asrsim.kinematics.sizing import Sizing
+
 MOUNTED_MODE = 6
 """Mode of actuators that the scenario gives, where none is asked for."""
+ROUNDS = 6
+"""Of parameters that hold the arm, and presets that follow from them."""
 
 SCHEMA_FILE = "asrsim.schema.json"
 
@@ -59,7 +65,7 @@ def write_starter(
     found = sizing(_first(starter, loaded, out.parent), starter.robot)
     notes: tuple[Problem, ...] = ()
     if found.proposal and given:
-        starter = replace(starter, robot=with_overrides(starter.robot, parameters=found.proposal), sized=found.proposal)
+        starter = _sized(starter, found, loaded, out.parent)
     elif found.weak:
         notes = problems_of_weight(found, starter.robot)
         starter = replace(starter, proposal=found.proposal)
@@ -73,6 +79,20 @@ def write_starter(
         return (out,), notes
     write_new(beside, schema_text(), force=True)
     return (out, beside), notes
+
+
+def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> Starter:
+    """The starter with parameters that hold the arm. Its presets follow from them, so they are judged with these again."""
+    from asrsim.kinematics.sizing import ENOUGH, sizing
+
+    for _ in range(ROUNDS):
+        if not found.proposal:
+            break
+        sized = {name: {**starter.sized.get(name, {}), **values} for name, values in found.proposal.items()}
+        stronger = with_overrides(starter.robot, parameters=found.proposal)
+        starter = replace(starter, robot=stronger, sized={**starter.sized, **sized})
+        found = sizing(_first(starter, robot, folder), starter.robot, sag=ENOUGH)
+    return starter
 
 
 def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
+from asrsim.actuators.detailed_motor import electric_of
 from asrsim.document.yaml_reader import plain_scalar
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.robot import ActuatorBlock, Joint, Robot
@@ -43,7 +44,7 @@ class Drive:
     def presets(self) -> tuple[float, float] | None:
         """A soft and a stiff second reference, or None where there is no choice."""
         soft = self.actuator.typical_preset
-        if not soft or not MODES[self.block.mode].spring or self.block.mode == 4:
+        if not soft or not MODES[self.block.mode].spring or MODES[self.block.mode].direct:
             return None
         values = self.block.values()
         highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
@@ -70,12 +71,13 @@ class Drive:
         second = self.actuator.motors > 1 or self.actuator.adjuster
         if not mode.spring:
             yield mode.references[0], mode.units[0], torque if mode.number == 0 else position
-        elif mode.number == 4:
-            yield mode.references[0], "N m", torque
+        elif mode.direct:
+            gains = [electric_of(self.block.values(), i, mode).gain or 1.0 for i in range(1, self.actuator.motors + 1)]
+            yield mode.references[0], mode.units[0], torque / gains[0]
             if self.actuator.adjuster:
                 yield mode.references[1], self.actuator.reference_2_unit, preset
             elif second:
-                yield mode.references[1], "N m", torque
+                yield mode.references[1], mode.units[1], torque / gains[1]
         elif mode.mapped or self.actuator.adjuster or not second:
             yield mode.references[0], "rad", position
             if second:

@@ -22,7 +22,7 @@ LATEST = 1.0
 """s: a recording that begins later, or before 0, is played from 0."""
 STAIRS = 0.5
 """Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are lines."""
-TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",)}
+TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",), 7: ("motor_1_voltage",), 8: ("motor_1_current",)}
 """Mode -> recorded quantities that are its command where none is called so."""
 FALLBACKS = ("equilibrium_position", "motor_1_position")
 """Recorded quantities that stand in for a command that was not recorded."""
@@ -90,8 +90,8 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         command = _command(columns, block, remarks, () if strict else FALLBACKS)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
-            if second is None and block.mode == 4 and command.quantity == "motor_1_torque":
-                second = columns.get((block.joint, "motor_2_torque"))
+            if second is None and MODES[block.mode].direct and command.quantity in TORQUES[block.mode]:
+                second = columns.get((block.joint, command.quantity.replace("_1_", "_2_")))
             mode = _mode(block, command, second)
             if mode != block.mode:
                 modes[block.joint] = mode
@@ -173,12 +173,15 @@ def _command(
     torques = TORQUES.get(block.mode, ())
     reference = columns.get((block.joint, "reference_1"))
     order = ["reference_1", *torques, *fallbacks]
-    if block.mode == 4 and reference is not None and reference.unit not in ("N m", "N"):
+    if MODES[block.mode].direct and reference is not None and reference.unit not in (*MODES[block.mode].units, "N"):
         # A motor that is told its torque takes the recorded one before any position.
         order = [*torques, *order]
     for quantity in order:
         column = columns.get((block.joint, quantity))
         if column is None or not np.isfinite(column.values).any():
+            continue
+        if column.unit in ("V", "A") and column.unit != MODES[block.mode].units[0]:
+            remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not take")
             continue
         if quantity != "reference_1":
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
@@ -194,10 +197,12 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     if command.quantity in TORQUES.get(block.mode, ()):
         return mode.number
+    if command.unit and command.unit == mode.units[0]:
+        return mode.number
     if command.unit in ("N m", "N"):
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
-    if mode.number in (0, 4):
-        return 6 if mode.number == 4 else 1
+    if mode.direct or mode.number == 0:
+        return 6 if mode.direct else 1
     if mode.number in (2, 5) and actuator.motors > 1 and second is None:
         return mode.number + 1
     return mode.number

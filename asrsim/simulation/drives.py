@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
-from asrsim.actuators.motor import motor_coefficients
+from asrsim.actuators.detailed_motor import Electric, detailed_coefficients, detailed_kick, electric_of, is_detailed
+from asrsim.actuators.hysteresis import hysteresis_of
+from asrsim.actuators.motor import motor_coefficients, motor_kick
 from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
@@ -74,7 +77,7 @@ class Drive:
     @property
     def elastic_of(self) -> Callable[[Any], Any]:
         """Constants of `advance` -> parameters of the spring."""
-        if self.stepping.released:
+        if self.stepping.released or (self.hysteresis and not self.dynamic_motors):
             return _first
         return _third if self.dynamic_motors else _all
 
@@ -85,6 +88,29 @@ class Drive:
             return (0.0, 0.0)
         gains = [self.values.get(f"controller_{index}_derivative", 0.0) for index in (1, 2)]
         return (gains[0], gains[1] if self.dynamic_motors > 1 else 0.0)
+
+    @property
+    def hysteresis(self) -> tuple[float, float] | None:
+        """Level (N m) and length (rad) of the springs' hysteresis; None where there is none."""
+        sprung = self.mode is not None and self.mode.spring and not self.stepping.released
+        return hysteresis_of(self.values) if sprung else None
+
+    @property
+    def detailed(self) -> bool:
+        """The motors have more than the toolbox's: see :mod:`asrsim.actuators.detailed_motor`."""
+        motors = 0 if self.stepping.released else self.dynamic_motors
+        return is_detailed(self.values, motors) or (motors > 0 and self.mode is not None and self.mode.command != "torque")
+
+    def electric(self, index: int) -> Electric:
+        """How motor `index` (1 or 2), which has dynamics, makes torque of its command."""
+        assert self.mode is not None
+        return electric_of(self.values, index, self.mode)
+
+    @property
+    def electric_motors(self) -> tuple[int, ...]:
+        """Numbers of the motors that have a torque constant."""
+        motors = 0 if self.stepping.released else self.dynamic_motors
+        return tuple(i for i in range(1, motors + 1) if self.values[f"motor_{i}_torque_constant"] > 0.0)
 
     @property
     def dynamic_motors(self) -> int:
@@ -100,16 +126,25 @@ class Drive:
             return kernels.advance_torque, ()
         if self.mode.number == 1:
             return kernels.advance_link_controller, (0.0,)
+        law, springs = self.actuator.elastic_torques, self.actuator.motors
+        bristles: tuple[float, ...] = ()
+        if self.hysteresis:
+            law = kernels.make_hysteretic_torques(law, springs)
+            bristles = (0.0, math.nan) * springs
         if not self.mode.motor:
-            return kernels.make_advance_ideal(self.actuator.elastic_torques), ()
-        motors = range(self.actuator.motors)
+            ideal = kernels.make_advance_ideal(law)
+            return (kernels.make_hysteretic_ideal(ideal) if bristles else ideal), bristles
+        motors = range(springs)
         positions = self.motor_positions or (self.initial_position,) * len(motors)
         velocities = self.motor_velocities or (0.0,) * len(motors)
         # Position, velocity, where Dahl's bristles stick, the controller's integral.
-        state = tuple(x for i in motors for x in (positions[i], velocities[i], positions[i], 0.0))
-        if self.actuator.motors == 1:
-            return kernels.make_advance_one_motor(self.actuator.elastic_torques), state
-        return kernels.make_advance_two_motors(self.actuator.elastic_torques), state
+        state = tuple(x for i in motors for x in (positions[i], velocities[i], positions[i], 0.0)) + bristles
+        kick = detailed_kick if self.detailed else motor_kick
+        if springs == 1:
+            one = kernels.make_advance_one_motor(law, kick)
+            return (kernels.make_hysteretic_one_motor(one) if bristles else one), state
+        two = kernels.make_advance_two_motors(law, kick)
+        return (kernels.make_hysteretic_two_motors(two) if bristles else two), state
 
     def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
         """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""
@@ -129,18 +164,24 @@ class Drive:
                 values["controller_1_proportional"],
                 values["controller_1_integral"] * step,
             )
+        bristles = self.hysteresis or ()
         if not self.mode.motor:
-            return self.elastic
+            return (self.elastic, *bristles) if bristles else self.elastic
         before = self.stepping.first_drift * step
         constants: list[Any] = [before, step - before, self.elastic]
+        how = {"step": step, "implicitness": self.stepping.implicitness}
         for index in range(1, self.actuator.motors + 1):
-            constants.append(
-                motor_coefficients(
-                    values, index, step=step, implicitness=self.stepping.implicitness, controlled=self.mode.controller
-                )
-            )
+            if self.detailed:
+                constants.append(detailed_coefficients(values, index, mode=self.mode, **how))
+            else:
+                constants.append(motor_coefficients(values, index, controlled=self.mode.controller, **how))
             constants += [values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]]
-        return tuple(constants)
+        return (*constants, *bristles)
+
+    @property
+    def kind(self) -> tuple[str, bool, bool]:
+        """What a loop is built for, beside numbers: joints of other kinds need a loop of their own."""
+        return self.advance.__qualname__, self.detailed, self.hysteresis is not None
 
 
 def _all(constants: Any) -> Any:

@@ -13,20 +13,28 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.vectorised import energy_over_arrays
+from asrsim.actuators.hysteresis import dahl_energies
+from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
 from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
-from asrsim.simulation.groups import Group, spring_groups
+from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group, spring_groups
 
-POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2, MOTOR_1, MOTOR_2 = 0, 1, 2, 3, 4, 5, 6, 7, 11
-"""Columns of the raw record (:data:`asrsim.simulation.substep.RAW`); of a motor there are position, mean velocity, torque and
-friction."""
+POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
+"""Columns of the raw record (:data:`asrsim.simulation.substep.RAW`)."""
+FLOWS = 7
+"""Work of the motors, losses in them, by the link's damping, work on the link, taken by the effort limit, heat of windings,
+lost in hysteresis: J since the start."""
 
 MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
 """Parameters of a motor that its balance needs."""
 
 Mean = Callable[[int], Array]
 """Means over the steps (joints, n) of a column."""
+
+
+def _change(values: Array) -> Array:
+    """From row to row: of arrays (joints, n + 1), (joints, n)."""
+    return values[:, 1:] - values[:, :-1]
 
 
 class EnergyMeter:
@@ -40,7 +48,7 @@ class EnergyMeter:
         self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
         self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
-        self._totals = np.zeros((5, joints))
+        self._totals = np.zeros((FLOWS, joints))
         self._start: Array | None = None
         self.turnover = np.zeros(joints)
         """J: energy that went through each joint, the scale of a residual."""
@@ -68,6 +76,10 @@ class EnergyMeter:
                 names += ["limit_loss"]
         if drive.dynamic_motors:
             names += ["friction_loss"]
+        if any(drive.values[f"motor_{i}_resistance"] for i in drive.electric_motors):
+            names += ["winding_loss"]
+        if drive.hysteresis is not None:
+            names += ["hysteresis_loss"]
         if drive.joint.damping or drive.link_damping:
             names += ["damping_loss"]
         return tuple(names)
@@ -97,10 +109,11 @@ class EnergyMeter:
         def pushed(pick: Any, column: int) -> Array:
             return mean(raw[column, pick], column, pick)
 
-        moved = np.diff(raw[POSITION])
+        moved = _change(raw[POSITION])
         link = mean(raw[APPLIED], APPLIED)
-        flows = np.zeros((5, joints, n))
-        # Work of the motors, losses in them, losses by the link's damping, work on the link, taken by the effort limit.
+        running = np.zeros((FLOWS, joints, n + 1))
+        running[:, :, 0] = self._totals
+        flows = running[:, :, 1:]
         if (raw[TORQUE] != raw[APPLIED]).any():
             np.multiply(mean(raw[TORQUE], TORQUE) - link, moved, out=flows[4])
         link *= moved
@@ -117,19 +130,25 @@ class EnergyMeter:
         kinetic = np.zeros((joints, n))
         for springs in self._springs:
             pick = springs.group.pick
-            flows[0, pick], flows[1, pick], stored[pick], kinetic[pick] = springs.balance(
+            flows[0, pick], flows[1, pick], stored[pick], kinetic[pick], flows[6, pick] = springs.balance(
                 raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[4, pick], cut
             )
-        self.turnover += np.nansum(np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in), axis=1)
-        running = np.empty((5, joints, n + 1))
-        running[:, :, 0] = self._totals
-        running[:, :, 1:] = flows
-        np.cumsum(running, axis=2, out=running)
+            if springs.electric:
+                flows[5, pick] = springs.heat(raw)
+        through = np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in)
+        turnover = through.sum(axis=1)
+        self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
+        for kind in running:
+            if kind[:, 1:].any():
+                np.cumsum(kind, axis=1, out=kind)
+            else:
+                # Most robots have no effort limit in their way, and many no damping: those sums stay as they are.
+                kind[:, 1:] = kind[:, :1]
         self._totals = running[:, :, -1].copy()
         at = running[:, :, :-1]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
-        residual = at[0] - at[1] - at[3] - self._sprung * at[4] - (stored + kinetic - self._start)
+        residual = at[0] - at[1] - at[3] - self._sprung * at[4] - at[6] - (stored + kinetic - self._start)
         self.residual = residual[:, -1].copy()
         return {
             "motor_work": at[0],
@@ -137,6 +156,8 @@ class EnergyMeter:
             "damping_loss": at[2],
             "link_work": at[3],
             "limit_loss": at[4],
+            "winding_loss": at[5],
+            "hysteresis_loss": at[6],
             "spring_energy": stored,
             "energy_residual": residual,
         }
@@ -152,6 +173,9 @@ class _Springs:
         self._elastic = group.elastic
         self._held = [np.zeros((len(group.drives), 1), dtype=bool) for _ in range(group.motors)]
         """Whether each motor was held at the row before."""
+        self.electric = any(drive.electric_motors for drive in group.drives)
+        self._bristles = any(drive.hysteresis for drive in group.drives)
+        self._torques = over_arrays(group.actuator.elastic_torques)
         self._motors = [
             tuple(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES) for index in range(1, group.motors + 1)
         ]
@@ -164,15 +188,22 @@ class _Springs:
 
     def balance(
         self, raw: Array, ahead: Array, mean: Mean, moved: Array, released: Array, cut: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Work of the motors and losses over the steps, energy in springs and motors at their starts, all in J.
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Work of the motors and losses over the steps, energy in springs and motors at their starts, losses in hysteresis, all
+        in J.
 
         moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
         """
         energy = self._energy(raw[POSITION], raw[MOTOR_1], raw[MOTOR_2])
         lost: Array = np.zeros_like(released)
+        damped: Array = np.zeros_like(released)
+        pushed: Array = damped
+        if self._bristles:
+            kept, damped, pushed = self._hysteresis(raw)
+            energy = energy + kept
         if not self.group.motors:
-            return self._ideal(raw, cut, released + np.diff(energy)), lost, energy[:, :-1], np.zeros_like(released)
+            ideal = self._ideal(raw, cut, released + _change(energy) + damped, pushed)
+            return ideal, lost, energy[:, :-1], np.zeros_like(released), damped
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
@@ -181,8 +212,32 @@ class _Springs:
             lost += taken
             kinetic += fast
         if self.group.actuator.adjuster:
-            work += self._adjuster(raw, cut, mean(SPRING_1), np.diff(energy), moved)
-        return work, lost, energy[:, :-1], kinetic
+            work += self._adjuster(raw, cut, mean(SPRING_1), _change(energy) + damped, moved)
+        return work, lost, energy[:, :-1], kinetic, damped
+
+    def _hysteresis(self, raw: Array) -> tuple[Array, Array, Array]:
+        """Energy in the springs' hysteresis, loss in it over the steps, and work of the motors' motion on it, in J."""
+        q, group = raw[POSITION], self.group
+        level, length = group.value("hysteresis_torque"), group.value("hysteresis_deflection")
+        plain = self._torques(q, raw[MOTOR_1], raw[MOTOR_2], self._elastic)
+        kept: Array = np.zeros_like(q)
+        lost = np.zeros_like(q[:, 1:])
+        pushed = np.zeros_like(lost)
+        for i, (motor, spring) in enumerate(((MOTOR_1, SPRING_1), (MOTOR_2, SPRING_2))[: group.actuator.motors]):
+            torque = raw[spring] - plain[i]
+            held, taken = dahl_energies(torque, raw[motor] - q, level, length)
+            kept, lost = kept + held, lost + taken
+            pushed += 0.5 * (torque[:, 1:] + torque[:, :-1]) * _change(raw[motor])
+        return kept, lost, pushed
+
+    def heat(self, raw: Array) -> Array:
+        """J of the windings over the steps; raw: (columns, all joints, n + 1)."""
+        total: Any = 0.0
+        found = self.group.electricity(raw)
+        for i in range(1, self.group.motors + 1):
+            power = self.group.value(f"motor_{i}_resistance") * np.nan_to_num(found[f"motor_{i}_current"]) ** 2
+            total = total + 0.5 * self.substep * (power[:, 1:] + power[:, :-1])
+        return np.asarray(total)
 
     def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
         return self._law(q, theta_1, theta_2, self._elastic)
@@ -192,7 +247,7 @@ class _Springs:
         base = MOTOR_1 if index == 1 else MOTOR_2
         position, velocity = raw[base], raw[base + 1]
         inertia, damping, low, high, fastest = self._motors[index - 1]
-        moved = np.diff(position)
+        moved = _change(position)
         work = mean(base + 2) * moved
         kinetic = (0.5 * inertia) * (velocity * velocity)
         lost = (mean(base + 3) + (damping / self.substep) * moved) * moved
@@ -208,18 +263,18 @@ class _Springs:
             near[:, 1:] |= held[:, :-3]
             near[:, :1] |= before
             spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
-            lost = np.where(near, work - spring - np.diff(kinetic), lost)
+            lost = np.where(near, work - spring - _change(kinetic), lost)
         return work, lost, kinetic[:, :-1]
 
-    def _ideal(self, raw: Array, cut: Array, taken: Array) -> Array:
+    def _ideal(self, raw: Array, cut: Array, taken: Array, pushed: Array) -> Array:
         """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
 
-        Where they jump the link's place at that moment counts: they give what is taken.
+        Where they jump the link's place at that moment counts: they give what is taken. pushed: on the springs' hysteresis.
         """
         q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle = 0.5 * (q[:, :-1] + q[:, 1:])
         before = self._energy(middle, theta_1[:, :-1], theta_2[:, :-1])
-        return np.asarray(np.where(cut, taken, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before))
+        return np.asarray(np.where(cut, taken, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
 
     def _adjuster(self, raw: Array, cut: Array, spring: Array, change: Array, moved: Array) -> Array:
         """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
@@ -227,4 +282,4 @@ class _Springs:
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
         work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
         # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
-        return np.asarray(np.where(cut, change + spring * (moved - np.diff(theta)), work))
+        return np.asarray(np.where(cut, change + spring * (moved - _change(theta)), work))

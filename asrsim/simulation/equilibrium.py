@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from asrsim.actuators.detailed_motor import Electric
 from asrsim.engines.base import Model
 from asrsim.errors import Problem, ScenarioError
 from asrsim.samples import Array
@@ -38,7 +39,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
     sprung = [
         j
         for j, drive in enumerate(drives)
-        if drive.passive_stiffness or (drive.mode and drive.mode.spring and drive.mode.number != 4)
+        if drive.passive_stiffness or (drive.mode and drive.mode.spring and not drive.mode.direct)
     ]
     q = np.array([drive.initial_position for drive in drives])
     still = np.zeros(len(drives))
@@ -95,12 +96,12 @@ def motors_at_rest(drive: Drive, q: float, goals: tuple[float, float]) -> tuple[
     places = []
     for i in range(actuator.motors):
         gain = drive.values[f"controller_{i + 1}_proportional"]
-        limit = drive.values[f"motor_{i + 1}_max_torque"]
+        electric = drive.electric(i + 1)
         stops = drive.values[f"motor_{i + 1}_min_position"], drive.values[f"motor_{i + 1}_max_position"]
 
-        def surplus(theta: float, i: int = i, gain: float = gain, limit: float = limit) -> float:
+        def surplus(theta: float, i: int = i, gain: float = gain, electric: Electric = electric) -> float:
             pair = (theta, goals[1]) if actuator.motors == 1 else ((theta, q) if i == 0 else (q, theta))
-            push = min(max(gain * (goals[i] - theta), -limit), limit)
+            push = float(electric.torque_of(gain * (goals[i] - theta)))
             return push - actuator.elastic_torques(q, *pair, drive.elastic)[i]
 
         places.append(min(max(_root(surplus, goals[i], q), stops[0]), stops[1]))

@@ -14,6 +14,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.simulation.divergence import not_finite
+from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.recorder import COLUMN
@@ -31,7 +32,9 @@ DIRECT = {
 """Quantities that are columns of the raw record."""
 EXTERNAL = "external_torque"
 """Among a joint's references: the torque on its link."""
-DERIVED = ("link_velocity", "equilibrium_position", "deflection")
+ELECTRIC = {f"motor_{i}_{what}": i for i in (1, 2) for what in ("voltage", "current")}
+"""Quantity of an electric motor -> the motor's number."""
+DERIVED = ("link_velocity", "equilibrium_position", "deflection", *ELECTRIC)
 
 
 class Evaluation(Simulation):
@@ -124,10 +127,20 @@ class Evaluation(Simulation):
             centred = 0.5 * (speeds[:-1] + speeds[1:])
             centred[0] = speeds[0]
             return np.asarray(centred[:: self.substeps])
+        if quantity in ELECTRIC:
+            return self._electric(raw[every, joint], joint, quantity)
         motors = [raw[every, joint, COLUMN[f"position_{i}"]] for i in (1, 2)]
         actuator = self.prepared.drives[joint].actuator
         place = motors[0] if actuator is None else equilibrium_over_arrays(actuator)(*motors)
         return np.asarray(place - raw[every, joint, COLUMN["link_position"]] if quantity == "deflection" else place)
+
+    def _electric(self, raw: Array, joint: int, quantity: str) -> Array:
+        """(steps + 1,) A or V of raw rows (steps + 1, columns); NaN where the motor is not electric."""
+        drive = self.prepared.drives[joint]
+        if ELECTRIC[quantity] not in drive.electric_motors:
+            return np.full(len(raw), np.nan)
+        (group,) = spring_groups([drive])
+        return np.asarray(group.electricity(raw.T[:, None])[quantity][0])
 
 
 def _started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> Prepared:

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import Actuator
+from asrsim.samples import Array
 from asrsim.simulation.drives import Drive
+from asrsim.simulation.substep import RAW
+
+MOTOR_1, MOTOR_2 = RAW.index("position_1"), RAW.index("position_2")
+"""Columns of the raw record: position, mean velocity, torque and friction of a motor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +36,18 @@ class Group:
     def value(self, name: str) -> Any:
         """A parameter of all joints, likewise."""
         return _column([drive.values[name] for drive in self.drives])
+
+    def electricity(self, raw: Array) -> dict[str, Array]:
+        """Currents in A and voltages in V of the motors, (joints, n), of raw records (columns, joints, n); NaN where a motor is
+        not electric. Both belong to the whole step: the torque is that of the kick at its middle."""
+        found = {}
+        for i, first in zip(range(1, self.motors + 1), (MOTOR_1, MOTOR_2), strict=False):
+            constant = np.asarray(self.value(f"motor_{i}_torque_constant")) * self.value(f"motor_{i}_gear_ratio")
+            velocity, torque = raw[first + 1, self.pick], raw[first + 2, self.pick]
+            current = torque / np.where(constant > 0.0, constant, np.nan)
+            found[f"motor_{i}_current"] = current
+            found[f"motor_{i}_voltage"] = self.value(f"motor_{i}_resistance") * current + constant * velocity
+        return found
 
 
 def spring_groups(drives: Sequence[Drive]) -> tuple[Group, ...]:

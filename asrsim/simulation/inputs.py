@@ -94,9 +94,9 @@ class Inputs:
 
     @staticmethod
     def _rest(drive: Drive, slot: int) -> Signal:
-        """A reference that nobody gives: motors and controllers stay where the joint starts, torques are 0."""
+        """A reference that nobody gives: motors and controllers stay where the joint starts; torques and voltages are 0."""
         mode = drive.mode
-        if mode is None or mode.number in (0, 4):
+        if mode is None or mode.number == 0 or mode.direct:
             return REST
         if slot == 0 or (slot == 1 and not mode.mapped and drive.actuator is not None and not drive.actuator.adjuster):
             return Constant(value=drive.initial_position)

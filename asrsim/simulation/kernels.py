@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from asrsim.actuators.motor import motor_kick
+from asrsim.actuators.hysteresis import dahl
 
 Advance = Callable[[Any, Any, float, float, float, float], tuple[float, Any, tuple[float, ...]]]
 
@@ -70,8 +70,8 @@ def make_advance_ideal(elastic_torques: Any) -> Advance:
     return advance_ideal
 
 
-def make_advance_one_motor(elastic_torques: Any) -> Advance:
-    """Modes 4 to 6 with one motor; the second reference, if any, is the adjuster's position."""
+def make_advance_one_motor(elastic_torques: Any, kick: Any) -> Advance:
+    """Modes 4 to 8 with one motor; the second reference, if any, is the adjuster's position."""
 
     def advance_one_motor(
         state: tuple[float, ...], constants: Any, q: float, v: float, r_1: float, r_2: float
@@ -80,7 +80,7 @@ def make_advance_one_motor(elastic_torques: Any) -> Advance:
         x, v_0, anchor, integral = state
         x = x + before * v_0
         torque, rest = elastic_torques(q, x, r_2, elastic)
-        v_1, mean, anchor, integral, drive, friction = motor_kick(x, v_0, anchor, integral, r_1, torque, motor)
+        v_1, mean, anchor, integral, drive, friction = kick(x, v_0, anchor, integral, r_1, torque, motor)
         x_1 = x + after * v_1
         v_2 = v_1
         if x_1 > high:
@@ -93,8 +93,8 @@ def make_advance_one_motor(elastic_torques: Any) -> Advance:
     return advance_one_motor
 
 
-def make_advance_two_motors(elastic_torques: Any) -> Advance:
-    """Modes 4 to 6 with two motors against each other."""
+def make_advance_two_motors(elastic_torques: Any, kick: Any) -> Advance:
+    """Modes 4 to 8 with two motors against each other."""
 
     def advance_two_motors(
         state: tuple[float, ...], constants: Any, q: float, v: float, r_1: float, r_2: float
@@ -104,12 +104,8 @@ def make_advance_two_motors(elastic_torques: Any) -> Advance:
         x = x + before * v_x
         y = y + before * v_y
         torque_x, torque_y = elastic_torques(q, x, y, elastic)
-        u_x, mean_x, anchor_x, integral_x, drive_x, friction_x = motor_kick(
-            x, v_x, anchor_x, integral_x, r_1, torque_x, motor_1
-        )
-        u_y, mean_y, anchor_y, integral_y, drive_y, friction_y = motor_kick(
-            y, v_y, anchor_y, integral_y, r_2, torque_y, motor_2
-        )
+        u_x, mean_x, anchor_x, integral_x, drive_x, friction_x = kick(x, v_x, anchor_x, integral_x, r_1, torque_x, motor_1)
+        u_y, mean_y, anchor_y, integral_y, drive_y, friction_y = kick(y, v_y, anchor_y, integral_y, r_2, torque_y, motor_2)
         record = (torque_x, torque_y, x, mean_x, drive_x, friction_x, y, mean_y, drive_y, friction_y)
         x = x + after * u_x
         y = y + after * u_y
@@ -124,6 +120,85 @@ def make_advance_two_motors(elastic_torques: Any) -> Advance:
         return torque_x + torque_y, (x, u_x, anchor_x, integral_x, y, u_y, anchor_y, integral_y), record
 
     return advance_two_motors
+
+
+BRISTLE_STATE = 2
+"""Numbers of a spring's hysteresis: its torque (N m), and the deflection at the last kick (rad; NaN before the first)."""
+
+
+def make_hysteretic_torques(elastic_torques: Any, springs: int) -> Any:
+    """Torques of the springs with their hysteresis; parameters: those of the law, the state of the hysteresis, its level
+    (N m) and length (rad)."""
+
+    def torques(q: float, theta_1: float, theta_2: float, parameters: Any) -> tuple[float, float]:
+        elastic, bristles, level, length = parameters
+        torque_1, torque_2 = elastic_torques(q, theta_1, theta_2, elastic)
+        torque_1 = torque_1 + dahl(bristles[0], _change(theta_1 - q, bristles[1]), level, length)
+        if springs == 2:
+            torque_2 = torque_2 + dahl(bristles[2], _change(theta_2 - q, bristles[3]), level, length)
+        return torque_1, torque_2
+
+    return torques
+
+
+def _change(deflection: float, before: float) -> float:
+    """Since the last kick; there is none before the first."""
+    return deflection - before if before == before else 0.0
+
+
+def _follow(bristles: Any, q: float, record: tuple[float, ...], level: float, length: float) -> Any:
+    """State of the hysteresis after a kick, of one spring or two."""
+    d_1 = record[2] - q
+    h_1 = dahl(bristles[0], _change(d_1, bristles[1]), level, length)
+    if len(bristles) == BRISTLE_STATE:
+        return (h_1, d_1)
+    d_2 = record[6] - q
+    return (h_1, d_1, dahl(bristles[2], _change(d_2, bristles[3]), level, length), d_2)
+
+
+def make_hysteretic_ideal(advance: Advance) -> Advance:
+    """`advance` of ideal motors whose springs have hysteresis: made of :func:`make_hysteretic_torques`."""
+
+    def advance_hysteretic_ideal(
+        state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
+    ) -> tuple[float, Any, tuple[float, ...]]:
+        elastic, level, length = constants
+        torque, _, record = advance((), (elastic, state, level, length), q, v, r_1, r_2)
+        return torque, _follow(state, q, record, level, length), record
+
+    return advance_hysteretic_ideal
+
+
+def make_hysteretic_one_motor(advance: Advance) -> Advance:
+    """The same of one motor with dynamics; its state comes first."""
+
+    def advance_hysteretic_one_motor(
+        state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
+    ) -> tuple[float, Any, tuple[float, ...]]:
+        before, after, elastic, motor, low, high, level, length = constants
+        x, v_x, anchor, integral, h, d = state
+        inner = (before, after, (elastic, (h, d), level, length), motor, low, high)
+        torque, moved, record = advance((x, v_x, anchor, integral), inner, q, v, r_1, r_2)
+        return torque, (*moved, *_follow((h, d), q, record, level, length)), record
+
+    return advance_hysteretic_one_motor
+
+
+def make_hysteretic_two_motors(advance: Advance) -> Advance:
+    """The same of two motors."""
+
+    def advance_hysteretic_two_motors(
+        state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
+    ) -> tuple[float, Any, tuple[float, ...]]:
+        before, after, elastic, motor_1, low_1, high_1, motor_2, low_2, high_2, level, length = constants
+        x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y, h_1, d_1, h_2, d_2 = state
+        bristles = (h_1, d_1, h_2, d_2)
+        inner = (before, after, (elastic, bristles, level, length), motor_1, low_1, high_1, motor_2, low_2, high_2)
+        motors = (x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y)
+        torque, moved, record = advance(motors, inner, q, v, r_1, r_2)
+        return torque, (*moved, *_follow(bristles, q, record, level, length)), record
+
+    return advance_hysteretic_two_motors
 
 
 def make_substepped(advance: Advance, substeps: int) -> Advance:

@@ -7,6 +7,7 @@ engine stepped from Python; and a whole stretch compiled, where the engine has a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from asrsim.simulation.substep import (
     Step,
     chain,
     make_damping,
+    make_friction,
     make_group,
     make_sense,
 )  # fmt: skip
@@ -84,13 +86,16 @@ class Loop:
         self.reset()
         self.refresh_response(0)
         damping = make_damping(count, coupled=bool(self._coupled)) if self._damped else None
-        laws = chain([*self._groups(engine.unpack, cut=cut), *([] if damping is None else [damping])])
+        self._varying = _varying(drives)
+        friction = make_friction(self._varying) if self._varying else None
+        laws = chain([*self._groups(engine.unpack, cut=cut), *(step for step in (damping, friction) if step is not None)])
         self._splits = Splits(
             engine, drives, self.joints, self._memories, substep=substep, weights=(self._now, self._before),
             measures=[None if s is None else make_sense(s, m) for s, m in zip(sensings, self._memories, strict=True)],
-            damping=damping, cut=cut,
+            damping=damping, friction=friction, cut=cut,
         )  # fmt: skip
-        self._stretch = self._compile(laws) if compiled else plain_stretch(engine, laws, self.joints)
+        plain = partial(plain_stretch, friction=friction is not None)
+        self._stretch = self._compile(laws) if compiled else plain(engine, laws, self.joints)
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
@@ -109,7 +114,7 @@ class Loop:
             spring = drive.actuator if drive.mode and drive.mode.spring else None
             law = drive.link_damping.ratio > 0.0 if drive.link_damping else False
             kind = (
-                spring, drive.advance.__qualname__, shape_of(self._constants[j]), self._motor_substeps[j],
+                spring, drive.kind, shape_of(self._constants[j]), self._motor_substeps[j],
                 self._sensings[j], law,
             )  # fmt: skip
             members.setdefault(kind, []).append(j)
@@ -133,6 +138,7 @@ class Loop:
         try:
             kernel = engine.kernel() or no_kernel(engine)
             names = {"laws": laws, "borrow": compiling.borrow(), "move": kernel.move, **kernel.compiled}
+            names["give"] = stretch.give_friction if self._varying else stretch.give_forces
             how: dict[str, Any] = {"version": kernel.version, "inline": kernel.inline}
             engine.accelerate()
             if kernel.look is not None:
@@ -146,18 +152,16 @@ class Loop:
             one = compiling.compile_function(stretch.substep, arguments, names=names, **how)
         except Exception as error:
             # A law may be any Python, and Numba may fail on it in any way.
-            first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+            first = next(iter(str(error).strip().splitlines()), type(error).__name__)
             raise SimulationError(f"the joints cannot be compiled: {first}") from error
-        return stepped_stretch(engine, kernel, one, self.joints)
+        return stepped_stretch(engine, kernel, one, self.joints, friction=bool(self._varying))
 
     def reset(self) -> None:
         """Joints as at the start of a run; the engine is somebody else's to put there."""
         positions, velocities = self.engine.read()
         count = len(self.drives)
-        rows: list[list[Any]] = []
-        for j, (drive, sensing) in enumerate(zip(self.drives, self._sensings, strict=True)):
-            row = joint_row(drive, sensing, self._flat[j], positions[j], velocities[j], self.substep, compiled=self.compiled)
-            rows.append(row)
+        joints = zip(self.drives, self._sensings, self._flat, positions, velocities, strict=True)
+        rows = [joint_row(*joint, self.substep, compiled=self.compiled) for joint in joints]
         if self.compiled:
             width = max(map(len, rows))
             table = np.zeros((count + 1, width + 2 * count))
@@ -256,7 +260,8 @@ class Loop:
 
     def take_drives(self, drives: Sequence[Drive]) -> bool:
         """Other numbers for the same kinds of joints; :meth:`reset` puts them to use. False: they need a loop of their own."""
-        if _is_damped(drives) != self._damped:
+        kinds = [[_is_damped(all_), _varying(all_), [drive.kind for drive in all_]] for all_ in (drives, self.drives)]
+        if kinds[0] != kinds[1]:
             return False
         if any(drive.values is not before.values for drive, before in zip(drives, self.drives, strict=True)):
             self._constants = self._constants_of(drives)
@@ -268,14 +273,16 @@ class Loop:
     def joint_states(self) -> tuple[list[float], list[float]]:
         """Positions in rad (m) and velocities in rad/s (m/s) of the joints at the whole step."""
         positions, lagging = self.engine.read()
-        weights = self._now, self._before
-        return positions, [
-            float(weights[0] * v + weights[1] * row[PREVIOUS]) for v, row in zip(lagging, self.joints, strict=False)
-        ]
+        now, before = self._now, self._before
+        return positions, [float(now * v + before * row[PREVIOUS]) for v, row in zip(lagging, self.joints, strict=False)]
 
     def motor_states(self) -> list[tuple[float, ...]]:
         """State of each joint's law, as :mod:`asrsim.simulation.kernels` has it."""
         return [floats(memory.load(self.joints[j])) for j, memory in enumerate(self._memories)]
+
+
+def _varying(drives: Sequence[Drive]) -> tuple[int, ...]:
+    return tuple(j for j, drive in enumerate(drives) if drive.joint.friction_varies)
 
 
 def _is_damped(drives: Sequence[Drive]) -> bool:

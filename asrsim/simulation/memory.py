@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from asrsim.compiling import tuple_reader
-from asrsim.simulation.kernels import MOTOR_STATE
+from asrsim.simulation.kernels import BRISTLE_STATE, MOTOR_STATE
 from asrsim.simulation.substep import LAWS, STATE, Memory
 
 RINGS = STATE + 2
 """In a plain row: state, constants, what sensors saw, then the response."""
-STATE_NUMBERS = 2 * MOTOR_STATE
+STATE_NUMBERS = 2 * (MOTOR_STATE + BRISTLE_STATE)
 """Room for a state in a compiled row; the constants follow."""
 
 
@@ -81,8 +81,21 @@ def _load_eight(row: Any) -> Any:
     )  # fmt: skip
 
 
-LOADS = {0: _load_none, 1: _load_one, MOTOR_STATE: _load_four, 2 * MOTOR_STATE: _load_eight}
-"""Numbers of a state -> what reads them: of no motor, of a link's controller, of one motor, of two. Run in plain Python too."""
+def _load_two(row: Any) -> Any:
+    return (row[STATE], row[STATE + 1])
+
+
+def _load_six(row: Any) -> Any:
+    return (*_load_four(row), row[STATE + 4], row[STATE + 5])
+
+
+def _load_twelve(row: Any) -> Any:
+    return (*_load_eight(row), row[STATE + 8], row[STATE + 9], row[STATE + 10], row[STATE + 11])
+
+
+LOADS = {0: _load_none, 1: _load_one, 2: _load_two, 4: _load_four, 6: _load_six, 8: _load_eight, 12: _load_twelve}
+"""Numbers of a state -> what reads them: of no motor, of a link's controller, of one motor, of two; and of springs with
+hysteresis, without motors (2, 4), with one motor or two. Run in plain Python too."""
 
 
 def make_reader(constants: Any, start: int) -> tuple[Callable[[Any], Any], int]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError
+from asrsim.errors import InputError, Problem, RobotError, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
@@ -69,6 +69,10 @@ def prepare(
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
+        varying = [drive.name for drive in drives if drive.joint.friction_varies]
+        if varying and not hasattr(engine, "set_friction"):
+            message = f"the engine '{scenario.engine}' cannot have the friction of joint '{varying[0]}', which varies"
+            raise SimulationError(message)
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
         ranges = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
@@ -124,7 +128,7 @@ def _resolve(
         gravity = np.zeros(len(drives))
     else:
         masses = [model.mass_matrix(position) for position in configurations]
-        _check_inertia(drives, masses[0])
+        check_inertia(drives, masses[0])
         gravity = np.max([np.abs(model.bias(position, still)) for position in configurations], axis=0)
     external = np.max(np.abs(sampled[2]), axis=0)
     stiffness = [
@@ -169,7 +173,7 @@ def _with_ranges(
     return tables[0], tables[1], tables[2]
 
 
-def _check_inertia(drives: Sequence[Drive], mass: Array) -> None:
+def check_inertia(drives: Sequence[Drive], mass: Array) -> None:
     """A joint that turns nothing (a point mass on its own axis), or two on one axis with no mass between them, have no
     equation of motion; raises RobotError.
     """

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from asrsim.actuators.detailed_motor import largest_command
 from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import Drive
@@ -46,11 +47,11 @@ def _default(drive: Drive, slot: int) -> Range:
         return _torque(drive)
     if mode.number == 0:
         return _torque(drive)
-    if mode.number == 4:
-        most = values.get(f"motor_{slot + 1}_max_torque", 0.0)
-        return -most, most
     if slot == 1 and actuator.adjuster:
         return 0.0, LEVER_SHARE * values.get("lever_length", math.inf)
+    if mode.direct:
+        most = largest_command(values, slot + 1, mode)
+        return -most, most
     spread = values.get("max_deflection", 0.0) if mode.spring else 0.0
     if slot == 1 and mode.mapped:
         return -spread, spread

@@ -40,6 +40,7 @@ def recorded_quantities(drive: Drive) -> tuple[str, ...]:
         names += [f"motor_{i}_position" for i in range(1, 2 if actuator.motors == 1 and not actuator.adjuster else 3)]
     for i in range(1, drive.dynamic_motors + 1):
         names += [f"motor_{i}_velocity", f"motor_{i}_torque", f"friction_torque_{i}"]
+    names += [f"motor_{i}_{what}" for i in drive.electric_motors for what in ("voltage", "current")]
     return (*names, *EnergyMeter.quantities(drive))
 
 
@@ -100,6 +101,7 @@ class Recorder:
         self._lacking = {name: [j for j in range(n) if name not in quantities[j]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
+        self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
         self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
         self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
         self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
@@ -108,7 +110,10 @@ class Recorder:
     def __deepcopy__(self, memo: Any) -> Recorder:
         """A recorder that goes on from here: what never changes is shared."""
         twin = copy.copy(self)
-        twin.counts, twin.meter = copy.deepcopy(self.counts, memo), copy.deepcopy(self.meter, memo)
+        twin.counts, twin.meter = (
+            Counts(*(copy.copy(each) for each in vars(self.counts).values())),
+            copy.deepcopy(self.meter, memo),
+        )
         twin._sides = dict(self._sides)
         return twin
 
@@ -180,6 +185,9 @@ class Recorder:
         values["stiffness"] = stiffness
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
+        for group in self._electric:
+            for name, found in group.electricity(now).items():
+                values.setdefault(name, np.full((joints, count), np.nan))[group.pick] = found
         values |= self.meter.add(raw, ahead, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
         for name, lacking in self._lacking.items():
@@ -194,7 +202,7 @@ class Recorder:
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
         place = values["link_position"]
-        counts.stop += np.count_nonzero((place <= self._lowest) | (place >= self._highest), axis=1)
+        counts.stop += _number((place <= self._lowest) | (place >= self._highest))
         if "stiffness" in values:
             counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
         for group, _, _ in self._groups:
@@ -202,14 +210,19 @@ class Recorder:
             motors = range(1, group.motors + 1)
             held = [np.abs(values[f"motor_{i}_torque"][pick]) >= group.value(f"motor_{i}_max_torque") for i in motors]
             if held:
-                counts.saturation[pick] += np.count_nonzero(np.any(held, axis=0), axis=1)
+                counts.saturation[pick] += _number(np.any(held, axis=0))
             if "max_deflection" in group.drives[0].values:
                 limit = group.value("max_deflection")
                 springs = [values[f"motor_{i}_position"][pick] for i in range(1, group.actuator.motors + 1)]
                 beyond = [np.abs(theta - values["link_position"][pick]) > limit for theta in springs]
-                counts.deflection[pick] += np.count_nonzero(np.any(beyond, axis=0), axis=1)
+                counts.deflection[pick] += _number(np.any(beyond, axis=0))
 
 
 def _beyond(values: Array, limits: Array) -> Any:
     """Numbers (joints,) of `values` (joints, n) whose size is beyond the limits (joints, 1)."""
-    return np.count_nonzero(np.abs(values) > limits, axis=1)
+    return _number(np.abs(values) > limits)
+
+
+def _number(met: Any) -> Any:
+    """How often each joint (joints,) met what `met` (joints, n) tells; most often nobody did, which is quickly seen."""
+    return np.count_nonzero(met, axis=1) if met.any() else 0

@@ -48,8 +48,7 @@ class Recording:
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
         self._last = last
-        self._blank = self._make_recorder()
-        self.recorder = copy.deepcopy(self._blank)
+        self.recorder = self._make_recorder()
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
         closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
@@ -137,7 +136,6 @@ class Recording:
         self._prepared, self._engine = varied, engine
         self._world.engine = engine
         if self.active:
-            self._blank = self._make_recorder()
             self._tip = _tip_of(varied)
 
     def _make_recorder(self) -> Recorder:
@@ -149,7 +147,7 @@ class Recording:
         """A fresh start, with the numbers that were taken over last; the engine is at its start."""
         if not self.active:
             return
-        self.recorder = copy.deepcopy(self._blank)
+        self.recorder = self._make_recorder()
         if self._guard is not None:
             self._guard = EnergyGuard(self._engine.mechanical_energy() or 0.0)
         self._raw, self._sides = [], {}

@@ -9,9 +9,12 @@ from asrsim.simulation.kernels import MOTOR_STATE
 from asrsim.simulation.memory import STATE_NUMBERS
 from asrsim.simulation.substep import (
     BASE,
+    BOUND,
     BRAKE,
+    COULOMB,
     DAMPING,
     EFFORT,
+    FADE,
     FASTEST,
     GAIN_1,
     GAIN_2,
@@ -21,8 +24,10 @@ from asrsim.simulation.substep import (
     PREVIOUS,
     RATIO,
     REST,
+    SHARE,
     SPRING,
     STATE,
+    STRIBECK,
     WEIGHT,
     Sensing,
 )  # fmt: skip
@@ -41,6 +46,8 @@ def joint_row(
         SPRING: drive.passive_stiffness, REST: drive.joint.spring_reference, WEIGHT: 0.5,
         LAG: drive.stepping.first_drift * substep, BASE: drive.constant_damping, RATIO: law.ratio if law else 0.0,
         INERTIA: law.inertia if law else 0.0, GAIN_1: gains[0], GAIN_2: gains[1],
+        BOUND: drive.joint.friction, COULOMB: drive.joint.friction, STRIBECK: drive.joint.stribeck_friction,
+        FADE: 1.0 / drive.joint.stribeck_velocity, SHARE: drive.joint.load_friction,
     }  # fmt: skip
     for place, value in given.items():
         row[place] = float(value)

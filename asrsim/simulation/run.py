@@ -61,12 +61,14 @@ def simulate(
     stop: Callable[[], bool] | None = None,
     commands: Iterable[Command] = (),
     duration: float | None = None,
+    alike: int = 1,
 ) -> Run:
     """Run one variant.
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
     the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly;
-    commands: values to be set from outside, in the order of time; duration: s that are run, instead of the scenario's.
+    commands: values to be set from outside, in the order of time; duration: s that are run, instead of the scenario's;
+    alike: runs of this kind that there will be, this one included: the compiled loop may pay for all of them together.
     Raises InputError (ActuatorError if a user's law raises) and SimulationError; DivergenceError carries the run so far as
     `.run`.
     """
@@ -74,8 +76,9 @@ def simulate(
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
         _keep_freed_memory()
         # A live run, whose length nobody knew, chose its loop for a long one: it is repeated in the same.
-        long = None if duration is None else 10**6
-        with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=long) as simulation:
+        steps = round(prepared.scenario.duration / prepared.scenario.step) * alike if duration is None else 10**6
+        expected = steps * prepared.resolution.substeps
+        with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:
             return run_to_end(simulation, progress=progress, stop=stop, commands=commands)
 
 

@@ -18,17 +18,17 @@ from asrsim.simulation.divergence import blame, not_finite, runaway
 from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.loop import Loop
 from asrsim.simulation.observation import Observation, Snapshot, observe
-from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
 
-CHUNK = 4096
+CHUNK = 16_384
 """Substeps, at most, of a chunk: between samples handed on, checks of energy, and progress."""
 CHUNK_NUMBERS = 20_480
 """The most times joints: what still goes through the processor's cache."""
-SHORTEST_CHUNK = 256
+SHORTEST_CHUNK = 1024
 
 
 class Simulation:
@@ -109,10 +109,9 @@ class Simulation:
             "watch": self.recording.watch,
         }
         wanted = scenario.compiled if compiled is None else compiled
-        motor_steps = (expected or self.last) * prepared.resolution.motor_substeps
         self.slow_because = ""
         """Why the plain loop runs where the compiled one would pay; empty where it does not."""
-        if wanted or (wanted is None and pays(len(prepared.drives), motor_steps)):
+        if wanted or (wanted is None and pays(len(self.joints), (expected or self.last) * prepared.resolution.motor_substeps)):
             try:
                 if not available():
                     raise SimulationError("Numba is not installed")
@@ -163,12 +162,11 @@ class Simulation:
 
     def _next_block(self) -> Block:
         """Inputs up to the end of the chunk."""
-        if self.substep == 0 and not self._inputs.held and self._first is not None:
-            return self._first
-        block = self._inputs.block(self.substep, self.next_chunk(self.substep + self._chunk) - self.substep)
-        if self.substep == 0 and not self._inputs.held:
-            self._first = block
-        return block
+        length = self.next_chunk(self.substep + self._chunk) - self.substep
+        if self.substep or self._inputs.held:
+            return self._inputs.block(self.substep, length)
+        self._first = self._first or self._inputs.block(0, length)
+        return self._first
 
     def _run(self, block: Block, start: int, stop: int) -> None:
         h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
@@ -268,6 +266,7 @@ class Simulation:
         self.loop.refresh_response(0)
 
     def _take_over(self, varied: Prepared) -> None:
+        moved = varied.robot.links != self.prepared.robot.links
         same = self.engine.vary(varied.robot)
         if not same:
             self.engine.close()
@@ -275,6 +274,8 @@ class Simulation:
             self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied
         self.recording.take_over(varied, self.engine)
+        if moved and self.engine.model is not None:
+            check_inertia(varied.drives, self.engine.model.mass_matrix(varied.initial_positions))
         if not (same and self.loop.take_drives(varied.drives)):
             self.loop = self._make_loop(self.loop.compiled, None)
 

@@ -14,6 +14,7 @@ from asrsim.simulation.drives import Drive
 from asrsim.simulation.inputs import Block, Piece
 from asrsim.simulation.stretches import UNDEFINED, NoValueError, push_links
 from asrsim.simulation.substep import (
+    BOUND,
     BRAKE,
     DAMPING,
     DAMPING_TORQUE,
@@ -53,6 +54,7 @@ class Splits:
         weights: tuple[float, float],
         measures: Sequence[Callable[..., None] | None],
         damping: Step | None,
+        friction: Step | None,
         cut: bool,
     ) -> None:
         """weights: of the last two velocities in that of the whole step; measures: of joints with sensors; cut: see the
@@ -60,6 +62,7 @@ class Splits:
         self.engine, self.joints = engine, joints
         self.substep = substep
         self._memories, self._measures, self._damping, self._cut = memories, measures, damping, cut
+        self._friction = friction
         self._now, self._before = weights
         self.take_drives(drives)
 
@@ -110,6 +113,9 @@ class Splits:
             row[FORCE] = applied + external + row[SPRING] * (row[REST] - positions[j])
         if self._damping is not None:
             self._damp(rows, sides, free, length)
+        if self._friction is not None:
+            self._friction(0, None, joints, None, [rows])
+            self.engine.set_friction([float(row[BOUND]) for row in joints[:count]])
         self.engine.advance([float(row[FORCE]) for row in joints[:count]], length if k == 0 else 1.0)
         if k == 0:
             # The velocity half a step before the start, as if the first kick had been a whole one.

@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from asrsim.simulation.substep import FORCE
+from asrsim.simulation.substep import BOUND, FORCE
 
 
 def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("bound by asrsim.simulation.loop")
 
 
-laws = look = move = unpack = as_tuple = borrow = _unbound
-"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`), and a
-joint of the states that it gives; an array of the joints as a tuple; arrays without their count of references."""
+laws = look = move = give = unpack = as_tuple = borrow = _unbound
+"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`), what it
+is given (:func:`give_forces`, :func:`give_friction`), and a joint of the states that it gives; an array of the
+joints as a tuple; arrays without their count of references."""
 
 
 class Joints(NamedTuple):
@@ -23,6 +24,20 @@ class Joints(NamedTuple):
     positions: Any
     velocities: Any
     forces: Any
+    friction: Any
+
+
+def give_forces(joints: Any, world: Any) -> None:
+    """Torques on the links."""
+    for j in range(len(world.forces)):
+        world.forces[j] = joints[j][FORCE]
+
+
+def give_friction(joints: Any, world: Any) -> None:
+    """The same, and the joints' friction, where that of any varies."""
+    for j in range(len(world.forces)):
+        world.forces[j] = joints[j][FORCE]
+        world.friction[j] = joints[j][BOUND]
 
 
 def leave(world: Any) -> None:
@@ -35,7 +50,7 @@ def substep(k: int, states: Any, joints: Any, inputs: Any, rows: Any, world: Any
     laws(k, states, joints, inputs, rows)
     for j in range(len(world.forces)):
         world.positions[j], world.velocities[j] = unpack(states, j)
-        world.forces[j] = joints[j][FORCE]
+    give(joints, world)
     move(world)
     return as_tuple(world.forces)
 
@@ -49,6 +64,5 @@ def stretch(first: int, last: int, joints: Any, inputs: Any, rows: Any, wrenches
                 world.wrench[w][i] = wrenches[k][w][i]
         look(world)
         laws(k, (world.positions, world.velocities), joints, inputs, rows)
-        for j in range(len(world.forces)):
-            world.forces[j] = joints[j][FORCE]
+        give(joints, world)
         move(world)

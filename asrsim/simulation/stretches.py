@@ -12,7 +12,7 @@ from asrsim.engines.base import Engine, EngineKernel
 from asrsim.samples import Array
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.stretch import Joints, leave
-from asrsim.simulation.substep import FORCE, RAW, Step
+from asrsim.simulation.substep import BOUND, FORCE, RAW, Step
 
 FLUSH = 4_000
 """Numbers after which plain Python's inputs are taken from and its record moved to compact arrays: short lists stay in the
@@ -39,8 +39,8 @@ def push_links(engine: Engine, wrenches: Array) -> None:
         engine.apply_wrench(index, values.tolist())
 
 
-def plain_stretch(engine: Engine, laws: Step, joints: Any) -> Stretch:
-    """In plain Python."""
+def plain_stretch(engine: Engine, laws: Step, joints: Any, *, friction: bool) -> Stretch:
+    """In plain Python. friction: that of joints varies."""
     count = len(joints) - 1
     states, advance, own, where = engine.states, engine.advance, joints[:count], joints[count]
     size = max(4, FLUSH // (count * len(RAW)))
@@ -56,6 +56,8 @@ def plain_stretch(engine: Engine, laws: Step, joints: Any) -> Stretch:
                     if pushed:
                         push_links(engine, block.wrenches[first + k])
                     laws(k, states(), joints, inputs, record)
+                    if friction:
+                        engine.set_friction([row[BOUND] for row in own])
                     advance([row[FORCE] for row in own])
             except UNDEFINED:
                 where[0] += first - start
@@ -69,11 +71,11 @@ def plain_stretch(engine: Engine, laws: Step, joints: Any) -> Stretch:
 
 def no_kernel(engine: Engine) -> EngineKernel:
     """For an engine without a part in compiled loops."""
-    empty = [np.zeros(len(engine.joints)) for _ in range(3)]
+    empty = [np.zeros(len(engine.joints)) for _ in Joints._fields]
     return EngineKernel(move=leave, world=Joints(*empty), compiled={}, version="", advance=engine.advance)
 
 
-def stepped_stretch(engine: Engine, kernel: EngineKernel, one: Callable[..., Any], joints: Any) -> Stretch:
+def stepped_stretch(engine: Engine, kernel: EngineKernel, one: Callable[..., Any], joints: Any, *, friction: bool) -> Stretch:
     """The joints' substep compiled (`one`), the engine stepped from Python."""
     states, advance, world = engine.states, kernel.advance or engine.advance, kernel.world
     step = getattr(one, "entry", one)
@@ -83,7 +85,10 @@ def stepped_stretch(engine: Engine, kernel: EngineKernel, one: Callable[..., Any
         for k in range(end - start):
             if pushed:
                 push_links(engine, block.wrenches[start + k])
-            advance(step(k, states(), joints, inputs, rows, world))
+            forces = step(k, states(), joints, inputs, rows, world)
+            if friction:
+                engine.set_friction(world.friction.tolist())
+            advance(forces)
 
     run.owner = one  # type: ignore[attr-defined]
     return run

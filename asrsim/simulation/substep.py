@@ -9,24 +9,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import floor
+from math import exp, floor
 from typing import Any
 
 from asrsim.simulation.kernels import MOTOR_STATE, RECORD, Advance
 
 PLACES = (
     "previous", "speed", "torque", "last_force", "force", "drag", "effort", "fastest", "damping", "brake", "spring", "rest",
-    "weight", "lag", "base", "ratio", "inertia", "read_1", "push_1", "read_2", "push_2", "gain_1", "gain_2", "state",
+    "weight", "lag", "base", "ratio", "inertia", "read_1", "push_1", "read_2", "push_2", "gain_1", "gain_2", "bound", "coulomb",
+    "stribeck", "fade", "share", "state",
 )  # fmt: skip
 (
     PREVIOUS, SPEED, TORQUE, LAST_FORCE, FORCE, DRAG, EFFORT, FASTEST, DAMPING, BRAKE, SPRING, REST,
-    WEIGHT, LAG, BASE, RATIO, INERTIA, READ_1, PUSH_1, READ_2, PUSH_2, GAIN_1, GAIN_2, STATE,
+    WEIGHT, LAG, BASE, RATIO, INERTIA, READ_1, PUSH_1, READ_2, PUSH_2, GAIN_1, GAIN_2, BOUND, COULOMB,
+    STRIBECK, FADE, SHARE, STATE,
 ) = range(len(PLACES))  # fmt: skip
 """What changes: velocity before the last kick (rad/s); velocity that damping acts on before this kick's torques; torque of the
 actuator, on the link over the last kick and this one, and of damping and brake (N m). Constants: limits (N m, rad/s); damping
 and derivative gain on the link (N m s/rad); a passive spring (N m/rad, rad); weight of a kick's change in the mean velocity; s
 by which motors' states are behind; a damping that depends on the stiffness (N m s/rad, 1, kg m^2). What sensors 1 and 2 read
-beside the truth (rad), the torque that their velocities make (N m), the derivative gains (N m s/rad). Then the state."""
+beside the truth (rad), the torque that their velocities make (N m), the derivative gains (N m s/rad). Friction of the joint
+over this kick (N m), and what it follows from where it varies: Coulomb level and Stribeck excess (N m), s/rad, 1. Then the
+state."""
 
 RAW = ("link_position", "engine_velocity", "actuator_torque", "link_torque", "damping_torque", *RECORD)
 """Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the limits, after them, of damping, and the
@@ -138,11 +142,19 @@ def _nothing(*arguments: Any) -> Any:
 
 
 def lend(state: Any, push_1: float, push_2: float) -> Any:
-    """A state with torques in its controllers' integrals: of a link's controller, one motor, two motors."""
+    """A state with torques in its controllers' integrals: of a link's controller, one motor, two motors, without and with
+    hysteresis."""
     if len(state) == 1:
         return (state[0] + push_1,)
     if len(state) == 4:
         return (state[0], state[1], state[2], state[3] + push_1)
+    if len(state) == 6:
+        return (state[0], state[1], state[2], state[3] + push_1, state[4], state[5])
+    if len(state) == 12:
+        return (
+            state[0], state[1], state[2], state[3] + push_1, state[4], state[5], state[6], state[7] + push_2,
+            state[8], state[9], state[10], state[11],
+        )  # fmt: skip
     return (state[0], state[1], state[2], state[3] + push_1, state[4], state[5], state[6], state[7] + push_2)
 
 
@@ -222,6 +234,22 @@ def make_damping(count: int, *, coupled: bool) -> Step:
             joint[LAST_FORCE] = joint[FORCE]
 
     return damp
+
+
+def make_friction(members: tuple[int, ...]) -> Step:
+    """Level of friction of the joints where it depends on speed and load, for engines that take it as Coulomb friction.
+
+    tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with the actuator's torque tau on the link and the speed that its damping acts
+    on; standing joints have all of it. Whatever the level, friction only takes energy.
+    """
+
+    def rub(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
+        for j in members:
+            joint = joints[j]
+            pace = joint[SPEED] * joint[FADE]
+            joint[BOUND] = joint[COULOMB] + joint[SHARE] * abs(rows[k][j][LINK_TORQUE]) + joint[STRIBECK] * exp(-pace * pace)
+
+    return rub
 
 
 def chain(steps: Sequence[Step]) -> Step:

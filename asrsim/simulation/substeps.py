@@ -28,6 +28,12 @@ UNSTABLE = 2.0
 """omega h from which a spring gains energy at every step."""
 COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
+FADING = 0.1
+"""Rate times h that the automatic number of substeps keeps where friction falls with speed."""
+STEEPEST = math.sqrt(2.0 / math.e)
+"""Steepest slope of exp(-x^2)."""
+FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
+"""What of a motor makes bristles."""
 STANDING = 1e-3
 """rad between a joint and its first reference below which the motor does not jump to it at its largest speed."""
 
@@ -63,7 +69,7 @@ def reachable_stiffness(
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
     # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
-    torque_driven = drive.stepping.released and mode.number == 4
+    torque_driven = drive.stepping.released and mode.direct
     sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
     def torque_at(deflection: float) -> float:
@@ -72,16 +78,17 @@ def reachable_stiffness(
 
     goals = np.column_stack(drive.goals(reference_1, reference_2))[:, : 1 if actuator.motors == 1 else 2]
     centre = goals.mean(axis=1)
-    spread = float(np.max(np.abs(goals - centre[:, None]))) if mode.number != 4 else 0.0
+    spread = float(np.max(np.abs(goals - centre[:, None]))) if not mode.direct else 0.0
     offset = abs(float(centre[0]) - drive.initial_position)
     changes = np.abs(np.diff(centre))
     change = float(np.max(changes)) if len(changes) else 0.0
     if mode.motor:
         motors = range(1, actuator.motors + 1)
-        pull = max(drive.values[f"motor_{i}_max_torque"] for i in motors)
+        pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
-        if mode.number == 4:
-            pull = min(pull, float(np.max(np.abs(goals))))
+        if mode.direct:
+            told = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
+            pull = min(pull, float(np.max(told)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
             speed = min(fastest, OVERSHOOT * change / interval)
@@ -96,6 +103,9 @@ def reachable_stiffness(
         for d_2 in [sigma] if actuator.adjuster else (grid if actuator.motors == 2 else [0.0]):
             value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
             best = max(best, value) if math.isfinite(value) else math.inf
+    if drive.hysteresis is not None:
+        # Where its motion turns, a spring's hysteresis is a spring beside it.
+        best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
     return best
 
 
@@ -163,7 +173,8 @@ def resolve(
                 f"cannot be resolved, since a step of {step:g} s would need {needed} substeps and the cap is {cap}. Lower the "
                 f"step, raise substep_cap, soften the spring or limit its deflection (max_deflection)"
             )
-        substeps = needed
+        fading = max((_fading(drive, masses, j) for j, drive in enumerate(drives)), default=0.0)
+        substeps = max(needed, min(cap, math.ceil(fading * step / FADING - 1e-9)))
     h = step / substeps
     limit = frequency * h
     if limit >= UNSTABLE:
@@ -171,9 +182,10 @@ def resolve(
             f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = {limit:.3g}, "
             f"the limit is 2. Use at least {needed} substeps (or leave the number automatic)"
         )
+    steep = max((_motor_fading(drive) for drive in drives), default=0.0)
     motor_frequency = max((_motor_frequency(drive, k) for drive, k in zip(drives, stiffness, strict=True)), default=0.0)
     if motor_substeps is None:
-        motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9))
+        motor_substeps = max(1, math.ceil(motor_frequency * h / MOTOR_TARGET - 1e-9), math.ceil(steep * h / FADING - 1e-9))
     motor_substeps += 1 - motor_substeps % 2
     return Resolution(
         substeps=substeps,
@@ -199,14 +211,33 @@ def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Ar
     return best, shape
 
 
+def _fading(drive: Drive, masses: Sequence[Array], j: int) -> float:
+    """Largest rate in 1/s at which joint `j` runs away where its friction falls with speed: for accuracy; bounded friction is
+    stable at any step."""
+    joint = drive.joint
+    if not joint.stribeck_friction:
+        return 0.0
+    return STEEPEST * joint.stribeck_friction / joint.stribeck_velocity * max(float(np.linalg.inv(m)[j, j]) for m in masses)
+
+
+def _motor_fading(drive: Drive) -> float:
+    """The same of the joint's motors."""
+    values, motors = drive.values, range(1, drive.dynamic_motors + 1) if drive.detailed else ()
+    steep = (
+        values[f"motor_{i}_stribeck_friction"] / (values[f"motor_{i}_stribeck_velocity"] * values[f"motor_{i}_inertia"])
+        for i in motors
+    )
+    return STEEPEST * max(steep, default=0.0)
+
+
 def _motor_frequency(drive: Drive, stiffness: float) -> float:
     """Largest omega of a motor in rad/s: spring, controller and bristles at a frozen link."""
     frequency = 0.0
     for index in range(1, drive.dynamic_motors + 1):
         springs = stiffness
         if drive.mode and drive.mode.controller:
-            springs += drive.values[f"controller_{index}_proportional"]
-        if drive.values[f"motor_{index}_friction_torque"]:
+            springs += drive.electric(index).gain * drive.values[f"controller_{index}_proportional"]
+        if any(drive.values[f"motor_{index}_{name}"] for name in FRICTIONS):
             springs += FRICTION_STIFFNESS
         frequency = max(frequency, math.sqrt(max(springs, 0.0) / drive.values[f"motor_{index}_inertia"]))
     return frequency

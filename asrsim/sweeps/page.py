@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import shlex
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from io import BytesIO
@@ -17,7 +18,7 @@ from asrsim.outfile import write_text
 from asrsim.plots.output import styled
 from asrsim.report.html import bullets, number, section, table
 from asrsim.samples import Array
-from asrsim.sweeps.pictures import MOST, figures
+from asrsim.sweeps.pictures import chosen_results, figures
 from asrsim.sweeps.sensitivity import influences, numeric_keys
 from asrsim.sweeps.show import told
 from asrsim.sweeps.table import Table, shares
@@ -25,20 +26,22 @@ from asrsim.sweeps.table import Table, shares
 LINES = 4000
 """Runs that are drawn as lines; of more, some evenly, and those at the ends of every result."""
 AXES = 12
+LINE_WIDTH = 90
+"""Pixels of an axis, below which the picture is wider than a telephone and is moved."""
 DPI = 110
 
 
-def write_page(study: Table, path: Path | None = None) -> Path:
-    """Write `report.html` into the study's folder. Raises OutputError."""
+def write_page(study: Table, path: Path | None = None, results: Sequence[str] = ()) -> Path:
+    """Write `report.html` into the study's folder; results: see :func:`chosen_results`. Raises OutputError, InputError."""
     path = path or study.folder / "report.html"
-    write_text(path, make_page(study), "page")
+    write_text(path, make_page(study, results), "page")
     return path
 
 
-def make_page(study: Table) -> str:
-    """The page as text."""
+def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
+    """The page as text; drawn: results in its pictures, if not the first."""
     results = told(study)
-    shown = results[:MOST]
+    shown = chosen_results(study, drawn)
     with styled():
         pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
     title = f"{study.manifest['name']}: {len(study)} runs"
@@ -58,8 +61,10 @@ def make_page(study: Table) -> str:
         body += f'<script id="data" type="application/json">{data}</script><script>{script}</script>'
     generator = escape(str(study.manifest["generator"]))
     return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="generator" content="{generator}">'
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="generator" content="{generator}">'
         f"<title>{escape(title)}</title><style>{css} canvas {{width: 100%; height: 420px; cursor: crosshair}}"
+        f" #wide {{overflow-x: auto}} #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}}"
         f" pre {{white-space: pre-wrap}} img {{max-width: 100%}}</style></head><body><main>{body}</main></body></html>\n"
     )
 
@@ -82,8 +87,17 @@ def _results(study: Table, results: list[str]) -> str:
         found = study.quantiles(name)
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
-            rows.append((name, found.count, *map(number, numbers), f"run {found.least_run}", f"run {found.largest_run}"))
-    heads = ("result", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
+            rows.append(
+                (
+                    name,
+                    study.unit(name),
+                    found.count,
+                    *map(number, numbers),
+                    f"run {found.least_run}",
+                    f"run {found.largest_run}",
+                )
+            )
+    heads = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
     return table(heads, rows) if rows else "<p>No result differs between the runs.</p>"
 
 
@@ -103,7 +117,7 @@ def _lines(study: Table, axes: list[str]) -> str:
     return (
         f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; a line to "
         f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
-        '<canvas id="lines"></canvas><div id="chosen"></div>'
+        '<div id="wide"><canvas id="lines"></canvas></div><div id="chosen"></div>'
     )
 
 

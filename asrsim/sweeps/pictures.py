@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plots.output import save_figure, styled
 from asrsim.samples import Array
 from asrsim.sweeps.sensitivity import influences, numeric_keys
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST = 6
-"""Results in a picture: others by name, from Python."""
+"""Results in a picture: others by name."""
 CELL = 4.4, 3.1
 """inches of a panel."""
 LINES = 8
@@ -27,13 +28,25 @@ LINES = 8
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = (), formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Write the study's pictures into its folder. results: columns; none: the first that differ. Raises OutputError."""
-    chosen = list(results) or told(table)[:MOST]
+    """Write the study's pictures into its folder; results: see :func:`chosen_results`. Raises OutputError, InputError."""
+    chosen = chosen_results(table, results)
     paths: list[Path] = []
     with styled():
         for name, figure in figures(table, chosen).items():
             paths += save_figure(figure, table.folder, name, formats)
     return paths
+
+
+def chosen_results(table: Table, results: Sequence[str]) -> list[str]:
+    """Columns to be drawn: those named, or the first that differ. Raises InputError for unknown ones, and those of no run."""
+    for name in results:
+        if name not in table.results:
+            known = tuple(table.results)
+            problem = Problem(message="is no result of this study", key=name, hint=did_you_mean(name, known), code="result")
+            raise InputError(problem)
+        if table.quantiles(name) is None:
+            raise InputError(Problem(message="no run has a value of it", key=name, code="result"))
+    return list(results) or told(table)[:MOST]
 
 
 def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
@@ -66,6 +79,14 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
         draw(table, name, axis)
     for axis in axes[len(names) :]:
         axis.remove()
+    # What is the same everywhere is said once.
+    said: set[tuple[str, ...]] = set()
+    for axis in figure.axes:
+        legend = axis.get_legend()
+        texts = tuple(text.get_text() for text in legend.get_texts()) if legend is not None else ()
+        if legend is not None and texts in said:
+            legend.remove()
+        said.add(texts)
     return figure
 
 
@@ -137,6 +158,7 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
     axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))))
     for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
         axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style)
+    axes.locator_params(axis="y", integer=True)
     lacking = len(values) - len(there)
     axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
 
@@ -158,18 +180,25 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
 
 
 def _band(table: Table, name: str, axes: Axes) -> None:
-    """Median, and bands that hold 50 and 90 % of the runs."""
-    runs = [np.asarray(values) for values in table[name] if values is not None and len(values)]
+    """Median, and bands that hold 50 and 90 % of the runs, of each variant."""
+    variants, rate = table.manifest["variants"], float(table.manifest["rate"])
+    for number, variant in enumerate(variants):
+        mine = table["variant"].astype(str) == variant
+        _variant_band(table[name][mine], rate, axes, f"C{number}", variant if len(variants) > 1 else "")
+    axes.legend(fontsize="x-small")
+    axes.margins(x=0.0)
+    axes.set(xlabel="time (s)", ylabel=_label(table, name))
+
+
+def _variant_band(signals: Any, rate: float, axes: Axes, colour: str, variant: str) -> None:
+    runs = [np.asarray(values) for values in signals if values is not None and len(values)]
     longest = max((len(run) for run in runs), default=0)
     rows: Array = np.full((len(runs), longest), np.nan)
     for row, values in zip(rows, runs, strict=True):
         row[: len(values)] = values
-    time = np.arange(longest) / float(table.manifest["rate"])
+    time = np.arange(longest) / rate
     if longest:
         low, quarter, middle, upper, high = np.nanquantile(rows, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
-        axes.fill_between(time, low, high, alpha=0.2, color="C0", label="90 %")
-        axes.fill_between(time, quarter, upper, alpha=0.35, color="C0", label="50 %")
-        axes.plot(time, middle, color="C0", label="median")
-        axes.legend(fontsize="x-small")
-    axes.margins(x=0.0)
-    axes.set(xlabel="time (s)", ylabel=_label(table, name))
+        axes.fill_between(time, low, high, alpha=0.2, color=colour, label=None if variant else "90 %")
+        axes.fill_between(time, quarter, upper, alpha=0.35, color=colour, label=None if variant else "50 %")
+        axes.plot(time, middle, color=colour, label=f"{variant}: median, 50 and 90 %" if variant else "median")

@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 import math
-import sys
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
+from typing import Any
 
 from asrsim.errors import Problem, SimulationError
 from asrsim.quantities import unit_of
 from asrsim.runs.lock import owned
-from asrsim.samples import Array
 from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
-from asrsim.sweeps.executor import Workers
 from asrsim.sweeps.read import is_study, make_study, read_study
-from asrsim.sweeps.runner import Row
+from asrsim.sweeps.runner import Runner, lost
+from asrsim.sweeps.shipping import Shipped
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.sweeps.table import Table
-from asrsim.versions import version
-
-
-class Executor(Protocol):
-    """Does runs somewhere."""
-
-    def rows(self, runs: Sequence[int] | Array, *, stop: Callable[[], bool] | None = None) -> Iterator[list[Row]]:
-        """Rows as they come."""
+from asrsim.versions import numeric_versions
+from asrsim.workers import Executor, Here, Lost, Task, cores
+from asrsim.workers.local import Processes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +94,7 @@ def sweep(
     with owned(folder):
         study = payload.study
         store = open_store(folder, payload.columns, len(study), manifest(payload), resume=resume, overwrite=overwrite)
-        _run(payload, store, executor_of(payload, store, workers, cluster), progress, stop)
+        _run(payload, store, *executor_of(payload, store, workers, cluster), progress, stop)
     return Table(folder, keep=temporary)
 
 
@@ -121,46 +111,38 @@ def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) 
     return study
 
 
-def executor_of(
-    payload: Payload, store: Store, workers: int | None, cluster: str | Path | None
-) -> AbstractContextManager[Executor]:
-    """Where the missing runs are done. Raises SimulationError."""
-    if not len(store.missing):
-        return nullcontext(_Nobody())
-    if cluster is not None:
-        from asrsim.sweeps.cluster import Cluster
-
-        return Cluster(payload, cluster)
+def executor_of(payload: Payload, store: Store, workers: int | None, cluster: str | Path | None) -> tuple[Executor, Task]:
+    """Where the missing runs are done, and by what. Raises SimulationError."""
     if workers is not None and workers < 1:
         raise SimulationError(str(Problem(message="must be at least 1", key="workers", value=workers)))
-    return Workers(payload, count=workers or cores(), logs=store.folder / "logs")
+    if not len(store.missing):
+        return Here(), Runner(payload)
+    plugins = payload.study.plugins
+    if cluster is None:
+        count = workers or cores()
+        # Even one: runs that kill their process are rows, too.
+        return Processes(count, plugins), Runner(payload, store.folder / "logs", count)
+    from asrsim.workers.cluster import Cluster
 
-
-class _Nobody:
-    def rows(self, runs: Sequence[int] | Array, *, stop: Callable[[], bool] | None = None) -> Iterator[list[Row]]:
-        return iter(())
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if payload.study.logs:
+        raise SimulationError("logs of every run are not gathered from a cluster: leave --logs away, and repeat runs by --run")
+    return Cluster(cluster, plugins), Shipped(payload, share=8)
 
 
 def _run(
     payload: Payload,
     store: Store,
-    executor: AbstractContextManager[Executor],
+    workers: Executor,
+    task: Task,
     progress: Callable[[Progress], None] | None,
     stop: Callable[[], bool] | None,
 ) -> None:
     began, here, statuses = clock.monotonic(), 0, dict.fromkeys(("complete", "diverged", "failed", "crashed"), 0)
-    status = payload.names.index("status")
+    status, missing = payload.names.index("status"), store.missing.tolist()
     try:
-        with executor as workers:
-            for rows in workers.rows(store.missing, stop=stop):
-                new = store.add(rows)
+        with workers:
+            for found in workers.results(task, missing, stop=stop):
+                new = store.add([lost(payload, missing[n], row.reason) if isinstance(row, Lost) else row for n, row in found])
                 here += len(new)
                 for row in new:
                     statuses[row[status]] = statuses.get(row[status], 0) + 1
@@ -185,7 +167,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
         "name": study.name,
         "digest": study.digest,
         "inputs": inputs_digest(payload),
-        "versions": versions(),
+        "versions": numeric_versions(),
         "runs": len(study),
         "variants": list(study.variants),
         "keys": list(study.keys),
@@ -236,11 +218,3 @@ def inputs_digest(payload: Payload) -> str:
 def _files(case: Case) -> Iterator[bytes]:
     for name in sorted(case.files):
         yield case.files[name].read_bytes()
-
-
-def versions() -> dict[str, str]:
-    """Of what rows depend on."""
-    from asrsim import __version__
-
-    found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": __version__, "numpy": np.__version__}
-    return found | {name: version(name) for name in ("mujoco-core", "pybullet", "numba", "scipy")}

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import AsrsimError, DivergenceError
+from asrsim.errors import AsrsimError, DivergenceError, InputError
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.metrics import ExpectationResult
 from asrsim.runs.execute import execute, steps_of, write_summary
@@ -31,16 +31,19 @@ Row = tuple[Any, ...]
 
 
 class Runner:
-    """Runs of one study, one after the other, in one process; rows do not depend on which, nor on their order."""
+    """A task for :mod:`asrsim.workers`: runs of one study, one after the other; rows do not depend on their order."""
 
-    def __init__(self, payload: Payload, *, logs: Path | None = None, share: int = 1) -> None:
+    def __init__(self, payload: Payload, logs: Path | None = None, share: int = 1) -> None:
         """logs: folder for logs, if the study keeps them; share: how many runners share the study's runs."""
         self.payload, self.study = payload, payload.study
         self._logs = logs if payload.study.logs else None
         self._share = share
         self._bases: OrderedDict[tuple[str, str], tuple[Simulation, _Tap]] = OrderedDict()
 
-    def row(self, run: int) -> Row:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Runner, (self.payload, self._logs, self._share)
+
+    def __call__(self, run: int) -> Row:
         """The row of a run, in the payload's columns."""
         began = clock.perf_counter()
         variant, values = self.study.point(run)
@@ -51,7 +54,8 @@ class Runner:
                 cells |= self._cells(run, case, values)
         except AsrsimError as error:
             cells |= {"status": "failed", "reason": _one_line(error), "ok": False}
-        except (ArithmeticError, MemoryError, ValueError) as error:
+        except Exception as error:
+            # Laws and measures may be a user's.
             cells |= {"status": "failed", "reason": f"{type(error).__name__}: {_one_line(error)}", "ok": False}
         cells["seconds"] = clock.perf_counter() - began
         return tuple(cells.get(name) for name in self.payload.names)
@@ -77,14 +81,19 @@ class Runner:
             simulation.reset(parameters=plan.changes(values))
             for name, places in sorted(plan.references.items(), key=lambda item: "*" not in item[0]):
                 for joint, reference in places:
-                    simulation.set_reference(joint, reference, float(values[name]))
+                    if simulation.set_reference(joint, reference, float(values[name])) != float(values[name]):
+                        # Ranges are for what comes from outside; a study's values stand in the scenario.
+                        return self._alone(case, values)
             return self._finished(simulation, tap, checked=True)
-        except BaseException:
+        except BaseException as error:
             # What a fault leaves behind is nobody's fresh start.
             kept = self._bases.pop(key, None)
             if kept is not None:
                 kept[0].close()
-            raise
+            if not isinstance(error, InputError):
+                raise
+        # What is wrong with the numbers is said as of a scenario's file.
+        return self._alone(case, values)
 
     def _base(self, key: tuple[str, str], case: Case, values: Mapping[str, Any]) -> tuple[Simulation, _Tap]:
         if key in self._bases:

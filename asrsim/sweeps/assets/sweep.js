@@ -5,7 +5,7 @@
   const axes = data.axes.map(axis => ({...axis, values: floats(axis.values), range: null}));
   const runs = floats(data.runs), count = runs.length;
   const canvas = document.getElementById("lines"), draw = canvas.getContext("2d");
-  const left = 50, right = 50, top = 34, bottom = 24;
+  const left = 24, right = 24, top = 46, bottom = 24;
   let width, height, chosen = -1, drag = null;
   for (const axis of axes) {
     const there = axis.values.filter(Number.isFinite);
@@ -45,9 +45,12 @@
     axes.forEach((axis, i) => {
       draw.strokeStyle = "#555"; draw.fillStyle = "#222";
       draw.beginPath(); draw.moveTo(x(i), top); draw.lineTo(x(i), height - bottom); draw.stroke();
-      draw.fillText(axis.name, x(i), i % 2 ? 10 : 22, 1.8 * (width - left - right) / axes.length);
-      draw.fillText(axis.high.toPrecision(4), x(i), top - 2 + 0);
-      draw.fillText(axis.low.toPrecision(4), x(i), height - 8);
+      // The outer ones stand inwards, so that nothing is cut off.
+      draw.textAlign = i === 0 ? "left" : i === axes.length - 1 ? "right" : "center";
+      const edge = i === 0 ? 2 : i === axes.length - 1 ? width - 2 : x(i);
+      draw.fillText(axis.name, edge, i % 2 ? 12 : 26, 1.8 * (width - left - right) / axes.length);
+      draw.fillText(axis.high.toPrecision(4), edge, top - 4);
+      draw.fillText(axis.low.toPrecision(4), edge, height - 8);
       if (axis.range) {
         draw.fillStyle = "rgba(0,114,178,0.25)";
         const a = y(axis, axis.range[1]), b = y(axis, axis.range[0]);

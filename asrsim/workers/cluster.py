@@ -1,51 +1,49 @@
-"""Dask: a study on the workers of a scheduler, which tries again what a dead worker had; rows stream back."""
+"""Dask: tasks on the workers of a scheduler, which tries again what a dead worker had; results stream back."""
 
 from __future__ import annotations
 
+import pickle
 import sys
 import threading
+import time as clock
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import InputError, Problem, SimulationError
-from asrsim.samples import Array
-from asrsim.sweeps.cases import Payload
-from asrsim.sweeps.executor import DEATHS, pickled
-from asrsim.sweeps.runner import Row, Runner, lost
+from asrsim.errors import AsrsimError, InputError, Problem, SimulationError
+from asrsim.versions import numeric_versions
+from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled
 
 PATIENCE = 10.0
 """s that a scheduler, and the first worker, have to answer."""
-CHUNK_SECONDS = 2.0
-MOST = 500
-"""Runs of a task: the scheduler takes some milliseconds for each."""
+PIECE = 2.0
+"""s of work of a task of Dask's: the scheduler takes some milliseconds for each."""
 AHEAD = 3
 """Tasks a worker thread, done or waiting: bounds the memory of scheduler and client."""
 COMPARED = ("python", "asrsim", "numpy", "mujoco-core", "pybullet")
-"""What must be the same everywhere, so that rows are."""
+"""What must be the same everywhere, so that results are."""
 JOBS = ("slurm", "pbs", "sge", "lsf", "htcondor", "oar", "moab", "local")
 
 
 class Cluster:
-    """Runs a study on Dask workers; a context."""
+    """The workers of a Dask scheduler: an :class:`asrsim.workers.Executor`."""
 
-    def __init__(self, payload: Payload, target: str | Path) -> None:
-        """target: address of a scheduler, or a YAML file for dask-jobqueue. Raises SimulationError or InputError."""
+    def __init__(self, target: str | Path, plugins: Sequence[Path] = ()) -> None:
+        """target: address of a scheduler, or a YAML file for dask-jobqueue; plugins: sent along, and loaded first.
+
+        Raises SimulationError or OSError.
+        """
         try:
             distributed: Any = import_module("distributed")
         except ImportError:
             raise SimulationError("--cluster needs Dask: pip install 'asrsim[cluster]'") from None
-        if payload.study.logs:
-            raise SimulationError(
-                "logs of every run are not gathered from a cluster: leave --logs away, and repeat runs by --run"
-            )
-        self._payload, self._target = payload, str(target)
+        self._target = str(target)
+        self._plugins = tuple((path.name, path.read_bytes()) for path in plugins)
         self._distributed = distributed
-        self._sent = pickled(shipped(payload))
         self._jobs: Any = None
         self._client: Any = None
 
@@ -81,11 +79,9 @@ class Cluster:
             raise SimulationError(f"the scheduler at {self._target} has no workers: {hint}") from error
 
     def _compare(self) -> None:
-        from asrsim.sweeps.run import versions
-
-        mine = versions()
+        mine = numeric_versions()
         try:
-            theirs = self._client.run(_versions)
+            theirs = self._client.run(numeric_versions)
         except Exception as error:
             message = f"the workers cannot import asrsim of this version: {type(error).__name__}: {error}"
             raise SimulationError(message) from error
@@ -99,117 +95,79 @@ class Cluster:
             more = f" and {len(faults) - 5} more" if len(faults) > 5 else ""
             raise SimulationError("rows would differ between machines: " + "; ".join(faults[:5]) + more)
 
-    def rows(self, runs: Sequence[int] | Array, *, stop: Callable[[], bool] | None = None) -> Iterator[list[Row]]:
-        """Rows as tasks end; a task whose workers die is cut into single runs, and what still kills them is a row."""
-        waiting = deque(int(run) for run in runs)
-        data = self._client.scatter(self._sent, broadcast=True, hash=True)
-        seconds = 0.05
-        chunks: dict[Any, list[int]] = {}
+    def results(
+        self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
+    ) -> Iterator[list[tuple[int, Any]]]:
+        """See :class:`asrsim.workers.Executor`; a piece whose workers die is cut into single items."""
+        waiting, pace = deque(range(len(items))), Pace(PIECE)
+        data = self._client.scatter(pickle.dumps((self._plugins, pickled(task))), broadcast=True, hash=True)
+        pieces: dict[Any, list[int]] = {}
         done = self._distributed.as_completed(loop=self._client.loop)
+
+        def submit(numbers: list[int]) -> None:
+            future = self._client.submit(do_items, data, [(n, items[n]) for n in numbers], pure=False, retries=0)
+            pieces[future] = numbers
+            done.add(future)
+
         try:
             while True:
                 slots = AHEAD * max(1, sum(self._client.nthreads().values()))
-                while waiting and len(chunks) < slots:
-                    share = max(1, len(waiting) // (2 * slots))
-                    size = min(MOST, share, max(1, round(CHUNK_SECONDS / seconds)), len(waiting))
-                    self._submit(data, [waiting.popleft() for _ in range(size)], chunks, done)
-                if not chunks or (stop is not None and stop()):
+                while waiting and len(pieces) < slots:
+                    submit([waiting.popleft() for _ in range(pace.size(len(waiting), 2 * slots))])
+                if not pieces or (stop is not None and stop()):
                     return
                 if not done.has_ready():
                     threading.Event().wait(0.02)
                     continue
                 future = next(done)
-                mine = chunks.pop(future)
+                mine = pieces.pop(future)
                 if future.status == "finished":
-                    rows = future.result()
-                    seconds = 0.7 * seconds + 0.3 * max(1e-4, sum(row[-1] or 0.0 for row in rows) / len(rows))
+                    found, seconds = future.result()
+                    pace.took(seconds, len(found))
                     future.release()
-                    yield rows
+                    yield found
                 elif future.status == "error" and isinstance(future.exception(), self._distributed.KilledWorker):
                     if len(mine) == 1:
-                        yield [lost(self._payload, mine[0], f"{DEATHS} workers died in this run")]
-                    for run in mine if len(mine) > 1 else ():
-                        self._submit(data, [run], chunks, done)
+                        yield [(mine[0], Lost(f"{DEATHS} workers died in this run"))]
+                    for number in mine if len(mine) > 1 else ():
+                        submit([number])
                 elif future.status == "error":
-                    raise SimulationError(f"a worker failed: {future.exception()}")
+                    fault = future.exception()
+                    raise fault if isinstance(fault, AsrsimError) else SimulationError(f"a worker failed: {fault}")
                 else:
                     # Lost with the scheduler's memory of it: done again.
                     waiting.extendleft(reversed(mine))
         finally:
             with suppress(Exception):
-                self._client.cancel(list(chunks))
-
-    def _submit(self, data: Any, runs: list[int], chunks: dict[Any, list[int]], done: Any) -> None:
-        future = self._client.submit(do_runs, data, runs, pure=False, retries=0)
-        chunks[future] = runs
-        done.add(future)
-
-
-def _versions() -> dict[str, str]:
-    """On a worker."""
-    from asrsim.sweeps.run import versions
-
-    return versions()
+                self._client.cancel(list(pieces))
 
 
 _OWN = threading.local()
+_LOADED: dict[tuple[str, bytes], TemporaryDirectory[str]] = {}
 
 
-def do_runs(payload: bytes, runs: list[int]) -> list[Row]:
-    """On a worker: rows of runs; what is prepared is kept for the next task of the study."""
-    import pickle
-
-    if getattr(_OWN, "bytes", b"") != payload:
-        if getattr(_OWN, "runner", None) is not None:
-            _OWN.runner.close()
-        unpacked = unpacked_payload(pickle.loads(payload))
-        _OWN.runner = Runner(unpacked, share=8)
-        _OWN.bytes = payload
-    return [_OWN.runner.row(run) for run in runs]
-
-
-class Shipped:
-    """A payload with its files, for machines that have none of them."""
-
-    def __init__(self, payload: Payload, files: dict[str, bytes]) -> None:
-        self.payload, self.files = payload, files
+def do_items(sent: bytes, items: list[tuple[int, Any]]) -> tuple[list[tuple[int, Any]], float]:
+    """On a worker: results of items, and the seconds they took; what the task made ready is kept for its next piece."""
+    if getattr(_OWN, "sent", b"") != sent:
+        close(getattr(_OWN, "task", None))
+        plugins, task = pickle.loads(sent)
+        for plugin in plugins:
+            _load(plugin)
+        _OWN.task, _OWN.sent = pickle.loads(task), sent
+    began = clock.perf_counter()
+    return [(number, _OWN.task(item)) for number, item in items], clock.perf_counter() - began
 
 
-def shipped(payload: Payload) -> Shipped:
-    """With the bytes of attachments and plugins; the robot itself is data already. Raises OSError where one cannot be read."""
-    paths = {path for case in payload.cases.values() for path in case.files.values()}
-    paths |= set(payload.study.plugins)
-    return Shipped(payload, {str(path): path.read_bytes() for path in sorted(paths)})
+def _load(plugin: tuple[str, bytes]) -> None:
+    """A file with users' actuators, once a process."""
+    from asrsim.actuators.user import load_plugin_file
 
-
-def unpacked_payload(shipped: Shipped) -> Payload:
-    """The payload on a worker, its files written to a folder that lives as long as the process."""
-    import tempfile
-
-    payload = shipped.payload
-    folder = tempfile.TemporaryDirectory(prefix="asrsim-sweep-")
-    _OWN.folder = folder
-    places: dict[Path, Path] = {}
-    for number, (name, data) in enumerate(shipped.files.items()):
-        place = Path(folder.name) / str(number) / Path(name).name
-        place.parent.mkdir()
-        place.write_bytes(data)
-        places[Path(name)] = place
-    if payload.study.plugins:
-        from asrsim.actuators.user import load_plugin_file
-
-        for plugin in payload.study.plugins:
-            if plugin not in _LOADED:
-                load_plugin_file(places[plugin])
-                _LOADED.add(plugin)
-    cases = {
-        name: replace(case, files={key: places[path] for key, path in case.files.items()})
-        for name, case in payload.cases.items()
-    }
-    return replace(payload, cases=cases)
-
-
-_LOADED: set[Path] = set()
+    if plugin not in _LOADED:
+        folder = TemporaryDirectory(prefix="asrsim-plugin-")
+        place = Path(folder.name) / plugin[0]
+        place.write_bytes(plugin[1])
+        load_plugin_file(place)
+        _LOADED[plugin] = folder
 
 
 def _job_queue(path: Path) -> Any:

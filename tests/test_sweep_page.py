@@ -1,0 +1,61 @@
+"""The page of a study in a real browser: it fits, says nothing on the console, and a line leads to its run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from browser import CHROMIUM, Browser
+
+import asrsim
+from asrsim.errors import InputError
+from asrsim.sweeps import make_study
+from asrsim.sweeps.page import write_page
+from asrsim.sweeps.pictures import draw_sweep, figures
+
+pytest.importorskip("pyarrow")
+SCENARIO = Path(__file__).parents[1] / "examples" / "scenarios" / "step_2dof.yaml"
+CLICK = """(() => {
+  const canvas = document.getElementById("lines"), box = canvas.getBoundingClientRect();
+  for (let part = 0.1; part < 0.9; part += 0.01) for (const across of [0.25, 0.31, 0.36, 0.44]) {
+    const at = {clientX: box.left + across * box.width, clientY: box.top + part * box.height, bubbles: true};
+    for (const kind of ["mousedown", "mouseup", "click"]) canvas.dispatchEvent(new MouseEvent(kind, at));
+    for (const kind of ["pointerdown", "pointerup"]) canvas.dispatchEvent(new PointerEvent(kind, at));
+    if (document.getElementById("chosen").innerText) break;
+  }
+  return document.getElementById("chosen").innerText;
+})()"""
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    study = make_study(
+        SCENARIO, {"link_2.mass": "0.3:0.6:3"}, variants=["soft", "stiff"], signals=["joint_1.link_position"],
+        overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
+    )  # fmt: skip
+    return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_the_page_fits_and_a_line_leads_to_its_run(table, tmp_path):
+    page = write_page(table)
+    with Browser(tmp_path) as browser:
+        for width in (1200, 390):
+            browser.open(page, width=width)
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+            chosen = browser.evaluate(CLICK)
+            assert "Run " in chosen
+            assert f"asrsim sweep {table.folder} --run " in chosen
+            assert browser.complaints == []
+
+
+def test_every_variant_has_its_band_and_results_are_drawn_by_name(table):
+    assert [path.name for path in draw_sweep(table, results=["joint_2.steady_state"])] == [
+        "results.png", "distributions.png", "signals.png",
+    ]  # fmt: skip
+    with pytest.raises(InputError, match="no result of this study"):
+        draw_sweep(table, results=["joint_2.overshot"])
+    with pytest.raises(InputError, match="no run has a value"):
+        draw_sweep(table, results=["joint_2.settling"])
+    legend = figures(table, [])["signals"].axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == [f"{name}: median, 50 and 90 %" for name in ("soft", "stiff")]

@@ -1,0 +1,51 @@
+"""Workers: one interface, here and in processes; what dies is tried again, what fails is told of, nothing is left over."""
+
+from __future__ import annotations
+
+import math
+import os
+
+import pytest
+
+from asrsim.errors import SimulationError
+from asrsim.workers import Executor, Lost, executor, in_order
+
+ITEMS = ["1", "__import__('os')._exit(9)", "3"]
+
+
+@pytest.fixture(scope="module", params=[1, 2])
+def workers(request) -> Executor:
+    with executor(request.param) as made:
+        yield made
+
+
+def test_results_come_in_order_each_once(workers):
+    assert in_order(workers, math.sqrt, range(2000)) == [math.sqrt(n) for n in range(2000)]
+    seen = sorted(number for some in workers.results(math.sqrt, range(50)) for number, _ in some)
+    assert seen == list(range(50))
+
+
+def test_what_a_task_raises_is_raised_and_the_next_task_is_done(workers):
+    with pytest.raises(ValueError, match="math domain"):
+        in_order(workers, math.sqrt, [4.0, -1.0, 9.0])
+    assert in_order(workers, abs, [-1, 2]) == [1, 2]
+
+
+def test_nothing_is_done_of_what_nobody_wants(workers):
+    assert in_order(workers, math.sqrt, []) == []
+    assert list(workers.results(math.sqrt, [4.0], stop=lambda: True)) == []
+    assert in_order(workers, abs, [-3]) == [3]
+
+
+def test_an_item_that_kills_its_workers_is_lost_alone():
+    with executor(2) as workers:
+        found = dict(one for some in workers.results(eval, ITEMS) for one in some)
+        assert (found[0], found[2]) == (1, 3)
+        assert isinstance(found[1], Lost)
+        assert "3 workers died" in found[1].reason
+        with pytest.raises(SimulationError, match="exit code 9"):
+            in_order(workers, eval, ITEMS[1:2])
+        pids = workers.pids
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
