@@ -44,7 +44,7 @@ from asrsim.simulation.substep import (
 )  # fmt: skip
 
 REFRESH = 256
-"""Substeps after which the links' response to torques is looked at again."""
+"""Substeps after which the links' response to torques is looked at again; that of one joint on a fixed base stays."""
 
 
 class Loop:
@@ -82,6 +82,7 @@ class Loop:
         self._rings = [0 if s is None else 2 * (s.delay + 2) + 3 for s in sensings]
         self._memories = [self._memory(j) for j in range(count)]
         self._damped = _is_damped(drives)
+        self._refreshed = self._damped and (count > 1 or floating or make_damping_law(drives[0]) is not None)
         self._coupled: bool | None = None
         self.reset()
         self.refresh_response(0)
@@ -215,7 +216,7 @@ class Loop:
         """Substeps `start` to `end` of `block`; returns (n, joints, columns) raw records, columns as :data:`RAW`."""
         rows = np.empty((end - start, len(self.drives), len(RAW)))
         first = block.first
-        marks = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH))
+        marks = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH) if self._refreshed else ())
         if self.watch is not None:
             marks |= set(range((-first) % self.every, end, self.every))
         position = start
@@ -227,7 +228,7 @@ class Loop:
                 break
             if self.watch is not None and (first + mark) % self.every == 0:
                 self.watch(first + mark)
-            if first + mark:
+            if self._refreshed and first + mark:
                 self.refresh_response(first + mark)
             if first + mark in block.events:
                 rows[mark - start] = self._splits.run(block, mark)
