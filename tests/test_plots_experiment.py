@@ -149,13 +149,14 @@ def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path: Path, valu
     assert "other" not in result.output
 
 
-def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(tmp_path: Path):
-    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=0.05)
+@pytest.mark.parametrize(("late", "said"), [(0.05, "0.05 s late"), (-0.05, "0.05 s early")])
+def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(late: float, said: str, tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=late)
     out = tmp_path / "out"
     result = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
     assert result.exit_code == 0, result.output
     assert "joint_1.link_position" in result.output
-    assert "0.05 s late" in result.output
+    assert said in result.output
     assert "rmse" in result.output
     assert (out / "comparison.svg").is_file()
     again = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])

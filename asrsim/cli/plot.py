@@ -170,9 +170,7 @@ def _print_experiments(result: PlotResult) -> None:
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
-            say(
-                f"{name_of(Path(name))} beside {one.label}: {round(alignment.lag, 4) + 0.0:.4g} s late ({alignment.how}{found})"
-            )
+            say(f"{name_of(Path(name))} beside {one.label}: {alignment.said} ({alignment.how}{found})")
 
 
 def _print_rows(result: PlotResult) -> None:

@@ -161,8 +161,8 @@ def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
 
 def _moved(compared: Sequence[RunComparison]) -> str:
     """How far the recordings' clocks were moved."""
-    lags = dict.fromkeys(f"{a.lag + 0.0:.4g}" for one in compared for a in one.alignments.values() if abs(a.lag) > 1e-9)
-    return f"recording {', '.join(list(lags)[:4])} s late" if lags else ""
+    lags = dict.fromkeys(a.said for one in compared for a in one.alignments.values() if abs(a.lag) > 1e-9)
+    return f"recording {', '.join(list(lags)[:4])}" if lags else ""
 
 
 def _within(curve: Curve, other: Curve) -> Curve:

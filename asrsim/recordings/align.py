@@ -32,6 +32,12 @@ class Alignment:
     found: Lag | None = None
     findings: tuple[Problem, ...] = ()
 
+    @property
+    def said(self) -> str:
+        """How late or early the recording was, as people say it."""
+        lag = round(self.lag, 4)
+        return f"{abs(lag):.4g} s {'early' if lag < 0.0 else 'late'}"
+
 
 def align(
     time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, *, choice: LagChoice = "auto",
