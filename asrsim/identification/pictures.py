@@ -161,7 +161,8 @@ def _profiles(result: Result) -> Any:
             axis.xaxis.label.set_fontsize("x-small")
             axis.tick_params(labelsize="x-small")
             axis.locator_params(axis="x", nbins=3)
-        axes[0, 0].legend(fontsize="xx-small")
+        kinds = {line.get_label(): line for axis in axes.ravel() for line in axis.get_legend_handles_labels()[0]}
+        axes[0, 0].legend(handles=list(kinds.values()), fontsize="xx-small")
         for axis in axes[:, 0]:
             axis.set_ylabel("misfit above the best [$\\chi^2$]", fontsize="x-small")
     return figure
