@@ -260,3 +260,16 @@ def test_a_joint_beyond_its_stop_comes_back_by_a_fifth(engine: str) -> None:
     first = int(np.argmax(beyond > 0.0))
     assert beyond[first] > 1e-4
     assert beyond[first + 1] == pytest.approx(0.8 * beyond[first], rel=1e-6)
+
+
+def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
+    """A reset elsewhere, and then one with a velocity only: motors stand where the link starts now."""
+    with Simulation(prepared(modes={"*": 6}), compiled=False) as simulation:
+        fresh = simulation.observe()
+        simulation.reset({"joint_1": 0.3})
+        assert simulation.observe().motor_1_position[0] == 0.3
+        for start in ({"velocities": {"joint_1": 1.0}}, {"initial": {}}, {}):
+            simulation.reset(**start)
+            seen = simulation.observe()
+            np.testing.assert_array_equal(seen.link_position, fresh.link_position)
+            np.testing.assert_array_equal(seen.motor_1_position, fresh.motor_1_position)

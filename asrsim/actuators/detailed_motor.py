@@ -43,10 +43,13 @@ class Electric(NamedTuple):
         return np.clip(self.gain * command, -most, most)
 
 
+DETAILS = tuple(f"motor_{i}_{name}" for i in (1, 2) for name in ("stribeck_friction", "load_friction", "torque_constant"))
+"""Parameters that make a motor more than the toolbox's, motor by motor; all are 0 where it is that."""
+
+
 def is_detailed(values: Mapping[str, float], motors: int) -> bool:
     """Whether any motor has more than the toolbox's."""
-    names = ("stribeck_friction", "load_friction", "torque_constant")
-    return any(values.get(f"motor_{i}_{name}", 0.0) > 0.0 for i in range(1, motors + 1) for name in names)
+    return any(values.get(name, 0.0) > 0.0 for name in DETAILS[: 3 * motors])
 
 
 def command_of(values: Mapping[str, float], index: int, mode: Mode) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
@@ -89,13 +90,13 @@ class Drive:
         gains = [self.values.get(f"controller_{index}_derivative", 0.0) for index in (1, 2)]
         return (gains[0], gains[1] if self.dynamic_motors > 1 else 0.0)
 
-    @property
+    @cached_property
     def hysteresis(self) -> tuple[float, float] | None:
         """Level (N m) and length (rad) of the springs' hysteresis; None where there is none."""
         sprung = self.mode is not None and self.mode.spring and not self.stepping.released
         return hysteresis_of(self.values) if sprung else None
 
-    @property
+    @cached_property
     def detailed(self) -> bool:
         """The motors have more than the toolbox's: see :mod:`asrsim.actuators.detailed_motor`."""
         motors = 0 if self.stepping.released else self.dynamic_motors

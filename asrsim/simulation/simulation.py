@@ -259,9 +259,8 @@ class Simulation:
         positions, speeds = ([float((a or {}).get(n, b)) for n, b in zip(self.joints, rest, strict=True)] for a, rest in starts)
         self.engine.set_state(positions, speeds)
         self.recording.renew()
-        if initial:
-            drives = tuple(replace(drive, initial_position=q) for drive, q in zip(self.prepared.drives, positions, strict=True))
-            self.loop.take_drives(drives)
+        starting = zip(self.prepared.drives, positions, strict=True)
+        self.loop.take_drives([d if d.initial_position == q else replace(d, initial_position=q) for d, q in starting])
         self.loop.reset()
         self.loop.refresh_response(0)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,6 +109,8 @@ def close(task: Task | None) -> None:
 
 def pickled(what: object) -> bytes:
     """For other processes. Raises SimulationError where it cannot be sent."""
+    import pickle
+
     try:
         return pickle.dumps(what)
     except Exception as error:
