@@ -85,7 +85,7 @@ class Linearised:
     def continuous(self) -> tuple[Array, Array]:
         """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions, velocities, then each motor's."""
         n, m = len(self.time), len(self.drives)
-        motors = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        motors = self._moving
         integrals = [
             (index, joint, motor) for index, (joint, motor) in enumerate(motors) if self.drives[joint].integral[motor] > 0.0
         ]
@@ -123,6 +123,11 @@ class Linearised:
             b[:, own, joint] = _rho(drive)[motor]
         return a, b
 
+    @property
+    def _moving(self) -> list[tuple[int, int]]:
+        """(joint, motor) of the motors that have states, in their order."""
+        return [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+
     @cached_property
     def pushed(self) -> Array:
         """(n - 1, s, m): the states for torques on the links during each step."""
@@ -136,10 +141,9 @@ class Linearised:
         """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
         states, _ = self.steps
         m = len(self.drives)
-        moving = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
         state = np.zeros(states.shape[1])
         state[:m], state[m : 2 * m] = positions, velocities
-        for index, (joint, motor) in enumerate(moving):
+        for index, (joint, motor) in enumerate(self._moving):
             state[2 * m + 2 * index], state[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
         found = np.empty((len(self.time), m))
         found[0] = state[:m]
@@ -180,19 +184,20 @@ class Linearised:
         """
         states, inputs = self.steps
         m = len(self.drives)
-        motors = [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        motors = []
+        for place, (joint, motor) in enumerate(self._moving):
+            drive, share = self.drives[joint], float(_rho(self.drives[joint])[motor])
+            if share:
+                motors.append((2 * m + 2 * place, joint, motor, drive.proportional[motor], drive.derivative[motor], share))
         asked = 0.5 * (change[1:] + change[:-1])
         state = np.zeros(states.shape[1])
         found = np.zeros((len(self.time), m))
         for index in range(len(states)):
             given = asked[index].copy()
-            for place, (joint, motor) in enumerate(motors):
-                drive, share = self.drives[joint], _rho(self.drives[joint])[motor]
-                if share:
-                    theta, rate = state[2 * m + 2 * place : 2 * m + 2 * place + 2]
-                    held = drive.proportional[motor] * theta + drive.derivative[motor] * rate
-                    ends = (room[index, joint, motor] + held) / (share * drive.proportional[motor])
-                    given[joint] = min(max(given[joint], ends.min()), ends.max())
+            for place, joint, motor, proportional, derivative, share in motors:
+                theta, rate = state[place : place + 2]
+                ends = (room[index, joint, motor] + (proportional * theta + derivative * rate)) / (share * proportional)
+                given[joint] = min(max(given[joint], ends.min()), ends.max())
             state = states[index] @ state + inputs[index] @ given
             found[index + 1] = state[:m]
         return found

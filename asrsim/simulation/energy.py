@@ -22,6 +22,7 @@ from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group, spring_groups
 POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
 """Columns of the raw record (:data:`asrsim.simulation.substep.RAW`)."""
 FLOWS = 7
+WORK, LOST, DAMPED, LINK, CUT, HEAT, LAGGED = range(FLOWS)
 """Work of the motors, losses in them, by the link's damping, work on the link, taken by the effort limit, heat of windings,
 lost in hysteresis: J since the start."""
 
@@ -115,27 +116,27 @@ class EnergyMeter:
         running[:, :, 0] = self._totals
         flows = running[:, :, 1:]
         if (raw[TORQUE] != raw[APPLIED]).any():
-            np.multiply(mean(raw[TORQUE], TORQUE) - link, moved, out=flows[4])
+            np.multiply(mean(raw[TORQUE], TORQUE) - link, moved, out=flows[CUT])
         link *= moved
         pushed_in = mean(external, -1)
         if self._stiffness.any():
             middle = 0.5 * (raw[POSITION, :, :-1] + raw[POSITION, :, 1:])
             pushed_in += self._stiffness * (self._rests - middle)
         pushed_in *= moved
-        flows[0] = flows[3] = link
+        flows[WORK] = flows[LINK] = link
         if raw[DAMPING].any():
-            np.multiply(mean(raw[DAMPING], DAMPING), -moved, out=flows[2])
-        self.given += (link + pushed_in - flows[2]).sum(axis=1)
+            np.multiply(mean(raw[DAMPING], DAMPING), -moved, out=flows[DAMPED])
+        self.given += (link + pushed_in - flows[DAMPED]).sum(axis=1)
         stored = np.zeros((joints, n))
         kinetic = np.zeros((joints, n))
         for springs in self._springs:
             pick = springs.group.pick
-            flows[0, pick], flows[1, pick], stored[pick], kinetic[pick], flows[6, pick] = springs.balance(
-                raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[4, pick], cut
+            flows[WORK, pick], flows[LOST, pick], stored[pick], kinetic[pick], flows[LAGGED, pick] = springs.balance(
+                raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], link[pick] + flows[CUT, pick], cut
             )
             if springs.electric:
-                flows[5, pick] = springs.heat(raw)
-        through = np.abs(flows[0]) + np.abs(link) + np.abs(pushed_in)
+                flows[HEAT, pick] = springs.heat(raw)
+        through = np.abs(flows[WORK]) + np.abs(link) + np.abs(pushed_in)
         turnover = through.sum(axis=1)
         self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
         for kind in running:
@@ -148,16 +149,16 @@ class EnergyMeter:
         at = running[:, :, :-1]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
-        residual = at[0] - at[1] - at[3] - self._sprung * at[4] - at[6] - (stored + kinetic - self._start)
+        residual = at[WORK] - at[LOST] - at[LINK] - self._sprung * at[CUT] - at[LAGGED] - (stored + kinetic - self._start)
         self.residual = residual[:, -1].copy()
         return {
-            "motor_work": at[0],
-            "friction_loss": at[1],
-            "damping_loss": at[2],
-            "link_work": at[3],
-            "limit_loss": at[4],
-            "winding_loss": at[5],
-            "hysteresis_loss": at[6],
+            "motor_work": at[WORK],
+            "friction_loss": at[LOST],
+            "damping_loss": at[DAMPED],
+            "link_work": at[LINK],
+            "limit_loss": at[CUT],
+            "winding_loss": at[HEAT],
+            "hysteresis_loss": at[LAGGED],
             "spring_energy": stored,
             "energy_residual": residual,
         }

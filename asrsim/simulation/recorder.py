@@ -110,10 +110,8 @@ class Recorder:
     def __deepcopy__(self, memo: Any) -> Recorder:
         """A recorder that goes on from here: what never changes is shared."""
         twin = copy.copy(self)
-        twin.counts, twin.meter = (
-            Counts(*(copy.copy(each) for each in vars(self.counts).values())),
-            copy.deepcopy(self.meter, memo),
-        )
+        twin.counts = Counts(**{name: copy.copy(value) for name, value in vars(self.counts).items()})
+        twin.meter = copy.deepcopy(self.meter, memo)
         twin._sides = dict(self._sides)
         return twin
 
