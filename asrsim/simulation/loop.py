@@ -81,13 +81,12 @@ class Loop:
         self._flat = [flatten(constants) for constants in self._constants] if compiled else self._constants
         self._rings = [0 if s is None else 2 * (s.delay + 2) + 3 for s in sensings]
         self._memories = [self._memory(j) for j in range(count)]
-        self._damped = _is_damped(drives)
+        self._kinds = self._damped, self._varying, _ = _kinds(drives)
         self._refreshed = self._damped and (count > 1 or floating or make_damping_law(drives[0]) is not None)
         self._coupled: bool | None = None
         self.reset()
         self.refresh_response(0)
         damping = make_damping(count, coupled=bool(self._coupled)) if self._damped else None
-        self._varying = _varying(drives)
         friction = make_friction(self._varying) if self._varying else None
         laws = chain([*self._groups(engine.unpack, cut=cut), *(step for step in (damping, friction) if step is not None)])
         self._splits = Splits(
@@ -261,8 +260,7 @@ class Loop:
 
     def take_drives(self, drives: Sequence[Drive]) -> bool:
         """Other numbers for the same kinds of joints; :meth:`reset` puts them to use. False: they need a loop of their own."""
-        kinds = [[_is_damped(all_), _varying(all_), [drive.kind for drive in all_]] for all_ in (drives, self.drives)]
-        if kinds[0] != kinds[1]:
+        if _kinds(drives) != self._kinds:
             return False
         if any(drive.values is not before.values for drive, before in zip(drives, self.drives, strict=True)):
             self._constants = self._constants_of(drives)
@@ -282,9 +280,8 @@ class Loop:
         return [floats(memory.load(self.joints[j])) for j, memory in enumerate(self._memories)]
 
 
-def _varying(drives: Sequence[Drive]) -> tuple[int, ...]:
-    return tuple(j for j, drive in enumerate(drives) if drive.joint.friction_varies)
-
-
-def _is_damped(drives: Sequence[Drive]) -> bool:
-    return any(drive.constant_damping or drive.link_brake or make_damping_law(drive) for drive in drives)
+def _kinds(drives: Sequence[Drive]) -> tuple[bool, tuple[int, ...], list[tuple[str, bool, bool]]]:
+    """What a loop is built for: whether links are damped, joints whose friction varies, and the kind of each."""
+    damped = any(drive.constant_damping or drive.link_brake or make_damping_law(drive) for drive in drives)
+    varying = tuple(j for j, drive in enumerate(drives) if drive.joint.friction_varies)
+    return damped, varying, [drive.kind for drive in drives]
