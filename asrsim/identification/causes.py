@@ -51,7 +51,7 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     flags: list[str] = []
     layout, places, cost = residuals.layout, [x, start], base
     while len(texts) < CAUSES and cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
-        here = Residuals(residuals.tracks, layout, residuals.weights, residuals.ends, residuals.counter)
+        here = residuals.under(layout)
         slopes = np.linalg.qr(here.jacobian(places[0]))[0]
         hopeful = [cause for cause in _causes(residuals, layout, places[0]) if _promises(residuals, cause, places[0], slopes)]
         trials = [_tried(residuals, cause, places) for cause in hopeful]
@@ -76,7 +76,7 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
 
 def _promises(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) -> bool:
     """Whether a cause, beside all that is free (slopes (m, n), orthonormal), explains a part of the error, if slopes hold."""
-    trial = Residuals(residuals.tracks, cause.layout, residuals.weights, residuals.ends, residuals.counter)
+    trial = residuals.under(cause.layout)
     x = np.append(place, 0.0)
     base = trial(x)
     step = np.zeros(len(x))
@@ -88,7 +88,7 @@ def _promises(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) 
 
 def _tried(residuals: Residuals, cause: _Cause, places: list[Array]) -> tuple[float, Array, _Cause]:
     """Mean square error and vector with a cause free, the best from several places."""
-    trial = Residuals(residuals.tracks, cause.layout, residuals.weights, residuals.ends, residuals.counter)
+    trial = residuals.under(cause.layout)
     best: tuple[float, Array, _Cause] | None = None
     for place in places:
         there = solve(trial, np.append(place, cause.begin), loss="linear", rounds=25, tolerance=1e-4)

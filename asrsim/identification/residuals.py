@@ -49,6 +49,10 @@ class Residuals:
         self.share = 1.0
         """Of each recording's training part that counts."""
 
+    def under(self, layout: Layout) -> Residuals:
+        """Those of the same recordings with other things free."""
+        return Residuals(self.tracks, layout, self.weights, self.ends, self.counter)
+
     def until(self, track: int) -> float:
         """s, end of what counts."""
         onset = self.tracks[track].onset
