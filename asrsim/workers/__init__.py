@@ -69,8 +69,9 @@ class Here:
 
 
 def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
-    """So many processes of this machine, which load `plugins` first; 1: this process itself."""
-    if processes <= 1:
+    """So many processes of this machine, which load `plugins` first; 1: this process itself, and so on Windows, whose pipes are
+    others: results are the same."""
+    if processes <= 1 or os.name == "nt":
         return Here()
     from asrsim.workers.local import Processes
 
