@@ -34,6 +34,8 @@ from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_s
 from asrsim.signals.csv_series import read_csv_series
 from asrsim.simulation.run import simulate
 
+pytestmark = pytest.mark.once
+
 ARM = Path(__file__).parents[1] / "examples" / "urdf" / "dof2_vertical.urdf"
 
 
