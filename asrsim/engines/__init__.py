@@ -40,8 +40,8 @@ ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' moti
 
 
 def default_engine() -> str:
-    """The engine of a run that names none: the first that is installed."""
-    return next(name for name in ENGINES.names() if ENGINES.get(name).available)
+    """The engine of a run that names none: PyBullet, on which the project is built, where it is installed; else MuJoCo."""
+    return "bullet" if ENGINES.get("bullet").available else "mujoco"
 
 
 __all__ = ["ENGINES", "Engine", "EngineEntry", "Model", "default_engine"]
