@@ -15,6 +15,8 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.timebase import scale_time
 
+pytestmark = pytest.mark.once
+
 JOINTS = ("joint_1", "joint_2")
 SENT = 1_700_000_000_000_000_000 + np.round(TIME * 1e9).astype(np.int64)
 GOT = SENT + np.random.default_rng(0).integers(0, 3_000_000, COUNT)
