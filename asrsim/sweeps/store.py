@@ -19,7 +19,7 @@ import numpy as np
 from asrsim.errors import InputError, OutputError, Problem
 from asrsim.outfile import is_ours, make_folder, write_text
 from asrsim.samples import Array
-from asrsim.sweeps.runner import Row
+from asrsim.sweeps.rows import Row
 
 ROWS = "rows.parquet"
 MANIFEST = "study.json"
