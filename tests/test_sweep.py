@@ -18,7 +18,8 @@ import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.runner import Runner, lost
+from asrsim.sweeps.rows import lost
+from asrsim.sweeps.runner import Runner
 from asrsim.sweeps.show import say_summary
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
@@ -326,8 +327,8 @@ def test_twenty_killed_workers_in_a_study_of_500():
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     payload = kill_study(5)
     code = (
-        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner.__call__\n"
-        "r.Runner.__call__ = lambda self, run: os._exit(7) if run == 2 else old(self, run)\n"
+        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner._stepped\n"
+        "r.Runner._stepped = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
     )
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\nclass F:\n def find_spec(self, name, path=None, target=None):\n  if name == 'asrsim.workers.child':\n"

@@ -57,7 +57,7 @@ class Case:
 
     def robot_of(self, values: Mapping[str, Any]) -> Robot | None:
         """The robot at a point; None: another file has to be read."""
-        if any(key.partition(".")[0] == "robot" for key in self.plan.texts.values()):
+        if self.plan.reads_robot:
             return None
         changes = self.plan.robot_changes(values)
         return varied_robot(self.robot, changes) if changes else self.robot

@@ -30,6 +30,11 @@ class Plan:
     texts: Mapping[str, str]
     """Key -> the key that `--set` takes; keys of a robot are not here."""
 
+    @property
+    def reads_robot(self) -> bool:
+        """Whether another robot's file is read."""
+        return any(text.partition(".")[0] == "robot" for text in self.texts.values())
+
     def changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
         """What `vary` takes for a point; a joint's own entry wins over one for all."""
         return _table({**self.parameters, **self.inertials}, values)
