@@ -127,6 +127,16 @@ READ: dict[str, bytes] = {
     "actual and desired": table([*ABQ, R, B], before="time,q_actual_1,q_actual_2,q_desired_1,q_desired_2\n"),
     "thetas": table([*ABQ, R], before="t,theta1,theta2,theta1_d\n"),
     "savetxt": table(ABQ, sep=" ", before="# time q1 q2\n"),
+    "units among words": table(DEG, before="t,q_deg_1,degQ2\n"),
+    "units glued on": table([TIME * 1e3, A * DEGREES, B * DEGREES], before="t/ms,q1deg,q2/deg\n"),
+    "hours": table([TIME / 3600, A, B], before="time [h],q1,q2\n", number="%.12g"),
+    "MATLAB's days": table([TIME / 86400 + 739378, A, B], before="time,q1,q2\n", number="%.17g"),
+    "Excel's days": table([TIME / 86400 + 45418, A, B], before="time,q1,q2\n", number="%.17g"),
+    "stamps with slashes": table([[s.strftime("%Y/%m/%d/%H:%M:%S.%f") for s in STAMPS], A, B], before="time,q1,q2\n"),
+    "compact stamps": table([[s.strftime("%Y%m%d_%H%M%S.%f") for s in STAMPS], A, B], before="time,q1,q2\n"),
+    "milliseconds behind a colon": table([[s.strftime("%H:%M:%S:%f") for s in STAMPS], A, B], before="time,q1,q2\n"),
+    "utf-16 without a mark": table(ABQ, before="t,q1,q2\n", encoding="utf-16-le"),
+    "zeros at the end": table(ABQ, before="t,q1,q2\n") + bytes(100),
     "two clocks": table([TIME, A, TIME + 0.003, elbow(TIME + 0.003)], before="t,q1,time_2,q2\n"),
 }  # fmt: skip
 """Name -> file whose motion must come out right with nothing said about it."""
@@ -145,6 +155,17 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "no overlap": (
         table([TIME + 1000, A, B], before="t,q1,q2\n"),
         "from 0 to 3 s, the recording from 1000 to 1002.99 s.*--lag",
+    ),
+    "too few digits": (table([texts(TIME, "%.1f"), A, B], before="t,q1,q2\n"), "269 of 300 rows.*too few digits.*--rate"),
+    "a row a joint": (
+        table([np.repeat(TIME, 2), ["shoulder", "elbow"] * COUNT, np.c_[A, B].ravel()], before="t,joint,q\n"),
+        "a row for each of joint",
+    ),
+    "one stamp": (table([0 * TIME, A, A], before="t,q1,q2\n"), "299 of 300 rows"),
+    "an unknown time": (table(ABQ, before="t [week],q1,q2\n"), "unit of this time is not known: week"),
+    "marks of thousands": (
+        table([[f"{t * 1e6:,.0f}" for t in TIME], A, B], sep=";", before="t_us;q1;q2\n"),
+        "marks between their thousands: 1,000,000",
     ),
     "words only": (b"a,b\nx,y\nx,y\n", "no row of numbers"),
     "excel": (b"PK\x03\x04" + bytes(50), "Excel workbook.*export"),

@@ -92,6 +92,8 @@ def _of(data: Any) -> list[Record]:
         return [_flat(one) for one in data if isinstance(one, Mapping | list)]
     if not isinstance(data, Mapping):
         return []
+    if len(data) > 1 and all(str(name).isdigit() and isinstance(one, Mapping) for name, one in data.items()):
+        return [_flat(one) for one in data.values()]  # pandas writes records by their index
     tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     if tables:
         return [_flat(one) for one in max(tables, key=len) if isinstance(one, Mapping)]

@@ -71,6 +71,10 @@ def encoding_of(path: Path) -> str:
                 Problem(message=f"is {what}, which is not read here", file=path, code="foreign-format",
                         hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; export or unpack it as CSV")
             )  # fmt: skip
+    start = start.rstrip(b"\0")  # a computer that was switched off leaves them
+    for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if zeros.count(b"\0") > 0.9 * len(zeros):
+            return encoding
     if b"\0" in start:
         raise RecordingError(
             Problem(message="is not a text file (it holds zero bytes)", file=path, code="binary",

@@ -16,7 +16,7 @@ from asrsim.recordings.timebase import EPOCH
 from asrsim.recordings.units import Unit
 from asrsim.samples import Array
 
-_TIME_WORDS = {
+TIME_WORDS = {
     "time",
     "t",
     "timestamp",
@@ -37,7 +37,10 @@ _TIME_WORDS = {
     "epoch",
     "unix",
     "utc",
+    "gmt",
+    "local",
 }
+"""Words that name a time, or say which."""
 _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
@@ -123,7 +126,7 @@ def _is_time(name: str, unit: Unit | None) -> bool:
         return True
     if words & _MEASURED and not words & {"stamp", "timestamp"}:
         return False
-    return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+    return bool(words & TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
 
 
 def _is_stamp(label: str) -> bool:

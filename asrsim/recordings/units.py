@@ -59,7 +59,8 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("s", 1e-6, ("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds")),
     ("s", 1e-9, ("ns", "nsec", "nanos", "nanosecond", "nanoseconds")),
     ("s", 60.0, ("min", "minutes")),
-    ("s", 3600.0, ("hour", "hours")),
+    ("s", 3600.0, ("h", "hr", "hrs", "hour", "hours")),
+    ("s", 86400.0, ("day", "days")),
     ("A", 1.0, ("A", "amp", "amps", "ampere")),
     ("A", 1e-3, ("mA",)),
     ("V", 1.0, ("V", "volt", "volts")),
@@ -100,6 +101,9 @@ _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
 _SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S.*)$")
+_TIGHT = re.compile(r"^(?P<name>[^/\s]+)/(?P<unit>[^/]+(?:/s)?)$")
+_AMONG = {"deg", "degs", "degree", "degrees", "mdeg", "rad", "rads", "radian", "radians", "mrad", "rpm"}
+"""Units that are found among the words of a name: `q_deg_1`, `q1deg`, `shoulderDeg`."""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -140,7 +144,7 @@ def parse_unit(text: str) -> Unit:
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
     text = header.strip().strip("\"'").strip()
-    for pattern in (_BRACKETS, _SLASH):
+    for pattern in (_BRACKETS, _SLASH, _TIGHT):
         match = pattern.match(text)
         # q[1] is the second of an array, q [1] without dimension.
         if match and re.search(r"\S[\[(]\d+[\])]$", text):
@@ -153,11 +157,14 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
         found = UNITS.get(tail) or (_LOWER.get(tail.lower()) if len(tail) > 1 else None)
-        if found is None or found.si == "counts" or tail in ("1", "-", "min"):
+        if found is None or found.si == "counts" or tail in ("1", "-", "min", "h"):
             continue
         if len(tail) == 1 and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
         return name, found
+    among = [word for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", text) if word.lower() in _AMONG]
+    if len(among) == 1 and among[0] != text:
+        return text.replace(among[0], " ", 1).strip(" _-."), _LOWER[among[0].lower()]
     return text, None
 
 
