@@ -39,9 +39,11 @@ class Base:
     def simulation(self, *, later: bool = False) -> Simulation:
         """That whose samples go to the tap as it runs; later: that whose tracks are looked at when there are enough."""
         if later not in self._made:
-            expected = {"expected_substeps": self._expected}
-            made = deferred(self.prepared, **expected) if later else Simulation(self.prepared, sinks=[self.tap], **expected)
-            self._made[later] = made
+            expected = self._expected
+            if later:
+                self._made[later] = deferred(self.prepared, expected_substeps=expected)
+            else:
+                self._made[later] = Simulation(self.prepared, sinks=[self.tap], expected_substeps=expected)
         return self._made[later]
 
     def set(self, simulation: Simulation, values: Mapping[str, Any]) -> bool:
