@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
-from weakref import finalize
+from weakref import finalize, proxy
 
 import numpy as np
 
@@ -109,7 +109,7 @@ class BulletEngine:
         lagging = staggered and (len(self.joints) > 1 or not self._scenario.fixed_base)
         self._companion = None
         if self._exact or lagging:
-            self._companion = Companion(self, self._scenario, self.robot, exact=self._exact)
+            self._companion = Companion(proxy(self), self._scenario, self.robot, exact=self._exact)
             self._companion.prepare(step, staggered=staggered)
             self._companion.reset()
 
@@ -280,7 +280,6 @@ class BulletEngine:
 
     def close(self) -> None:
         """Disconnect the physics client."""
-        self._companion = None  # which knows this engine: neither would go by itself
         self._release()
 
 
