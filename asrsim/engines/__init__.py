@@ -33,7 +33,10 @@ def _bench(scenario: Scenario, robot: Robot) -> Made:
 
 
 ENGINES.add(
-    "bullet", EngineEntry(make=_bullet, doc="PyBullet, with contacts; the default where it is installed", module="pybullet")
+    "bullet",
+    EngineEntry(
+        make=_bullet, doc="PyBullet, with contacts; the default where it is installed", module="pybullet", faster="mujoco"
+    ),
 )
 ENGINES.add("mujoco", EngineEntry(make=_mujoco, doc="MuJoCo, many times faster; contacts are softer", module="mujoco"))
 ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' motion is prescribed", prescribed=True))

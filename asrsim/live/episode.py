@@ -75,7 +75,9 @@ class Episode:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        summary = make_summary(run, collector, samples=writer.samples, files={"log": log}, replaced=self._earlier)
+        summary = make_summary(
+            run, collector.seen(run.scenario.desired), samples=writer.samples, files={"log": log}, replaced=self._earlier
+        )
         summary = replace(summary, live=figures, files={**summary.files, "summary": self.folder / SUMMARY})
         save_summary(summary, self.folder / SUMMARY)
         return summary

@@ -116,8 +116,9 @@ class Recording:
 
     def _part(self) -> Part:
         """What came since the last one."""
-        inputs = [np.concatenate(arrays) for arrays in zip(*(given for given, _ in self._raw), strict=True)]
+        inputs = [np.concatenate(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
         raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
+        raw = np.ascontiguousarray(raw.transpose(2, 1, 0))
         sides, self._sides, self._raw = self._sides, {}, []
         model, kinetic = self._engine.model, 0.0
         if not (self.guarded and self._alone and model is not None):

@@ -4,8 +4,8 @@ as on those of twenty."""
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from asrsim.samples import Samples
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import Counts, Recorder, recorded_quantities
-from asrsim.simulation.recording import Part, Sink
+from asrsim.simulation.recording import Part
 from asrsim.simulation.run import Run, run_of
 from asrsim.simulation.simulation import CHUNK_NUMBERS, Simulation
 
@@ -35,6 +35,11 @@ class Track:
     def kind(self) -> tuple[tuple[str, ...], ...]:
         """Runs of one simulation with equal ones can be looked at together."""
         return tuple(map(recorded_quantities, self.prepared.drives))
+
+
+def name_in(run: int, joint: str) -> str:
+    """Name of a joint among those of all runs."""
+    return f"{run}:{joint}" if run else joint
 
 
 def fit_together(prepared: Prepared, substeps: int) -> int:
@@ -63,38 +68,34 @@ def track(simulation: Simulation) -> Track:
     return Track(simulation, simulation.prepared, recording.parts or (), recording.energy or 0.0, clock.perf_counter() - began)
 
 
-def finish(tracks: Sequence[Track], sinks: Sequence[Sink]) -> list[Run | None]:
-    """Each track as a run, its samples to its sink, which takes those of every step; None where energy came from nowhere.
+def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:
+    """Each track as a run, in their order; None where energy came from nowhere. write: takes the samples of all, of every step.
 
     All numbers are those of a run alone, to the bit: every law and sum is one joint's, and the joints of all runs stand side
-    by side as those of one robot would.
+    by side (see :func:`name_in`) as those of one robot would.
     """
     simulation = tracks[0].simulation
     first, width = tracks[0].prepared, len(tracks[0].prepared.drives)
     drives = [drive for one in tracks for drive in one.prepared.drives]
-    recorder = Recorder(
-        drives, first.stepping, substep=first.substep, every=first.resolution.substeps, last=simulation.last
-    )  # fmt: skip
-    mine = [slice(i * width, (i + 1) * width) for i in range(len(tracks))]
-    guards = [EnergyGuard(one.energy) for one in tracks]
+    recorder = Recorder(drives, first.stepping, substep=first.substep, every=first.resolution.substeps, last=simulation.last)
+    names = tuple(name_in(i, drive.name) for i in range(len(tracks)) for drive in first.drives)
+    guards = [(EnergyGuard(one.energy), slice(i * width, (i + 1) * width)) for i, one in enumerate(tracks)]
     sane = [True] * len(tracks)
     for parts in zip(*(one.parts for one in tracks), strict=True):
         samples = recorder.add(
-            [np.concatenate(arrays, axis=1) for arrays in zip(*(part.inputs for part in parts), strict=True)],
+            [np.concatenate(arrays) for arrays in zip(*(part.inputs for part in parts), strict=True)],
             np.concatenate([part.raw for part in parts], axis=1),
             {k: np.concatenate([part.sides[k] for part in parts], axis=1) for k in parts[0].sides},
         )
-        for i, sink in enumerate(sinks):
-            if samples is not None:
-                values = {name: table[:, mine[i]] for name, table in samples.values.items()}
-                sink.write(Samples(time=samples.time, joints=samples.joints[mine[i]], values=values))
-            balance = {name: getattr(recorder.meter, name)[mine[i]] for name in ("given", "residual", "turnover")}
-            if simulation.recording.guarded:
-                part, names = parts[i], simulation.joints
-                sane[i] &= guards[i].fault(part.energy, kinetic=part.kinetic, **balance, names=names) is None
+        if samples is not None:
+            write(replace(samples, joints=names))
+        for i, (guard, mine) in enumerate(guards if simulation.recording.guarded else ()):
+            balance = {name: getattr(recorder.meter, name)[mine] for name in ("given", "residual", "turnover")}
+            fault = guard.fault(parts[i].energy, kinetic=parts[i].kinetic, **balance, names=simulation.joints)
+            sane[i] &= fault is None
     runs: list[Run | None] = []
-    for one, pick, fine in zip(tracks, mine, sane, strict=True):
-        counts = Counts(**{n: c if n == "substeps" else c[pick] for n, c in vars(recorder.counts).items()})
+    for one, (_, mine), fine in zip(tracks, guards, sane, strict=True):
+        counts = Counts(**{name: count if name == "substeps" else count[mine] for name, count in vars(recorder.counts).items()})
         run = run_of(simulation, "complete", wall_time=one.wall_time, prepared=one.prepared, counts=counts)
         runs.append(run if fine else None)
     return runs

@@ -28,22 +28,31 @@ class Base:
         self.prepared = case.prepared({name: (first if name in quick else values)[name] for name in values})
         scenario = self.prepared.scenario
         check_claims(scenario.expect, self.prepared.info.joints, file=scenario.path)
-        self.tap = Tap(self.prepared, study)
+        self._study = study
         steps = steps_of(scenario) * self.prepared.resolution.substeps
         runs = math.prod(study.grid) * study.draws if not plan.read_again(values) else 1
         self._expected = max(steps, steps * runs // share)
         self.together = min(runs, fit_together(self.prepared, steps))
         """Runs that are looked at together."""
-        self._made: dict[bool, Simulation] = {}
+        self._made: dict[bool, tuple[Simulation, Tap]] = {}
 
-    def simulation(self, *, later: bool = False) -> Simulation:
-        """That whose samples go to the tap as it runs; later: that whose tracks are looked at when there are enough."""
+    def simulation(self, *, later: bool = False) -> tuple[Simulation, Tap]:
+        """That whose samples go to its tap as it runs; later: that whose tracks are looked at when there are enough."""
         if later not in self._made:
+<<<<<<< HEAD
             expected = self._expected
             if later:
                 self._made[later] = deferred(self.prepared, expected_substeps=expected)
             else:
                 self._made[later] = Simulation(self.prepared, sinks=[self.tap], expected_substeps=expected)
+=======
+            tap, expected = Tap(self.prepared, self._study, checked=True), self._expected
+            if later:
+                made = deferred(self.prepared, expected_substeps=expected)
+            else:
+                made = Simulation(self.prepared, sinks=[tap], expected_substeps=expected)
+            self._made[later] = made, tap
+>>>>>>> live
         return self._made[later]
 
     def set(self, simulation: Simulation, values: Mapping[str, Any]) -> bool:
@@ -59,6 +68,6 @@ class Base:
 
     def close(self) -> None:
         """Release the engines."""
-        for simulation in self._made.values():
+        for simulation, _ in self._made.values():
             simulation.close()
         self._made = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -76,10 +77,15 @@ class Payload:
     columns: tuple[tuple[str, str], ...]
     """(name, kind) of a row: int, float, bool, text or floats."""
 
-    @property
+    @cached_property
+    def kinds(self) -> dict[str, str]:
+        """Column -> kind."""
+        return dict(self.columns)
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Of the columns."""
-        return tuple(name for name, _ in self.columns)
+        return tuple(self.kinds)
 
 
 def make_payload(study: Study) -> Payload:

@@ -37,7 +37,7 @@ def summary_cells(summary: RunSummary) -> dict[str, Any]:
 
 def plain_cells(values: Mapping[str, Any], payload: Payload) -> dict[str, Any]:
     """What was varied."""
-    kinds = dict(payload.columns)
+    kinds = payload.kinds
     return {
         key: float(value) if kinds[key] == "float" else (value if isinstance(value, str) else json.dumps(value))
         for key, value in values.items()

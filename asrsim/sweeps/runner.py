@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import time as clock
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import AsrsimError, DivergenceError, InputError
-from asrsim.metrics import ExpectationResult
 from asrsim.runs.execute import execute, write_summary
 from asrsim.simulation.run import Run, blame_laws, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.together import Track, finish, track
-from asrsim.summary import claim_results, make_summary
 from asrsim.sweeps.base import Base
 from asrsim.sweeps.cases import Case, Payload
 from asrsim.sweeps.rows import Row, one_line, plain_cells, summary_cells
@@ -38,6 +37,19 @@ class _Point:
     began: float
 
 
+@dataclass(frozen=True)
+class _Stepped:
+    """A run that is looked at when there are enough of its kind."""
+
+    point: _Point
+    track: Track
+    tap: Tap
+    together: int
+    """How many are enough."""
+    seconds: float
+    """That it took."""
+
+
 class Runner:
     """A task for :mod:`asrsim.workers`: runs of one study, one after the other; rows do not depend on their order."""
 
@@ -57,7 +69,7 @@ class Runner:
 
     def several(self, items: Iterable[tuple[int, int]]) -> Iterator[tuple[int, Row]]:
         """Rows of runs, each with the number that comes with it; short runs of one kind are looked at together."""
-        waiting: dict[Any, list[tuple[_Point, Track, float]]] = {}
+        waiting: dict[Any, list[_Stepped]] = {}
         for number, run in items:
             variant, values = self.study.point(run)
             point = _Point(number, run, self.payload.cases[variant], values, clock.perf_counter())
@@ -65,11 +77,10 @@ class Runner:
             if stepped is None:
                 yield self._row(point, point.began)
                 continue
-            base, one = stepped
-            group = waiting.setdefault((base, one.kind), [])
-            group.append((point, one, clock.perf_counter() - point.began))
-            if len(group) >= base.together:
-                yield from self._rows(waiting.pop((base, one.kind)))
+            key = stepped.tap, stepped.track.kind
+            waiting.setdefault(key, []).append(stepped)
+            if len(waiting[key]) >= stepped.together:
+                yield from self._rows(waiting.pop(key))
         for group in waiting.values():
             yield from self._rows(group)
 
@@ -80,7 +91,7 @@ class Runner:
 
     # -- several runs -----------------------------------------------------------------------------------------------
 
-    def _stepped(self, point: _Point) -> tuple[Base, Track] | None:
+    def _stepped(self, point: _Point) -> _Stepped | None:
         """The run, stepped; None where it is done alone, which also tells what is wrong with it."""
         if self._logs is not None or not _varies_in_place(point.case):
             return None
@@ -88,8 +99,10 @@ class Runner:
             base = self._base(point)
             if base.together == 1:
                 return None
-            simulation = base.simulation(later=True)
-            return (base, track(simulation)) if base.set(simulation, point.values) else None
+            simulation, tap = base.simulation(later=True)
+            if not base.set(simulation, point.values):
+                return None
+            return _Stepped(point, track(simulation), tap, base.together, clock.perf_counter() - point.began)
         except DivergenceError:
             return None
         except BaseException as error:
@@ -98,25 +111,26 @@ class Runner:
                 raise
             return None
 
-    def _rows(self, group: Sequence[tuple[_Point, Track, float]]) -> Iterator[tuple[int, Row]]:
-        began = clock.perf_counter()
-        taps = [Tap(one.prepared, self.study) for _, one, _ in group]
+    def _rows(self, group: Sequence[_Stepped]) -> Iterator[tuple[int, Row]]:
+        began, tap = clock.perf_counter(), group[0].tap
+        tap.begin(len(group))
         runs: Sequence[Run | None]
         try:
-            runs = finish([one for _, one, _ in group], taps)
+            runs = finish([one.track for one in group], tap.write)
         except Exception:
             # A user's law may raise on the numbers of one run.
             runs = [None] * len(group)
         each = (clock.perf_counter() - began) / len(group)
-        for (point, _, seconds), run, tap in zip(group, runs, taps, strict=True):
-            yield self._row(point, clock.perf_counter() - seconds - each, None if run is None else (run, tap))
+        for i, (one, run) in enumerate(zip(group, runs, strict=True)):
+            cells = None if run is None else partial(tap.cells, run, i)
+            yield self._row(one.point, clock.perf_counter() - one.seconds - each, cells)
 
-    def _row(self, point: _Point, began: float, seen: tuple[Run, Tap] | None = None) -> tuple[int, Row]:
-        """The number of the item and its row. began: s; seen: the run and what its samples left, where it is done."""
+    def _row(self, point: _Point, began: float, cells_of: Callable[[], dict[str, Any]] | None = None) -> tuple[int, Row]:
+        """The number of the item and its row. began: s; cells_of: of the run, where it is done."""
         cells: dict[str, Any] = {"run": point.run, "variant": point.case.variant, **plain_cells(point.values, self.payload)}
         try:
             with blame_laws():
-                cells |= self._cells(point) if seen is None else _cells_of(*seen, checked=True)
+                cells |= self._cells(point) if cells_of is None else cells_of()
         except AsrsimError as error:
             cells |= {"status": "failed", "reason": one_line(error), "ok": False}
         except Exception as error:
@@ -135,10 +149,10 @@ class Runner:
             return self._alone(case, values)
         try:
             base = self._base(point)
-            simulation, tap = base.simulation(), base.tap
+            simulation, tap = base.simulation()
             tap.begin()
             if base.set(simulation, values):
-                return _finished(simulation, tap, checked=True)
+                return tap.cells(_to_end(simulation))
         except BaseException as error:
             self._forget(point)
             if not isinstance(error, InputError):
@@ -164,9 +178,9 @@ class Runner:
 
     def _alone(self, case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
         prepared = case.prepared(values)
-        tap = Tap(prepared, self.study)
+        tap = Tap(prepared, self.study, checked=False)
         with Simulation(prepared, sinks=[tap]) as simulation:
-            return _finished(simulation, tap)
+            return tap.cells(_to_end(simulation))
 
     def _logged(self, case: Case, values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         scenario = case.scenario(case.plan.settings(values))
@@ -181,23 +195,13 @@ class Runner:
         return {**summary_cells(executed.summary), **kept}
 
 
-def _finished(simulation: Simulation, tap: Tap, *, checked: bool = False) -> dict[str, Any]:
+def _to_end(simulation: Simulation) -> Run:
     try:
-        run = run_to_end(simulation)
+        return run_to_end(simulation)
     except DivergenceError as error:
         if not isinstance(error.run, Run):
             raise
-        run = error.run
-    return _cells_of(run, tap, checked=checked)
-
-
-def _cells_of(run: Run, tap: Tap, *, checked: bool) -> dict[str, Any]:
-    scenario = run.scenario
-    claims: tuple[ExpectationResult, ...] = ()
-    if run.status == "complete":
-        claims = claim_results(scenario.expect, run.info.joints, tap.collector.read, file=scenario.path, checked=checked)
-    summary = make_summary(run, tap.collector, samples=0, claims=claims)
-    return {**summary_cells(summary), **tap.signals.cells()}
+        return error.run
 
 
 def _key(point: _Point) -> tuple[str, str]:
