@@ -12,7 +12,8 @@ MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind
 """Cells that mean "no value"."""
 _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
 _STAMP = re.compile(
-    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)(?=[T_ :./-]|$)"
+    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)"
+    r"(?=[T_ :./-]|$)"
 )
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
