@@ -81,7 +81,8 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
             Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
                     file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
         )  # fmt: skip
-    return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names)
+    return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names,
+               remarks=table.layout.remarks)  # fmt: skip
 
 
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:

@@ -79,6 +79,7 @@ def time_columns(
             for i in blank
         ]
         named = [i for i in named if i not in blank]
+    named = [i for i in named if i in table.layout.stamps or _goes_on(table.values[:, i])] or named
     # Messages know when they were sent, which is when they were measured; a recorder knows when it got them.
     sent = [i for i in named if _is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
     got = [
@@ -136,6 +137,12 @@ def _is_stamp(label: str) -> bool:
 
 def _nameless(table: Table, column: int) -> bool:
     return column in table.layout.unnamed or table.layout.header_line is None
+
+
+def _goes_on(values: Array) -> bool:
+    """Whether a column mostly rises: the duration of a loop, however it is called, does not."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(np.any(steps > 0) and np.mean(steps < 0) < 0.25)
 
 
 def _steps_by_one(values: Array) -> bool:

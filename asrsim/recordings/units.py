@@ -29,9 +29,11 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("rad", _DEGREE / 60, ("arcmin",)),
     ("rad", math.pi / 200, ("gon",)),
     ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
-    ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "radps", "rads-1", "rad*s-1", "rad.s-1")),
+    ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "rad_per_second",
+        "radps", "rads-1", "rad*s-1", "rad.s-1")),
     ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
-    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "degps", "dps", "°/s", "Grad/s", "gradi/s")),
+    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "deg_per_second",
+        "degps", "dps", "°/s", "Grad/s", "gradi/s")),
     ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min")),
     ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
     ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
@@ -102,8 +104,12 @@ _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u",
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
 _SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S.*)$")
 _TIGHT = re.compile(r"^(?P<name>[^/\s]+)/(?P<unit>[^/]+(?:/s)?)$")
-_AMONG = {"deg", "degs", "degree", "degrees", "mdeg", "rad", "rads", "radian", "radians", "mrad", "rpm"}
-"""Units that are found among the words of a name: `q_deg_1`, `q1deg`, `shoulderDeg`."""
+_AMONG = re.compile(
+    r"(?:(?<![A-Za-z])|(?<=[a-z])(?=[A-Z]))"
+    r"(?P<unit>(?i:degree)s?|(?i:m?deg)s?|(?i:mrad|rpm|mm|cm|m?nm|ncm))"
+    r"(?P<rate>(?i:[_ /]+(?:per[_ ]?)?|per[_ ]?)(?i:s(?:ec(?:onds?)?)?)|S)?(?![a-z]|(?<=[A-Z])[A-Z])"
+)
+"""Units among the words of a name: `q_deg_1`, `q1deg`, `shoulderDeg`, `velDegPerSec1`."""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -159,12 +165,12 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         found = UNITS.get(tail) or (_LOWER.get(tail.lower()) if len(tail) > 1 else None)
         if found is None or found.si == "counts" or tail in ("1", "-", "min", "h"):
             continue
-        if len(tail) == 1 and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
+        if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
         return name, found
-    among = [word for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", text) if word.lower() in _AMONG]
-    if len(among) == 1 and among[0] != text:
-        return text.replace(among[0], " ", 1).strip(" _-."), _LOWER[among[0].lower()]
+    if (among := _AMONG.search(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
+        rest = (text[: among.start()] + " " + text[among.end() :]).strip(" _-.")
+        return (rest, found) if rest else (text, None)
     return text, None
 
 
