@@ -39,20 +39,12 @@ class Base:
     def simulation(self, *, later: bool = False) -> tuple[Simulation, Tap]:
         """That whose samples go to its tap as it runs; later: that whose tracks are looked at when there are enough."""
         if later not in self._made:
-<<<<<<< HEAD
-            expected = self._expected
-            if later:
-                self._made[later] = deferred(self.prepared, expected_substeps=expected)
-            else:
-                self._made[later] = Simulation(self.prepared, sinks=[self.tap], expected_substeps=expected)
-=======
             tap, expected = Tap(self.prepared, self._study, checked=True), self._expected
             if later:
                 made = deferred(self.prepared, expected_substeps=expected)
             else:
                 made = Simulation(self.prepared, sinks=[tap], expected_substeps=expected)
             self._made[later] = made, tap
->>>>>>> live
         return self._made[later]
 
     def set(self, simulation: Simulation, values: Mapping[str, Any]) -> bool:
