@@ -288,7 +288,8 @@ def test_a_files_name_tells_what_its_only_column_is(tmp_path: Path, joined: bool
     column = recording.column("joint_2", "link_position")
     np.testing.assert_allclose(column.values, B, atol=1e-6)
     assert (column.unit, column.stated, column.label) == ("rad", True, "data")
-    assert not recording.findings
+    # The other column has no unit, and this one's is not SI.
+    assert [finding.code for finding in recording.findings] == ["unstated-unit"] * joined
     own = read_recording(tmp_path / "q2_deg.csv", joints=JOINTS, mapping=["data=joint_1.deflection"])
     np.testing.assert_allclose(own.column("joint_1", "deflection").values, B, atol=1e-6)
 
