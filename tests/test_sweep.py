@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shlex
 import signal
 import time
 from pathlib import Path
@@ -224,6 +225,19 @@ def test_a_row_is_what_run_says(tmp_path):
                 cell = table[f"{joint.name}.{name}"][run]
                 assert (value is None and np.isnan(cell)) or cell == value
         assert table["claim_0.measured"][run] == result.summary.claims[0].measured
+
+
+def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
+    """Not those of the study's first point: its motors are lighter, and need more."""
+    over = {"parameters.*.motor_1_inertia": [3e-4, 0.03], "step": [0.001, 0.0005]}
+    options = ["duration=0.1", "engine=mujoco"]
+    table = asrsim.sweep(study_of(over, overrides=options), out=tmp_path / "s", workers=1)
+    assert len(set(table["motor_substeps"])) > 1
+    for run in (2, 3):
+        words = shlex.split(table.repeat_command(run))
+        settings = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
+        (joint, _) = asrsim.run(TWO_JOINTS, variant="soft", overrides=settings).summary.joints
+        assert table["joint_1.peak_deflection"][run] == joint.measures.peak_deflection
 
 
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
