@@ -125,13 +125,8 @@ def _tables(
                     if nested is not None and not has_time(item):
                         _add(table, label, nested)
                     else:
-                        yield from _tables(
-                            item,
-                            f"{prefix}{name}.{label}." if label_of(item) else f"{prefix}{name}[{i}].",
-                            findings,
-                            path,
-                            times,
-                        )
+                        inner = f"{name}.{label}" if label_of(item) else f"{name}[{i}]"
+                        yield from _tables(item, f"{prefix}{inner}.", findings, path, times)
         else:
             # A timeseries saved as a struct: the data carry its name.
             own = label_of(content) if name in ("Data", "data") and not prefix.endswith(f"{label_of(content)}.") else ""
