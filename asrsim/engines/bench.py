@@ -19,6 +19,11 @@ def _unpack(states: Any, j: int) -> tuple[float, float]:
     return states[0][j], states[1][j]
 
 
+def link_motion(scenario: Scenario, joint: str) -> Signal:
+    """How a bench moves a joint's link: locked where the scenario does not say."""
+    return for_joint(scenario.motion, joint, Constant(value=for_joint(scenario.initial_positions, joint, 0.0)))
+
+
 class BenchEngine:
     """Joints move as signals say (locked without one); torques are taken and change nothing."""
 
@@ -28,10 +33,7 @@ class BenchEngine:
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.joints = tuple(joint.name for joint in robot.moving_joints)
-        self._signals: list[Signal] = [
-            for_joint(scenario.motion, name, Constant(value=for_joint(scenario.initial_positions, name, 0.0)))
-            for name in self.joints
-        ]
+        self._signals = [link_motion(scenario, name) for name in self.joints]
         self.prepare(scenario.step, staggered=True)
 
     def prepare(self, step: float, *, staggered: bool) -> None:
