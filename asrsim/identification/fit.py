@@ -109,9 +109,12 @@ def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, to
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
     slopes = _Slopes(residuals)
+    # What is not searched over its logarithm may have grown far beyond the size of its start.
+    grown = [not entry.parameter.logarithmic for entry in residuals.layout.entries]
+    scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
     found = least_squares(
         lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
-        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
+        bounds=(low - inside, high - inside), method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance,
         xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)
