@@ -99,6 +99,7 @@ def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
     assert samples is not None
     assert np.array_equal(samples.values["link_position"], session.result.trials[session.result.best].outputs)
     assert {claim.joint for claim in scenario.expect} == {"joint_1"}
+    assert scenario.name == f"{chosen.scenario.name}_learned"
     assert holds(scenario)
 
 
