@@ -34,6 +34,8 @@ from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_s
 from asrsim.signals.csv_series import read_csv_series
 from asrsim.simulation.run import simulate
 
+pytestmark = pytest.mark.once
+
 ARM = Path(__file__).parents[1] / "examples" / "urdf" / "dof2_vertical.urdf"
 
 
@@ -153,7 +155,8 @@ def test_a_worse_trial_goes_back_to_the_best_with_ten_times_the_weight():
 @pytest.mark.parametrize("patience", [2, 3])
 def test_another_model_gets_as_much_patience_as_the_first(patience):
     """Learning stalls at trial 2 and is thought over; it ends when so many trials after that brought nothing."""
-    law = NormOptimal(problem=SimpleNamespace(reference=np.ones((2, 1)), joints=("one",), step=1.0), lifted=None, rethink=dict)
+    problem = SimpleNamespace(reference=np.ones((2, 1)), joints=("one",), units=("rad",), step=1.0)
+    law = NormOptimal(problem=problem, lifted=None, rethink=dict)
     trials = [trial(0, 1.0), *(trial(number, 2.0) for number in range(1, 9))]
     ended = [count for count in range(1, 10) if law.verdict(trials[:count], patience) is not None]
     assert ended[0] == 2 + 1 + patience + 1
@@ -252,14 +255,6 @@ def test_recordings_teach_as_well_as_the_robot_itself(seed, tmp_path):
         if next_input(make_plant(scenario), tmp_path, path, lag=0.04).outcome is not None:
             break
     assert min(errors) <= max(1.3 * min(direct), 0.005), (errors, direct)
-
-
-def test_a_recording_that_does_not_last_is_refused(tmp_path):
-    scenario = random_arm(6).make(tmp_path)
-    path = tmp_path / "short.csv"
-    path.write_text("time [s],joint_1 [rad],joint_2 [rad]\n" + "".join(f"{0.01 * i},0.0,{0.001 * i}\n" for i in range(200)))
-    with pytest.raises(InputError, match="over the whole motion, 0 to 4 s"):
-        next_input(make_plant(scenario), tmp_path / "out", path)
 
 
 def test_several_trajectories_are_learned_one_at_a_time(tmp_path):

@@ -19,7 +19,7 @@ import numpy as np
 from asrsim.kinematics.desired import knot_distance
 from asrsim.learning.lifted import EVERY, Band, lift
 from asrsim.learning.linear import Linearised
-from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst, worst_place
 from asrsim.samples import Array
 
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
@@ -132,8 +132,8 @@ class NormOptimal:
         if failed <= patience or (stalled is not None and len(trials) - 1 - stalled <= patience):
             return None
         return "stalled", (
-            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad "
-            f"off ({worst_place(self.problem, best)})"
+            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is "
+            f"{worst(self.problem, best)} off ({worst_place(self.problem, best)})"
         )
 
 

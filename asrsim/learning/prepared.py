@@ -132,6 +132,7 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     }
     problem = LearningProblem(
         joints=plant.joints,
+        units=tuple(map(plant.unit, plant.joints)),
         time=plant.time,
         reference=plant.reference,
         first_guess=guesses[settings.first_guess](),

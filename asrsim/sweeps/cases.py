@@ -28,8 +28,6 @@ LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
 TIP = ("largest", "rms", "last")
 PROBES = 4096
 """Runs among which the extreme ones are sought."""
-OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
-"""Keys under which every run finds its own substeps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +202,7 @@ def _probe(study: Study, case: Case) -> Prepared:
 
 def _common(study: Study, case: Case, scenario: Scenario) -> dict[str, int]:
     """Substeps for all runs alike, enough for the most demanding; `asrsim run` with these `--set` has the same bits."""
-    if any(text.partition(".")[0] in OWN_RESOLUTION for text in case.plan.texts.values()):
+    if case.plan.own_resolution:
         return {}
     most = {"substeps": 0, "motor_substeps": 0}
     for run in extreme_runs(study, case.variant):

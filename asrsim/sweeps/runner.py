@@ -209,10 +209,10 @@ def _key(point: _Point) -> tuple[str, str]:
 
 
 def _varies_in_place(case: Case) -> bool:
-    """Whether other numbers do; where another robot file is read, or a start at equilibrium or a task follows from the robot's
-    numbers, they do not."""
+    """Whether other numbers do; where another robot file is read, or a start at equilibrium, a task or substeps follow from the
+    robot's numbers, they do not."""
     plan = case.plan
     if not (plan.parameters or plan.references or plan.inertials) or plan.reads_robot:
         return False
-    follows = case.resolved.get("initial") == "equilibrium" or bool(case.resolved.get("task"))
+    follows = case.resolved.get("initial") == "equilibrium" or bool(case.resolved.get("task")) or plan.own_resolution
     return not (plan.inertials and follows)
