@@ -92,6 +92,19 @@ def test_a_unit_that_stands_elsewhere_is_asked_about(tmp_path: Path, name: str, 
     assert told is None or re.search(told, found[0])
 
 
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (table([TIME * 1e3, A, B], before="Time (s),q1,q2\n"), r"less than two samples(.|\n)*in ms they would be 0.01 s"),
+        (table(ABQ, before="t,q1 [counts],q2 [counts]\n"), r"q1 \[counts\] looks like link_position, but its unit is counts"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_with_the_likely_reason(tmp_path: Path, content: bytes, told: str) -> None:
+    (tmp_path / "lab.csv").write_bytes(content)
+    with pytest.raises(RecordingError, match=told):
+        lay_over(tmp_path / "lab.csv")
+
+
 def test_what_is_odd_is_said(tmp_path: Path) -> None:
     for name, words in {
         "marked by -9999": "40 cells are -9999",
