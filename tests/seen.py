@@ -61,6 +61,8 @@ def _artist(artist: Any) -> str:
     if kind == "Line2D":
         x, y = np.asarray(artist.get_xdata(), float), np.asarray(artist.get_ydata(), float)
         style = f"{to_hex(artist.get_color(), keep_alpha=True)} {artist.get_linewidth():g} {artist.get_linestyle()}"
+        # Dashes of one's own have the name of the usual ones.
+        style += f" {_numbers(artist._unscaled_dash_pattern[1])}" if artist.is_dashed() else ""
         return f"line {gid} {style} {artist.get_marker()} z {artist.get_zorder():g} x {_extent(x)} y {_extent(y)}"
     if kind in ("Text", "Annotation"):
         return f"text {artist.get_text()!r} {to_hex(artist.get_color())}" if artist.get_text() else ""

@@ -444,3 +444,9 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     assert list(table["run"]) == list(range(1000))
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
     assert not list(tmp_path.glob("part-*"))
+
+
+@pytest.mark.parametrize(("samples", "points"), [(2, 2), (5, 8), (64, 64), (65, 128)])
+def test_saltelli_takes_the_next_power_of_two(samples, points):
+    over = {"link_1.mass": "uniform(0.3, 0.5)", "joint_1.damping": "uniform(0.1, 0.2)"}
+    assert len(study_of(over, design="saltelli", samples=samples)) == points * 4
