@@ -128,7 +128,7 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
         middle = parameter.start * math.exp(x)
         return middle * math.exp(-min(width, 50.0)), middle * math.exp(min(width, 50.0))
     middle = entry.start + parameter.size * x
-    return middle - parameter.size * width, middle + parameter.size * width
+    return max(middle - parameter.size * width, parameter.low), min(middle + parameter.size * width, parameter.high)
 
 
 def _joint(entry: Entry, tracks: Sequence[Track]) -> str:
