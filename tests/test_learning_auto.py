@@ -34,6 +34,8 @@ from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_s
 from asrsim.signals.csv_series import read_csv_series
 from asrsim.simulation.run import simulate
 
+pytestmark = pytest.mark.once
+
 ARM = Path(__file__).parents[1] / "examples" / "urdf" / "dof2_vertical.urdf"
 
 
@@ -179,9 +181,8 @@ def test_a_worse_trial_goes_back_to_the_best_with_ten_times_the_weight():
 @pytest.mark.parametrize("patience", [2, 3])
 def test_another_model_gets_as_much_patience_as_the_first(patience):
     """Learning stalls at trial 2 and is thought over; it ends when so many trials after that brought nothing."""
-    law = NormOptimal(
-        problem=SimpleNamespace(reference=np.ones((2, 1)), joints=("one",), units=("rad",), step=1.0), lifted=None, rethink=dict
-    )
+    problem = SimpleNamespace(reference=np.ones((2, 1)), joints=("one",), units=("rad",), step=1.0)
+    law = NormOptimal(problem=problem, lifted=None, rethink=dict)
     trials = [trial(0, 1.0), *(trial(number, 2.0) for number in range(1, 9))]
     ended = [count for count in range(1, 10) if law.verdict(trials[:count], patience) is not None]
     assert ended[0] == 2 + 1 + patience + 1

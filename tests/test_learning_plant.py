@@ -26,6 +26,8 @@ from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
 from asrsim.workers import executor
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
 

@@ -22,7 +22,7 @@ TYPICAL = {
     "kg": 0.1, "kg m^2": 1e-3,
 }  # fmt: skip
 """Unit -> size of a number that says nothing of its own size, being 0."""
-FACTOR = 1e3
+FACTOR = 1e6
 """A positive parameter may become so much smaller or larger."""
 
 
@@ -104,8 +104,7 @@ def _of_links(robot: Robot) -> Iterator[Parameter]:
 def _positive(key: str, unit: str, start: float) -> Parameter:
     if start <= 0.0:
         return Parameter(key=key, unit=unit, start=start, low=0.0)
-    # A point mass's inertia is a stand-in for none: it may grow by more.
-    return Parameter(key=key, unit=unit, start=start, low=start / FACTOR, high=start * FACTOR**2, logarithmic=True)
+    return Parameter(key=key, unit=unit, start=start, low=start / FACTOR, high=start * FACTOR, logarithmic=True)
 
 
 def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[Parameter]:

@@ -101,8 +101,8 @@ class Told:
         # The triangle of its factors has the same directions, and is small.
         self._triangle = np.linalg.qr(self.scaled, mode="r")
         _, singular, self._vectors = np.linalg.svd(self._triangle)
-        self._sizes = np.full(len(self.free), 1e-300)
-        self._sizes[: len(singular)] = np.maximum(singular, 1e-300)
+        self._sizes = np.full(len(self.free), 1e-100)
+        self._sizes[: len(singular)] = np.maximum(singular, 1e-100)
         self.noise = 1.96 * float(np.sqrt(found.variance))
         off = self.noise / self._sizes
         self._known = off <= limit

@@ -58,7 +58,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     free, ties = free_parameters(task, known)
     tracks = []
     for one in data:
-        track = track_of(scenario, given, one, robot)
+        track = track_of(scenario, given, one, robot, [parameter.key for parameter in free])
         stack.callback(track.close)
         tracks.append(track)
     for parameter in free:

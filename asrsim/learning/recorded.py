@@ -11,8 +11,8 @@ from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.learning.plant import Plant
 from asrsim.recordings.align import LagChoice, align, resample
 from asrsim.recordings.checks import suspicions, wrong_unit
-from asrsim.recordings.compare import match_joints
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array
 
 MISSING = 0.02
