@@ -107,6 +107,32 @@ def test_a_start_that_the_motors_have_no_torque_for_is_out_of_reach(tmp_path):
         assert [item.what for item in told] == ([] if reached else ["error from the start"])
 
 
+def test_the_start_is_the_scenario_s():
+    """Loaded springs at the motion's first pose, by `equilibrium` or as a state in full, leave nothing to catch up."""
+    motion = {"joint_1": {"minimum_jerk": {"duration": 1.5, "from": 0.6, "to": 0.0}}, "joint_2": 0.3}
+    block = {"trajectory": motion, "law": "paper", "first_guess": "inverse_dynamics", "tolerance": 1e-3}
+
+    def start_of(initial):
+        scenario = make_scenario(ARM, duration=2.0, initial=initial, references={"*": {"stiffness_preset": 0.3}}, ilc=block)
+        plant = make_plant(scenario)
+        with learning_model(plant) as model:
+            prepared = prepare_learning(plant, model)
+            motors = model.state(prepared.problem.first_guess, plant.reference).motors[0]
+        error = max(abs(item.needed) for item in prepared.demands if item.what == "error from the start")
+        return error, motors, [drive.motors[0] for drive in prepared.inverse.drives]
+
+    unloaded, _, loaded = start_of({"joint_1": 0.6, "joint_2": 0.3})
+    assert unloaded > 0.01
+    states = {
+        f"joint_{i}": {"position": place, "motor_positions": motors.tolist()}
+        for i, place, motors in zip((1, 2), (0.6, 0.3), loaded, strict=True)
+    }
+    for initial in ("equilibrium", states):
+        error, motors, _ = start_of(initial)
+        assert error < 1e-3
+        np.testing.assert_allclose(motors, loaded, atol=3e-3)
+
+
 def test_losses_are_those_of_the_joint(tmp_path):
     robot = make_plant(random_arm(5).make(tmp_path)).robot
     assert Losses.of(robot, "joint_1").damping == robot.joint("joint_1").damping

@@ -60,16 +60,23 @@ class ArmModel:
         return self._linear(inverse.motion, self._springs(positions, motors))
 
     def start_error(self, inverse: InverseDynamics, linear: Linearised) -> Array:
-        """(n, joints) rad by which a run that starts at rest is off the motion, if nothing is done about it."""
-        motion, step = inverse.motion, inverse.motion.step
-        start = np.array([for_joint(self.plant.scenario.initial_positions, joint, 0.0) for joint in self.plant.joints])
+        """(n, joints) rad by which a run that starts as the scenario says is off the motion, if nothing is done about it."""
+        motion, scenario, columns = inverse.motion, self.plant.scenario, self._columns
         motors = np.nan_to_num(np.stack([drive.motors[:2] for drive in inverse.drives], axis=1))
-        moved = linear.released(
-            start - motion.positions[0, self._columns],
-            -motion.velocities[0, self._columns],
-            start[:, None] - motors[0],
-            -(motors[1] - motors[0]) / step,
-        )
+        wanted = motion.positions[0, columns], motion.velocities[0, columns], motors[0], (motors[1] - motors[0]) / motion.step
+        if scenario.initial_equilibrium:
+            # The first inputs hold the links where the motion begins.
+            begun: tuple[Array, ...] = wanted[0], np.zeros(len(columns)), wanted[2], np.zeros((len(columns), 2))
+        else:
+            places, speeds = (
+                np.array([for_joint(values, joint, 0.0) for joint in self.plant.joints])
+                for values in (scenario.initial_positions, scenario.initial_velocities)
+            )
+            states = [
+                self.arm.motors_at_start(joint, place, 0.0, 0.0) for joint, place in zip(self.plant.joints, places, strict=True)
+            ]
+            begun = places, speeds, *(np.array(values) for values in zip(*states, strict=True))
+        moved = linear.released(*(is_ - should for is_, should in zip(begun, wanted, strict=True)))
         return np.column_stack([np.interp(self.plant.time, linear.time, column) for column in moved.T])
 
     @property
@@ -147,10 +154,11 @@ class ArmModel:
         plant = self.plant
         motion = self.arm.motion(plant.time, plant.joints, outputs)
         arriving, positions = self._late(motion.time, inputs), motion.positions[:, self._columns]
-        motors = [
-            motor_positions(drive, motion.time, positions[:, j], arriving[:, j], self.arm.preset(drive.joint, motion.time))
-            for j, drive in enumerate(plant.drives)
-        ]
+        motors = []
+        for j, drive in enumerate(plant.drives):
+            position, given, preset = positions[:, j], arriving[:, j], self.arm.preset(drive.joint, motion.time)
+            start = self.arm.motors_at_start(drive.joint, position[0], given[0], preset[0])
+            motors.append(motor_positions(drive, motion.time, position, given, preset, start))
         return TrialState(motion=motion, inputs=arriving, positions=positions, motors=np.stack(motors, axis=1))
 
     def friction(self, state: TrialState) -> Friction:
