@@ -103,7 +103,8 @@ def problems_of_weight(
     for one in found.weak:
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
         what = "falls onto its stop" if one.on_stop else "falls" if one.falls else f"sags by {one.sag:.2g} {length}"
-        why = "its motors are too weak" if one.limited else "its springs are too soft"
+        soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
+        why = "its motors are too weak" if one.limited else f"{soft} are too soft"
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
         problems.append(Problem(message=message, file=file, key=one.joint, hint=hint, code=code))
@@ -120,6 +121,8 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     # A spring that was wound past its summit no longer shows that the motor gave way first.
     if weak.limited or lacking > 1.0:
         names, factor = motors, max(1.25, lacking)
+    elif weak.droop > 0.3 * weak.sag:
+        names = tuple(name.replace("motor", "controller").replace("max_torque", "proportional") for name in motors)
     else:
         names = linear_parameters(actuator, values)
     return {name: float(f"{factor * values[name]:.2g}") for name in names}

@@ -185,7 +185,7 @@ def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPane
 
 
 def _limit_handles(shown: Collection[str]) -> list[Any]:
-    return [limit_handle()] if "limit" in shown else []
+    return [limit_handle(own=kind == "own limit") for kind in ("limit", "own limit") if kind in shown]
 
 
 def _empty(axes: Axes) -> None:
