@@ -149,9 +149,9 @@ class BenchEngine:
         joints, steps = len(self.joints), self._duration / self.step + 4.0
         if not steps * joints < LONGEST:
             return None
-        empty = [np.zeros(joints) for _ in range(4)]
+        positions, velocities, forces, friction = (np.zeros(joints) for _ in range(4))
         places, speeds = map(np.ascontiguousarray, self._motion(0, int(steps)))
-        world = Table(*empty, wrench=np.zeros((0, 6)), places=places, speeds=speeds, row=self._row)
+        world = Table(positions, velocities, forces, friction, np.zeros((0, 6)), places, speeds, self._row)
         return EngineKernel(move=move, look=look, world=world, compiled={}, version="bench", inline=(__name__,))
 
     def close(self) -> None:
