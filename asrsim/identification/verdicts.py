@@ -12,8 +12,9 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
-from asrsim.identification.nulls import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.nulls import Combination, combinations
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.told import UNKNOWN, relative
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
