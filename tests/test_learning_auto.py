@@ -133,6 +133,36 @@ def test_the_start_is_the_scenario_s():
         np.testing.assert_allclose(motors, loaded, atol=3e-3)
 
 
+def test_joints_that_do_not_learn_are_soft_too():
+    """A push on the first joint moves it as it does where both joints learn, and not as if the second were held."""
+    still = {"references": {"*": {"stiffness_preset": 0.1}}, "gravity": [0.0, 0.0, 0.0], "duration": 1.0}
+    moved = []
+    for joints in (("joint_1", "joint_2"), ("joint_1",)):
+        block = {"trajectory": dict.fromkeys(joints, 0.0), "tolerance": 1e-3}
+        plant = make_plant(make_scenario(ARM, ilc=block, **still))
+        change = np.zeros_like(plant.reference)
+        change[:, 0] = 0.1 * np.sin(12.0 * plant.time)
+        with learning_model(plant) as model:
+            linear = model.linear(model.inverse(plant.reference))
+            moved.append(model.expected(linear, change)[:, 0])
+            held = replace(linear, springs=linear.springs * np.array([1.0, 1e4])[:, None])
+            stiff = model.expected(held, change)[:, 0]
+    np.testing.assert_allclose(moved[1], moved[0], atol=1e-3 * np.abs(moved[0]).max())
+    assert np.abs(stiff - moved[0]).max() > 0.1 * np.abs(moved[0]).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", ["joint_1", "joint_4"])
+def test_one_joint_of_a_soft_arm_learns_while_the_others_follow(joint, tmp_path):
+    arm = random_arm(734)
+    motions = arm.scenario["ilc"]["trajectory"]
+    given = arm.scenario["references"]
+    others = {name: {**given[name], "equilibrium_position": motions[name]} for name in motions if name != joint}
+    alone = replace(arm, scenario={**arm.scenario, "references": {**given, **others}})
+    _, result, _ = learned(alone, tmp_path, trajectory={joint: motions[joint]})
+    assert result.converged
+
+
 def test_losses_are_those_of_the_joint(tmp_path):
     robot = make_plant(random_arm(5).make(tmp_path)).robot
     assert Losses.of(robot, "joint_1").damping == robot.joint("joint_1").damping
