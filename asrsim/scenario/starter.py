@@ -201,9 +201,10 @@ def drive_of(robot: Robot, block: ActuatorBlock) -> Drive:
     bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
     start = min(max(0.0, low), high)
-    if start + size <= high:
+    # A motion that ends on a stop shows the stop.
+    if start + size < high:
         target = start + size
-    elif start - size >= low:
+    elif start - size > low:
         target = start - size
     else:
         target = 0.5 * (low + high)
