@@ -11,13 +11,14 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.adjust import scaled, windowed
+from asrsim.recordings.adjust import measured, scaled, windowed
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import find_column, guess, has_positions, joint_numbers, tokens_of
 from asrsim.recordings.oddities import oddities
 from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
+from asrsim.recordings.unstated import unstated
 
 _KNOWN = {**QUANTITIES, **DERIVED}
 _NAMED = 12
@@ -30,10 +31,12 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     findings = list(raw.findings)
     raw = windowed(path, raw, maps)
     by_index = _explicit(path, raw, maps)
-    columns = _columns(path, raw, by_index, joints, findings)
-    columns = _without_repeats(path, columns, findings)
+    with np.errstate(over="ignore", invalid="ignore"):
+        columns = _columns(path, raw, by_index, joints, findings)
+    columns = [measured(path, column, findings) for column in _without_repeats(path, columns, findings)]
     base = max(columns, key=lambda column: len(column.time)).time
     findings += oddities(path, columns)
+    findings += unstated(path, columns, raw.remarks)
     # Only what was mapped by hand gets so far.
     findings += [
         Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,

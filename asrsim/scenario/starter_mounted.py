@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.detailed_motor import missing_constants
-from asrsim.recordings.compare import match_joints
 from asrsim.recordings.data import Recording
+from asrsim.recordings.matching import match_joints
 from asrsim.robot import Robot
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}

@@ -11,9 +11,9 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.recordings.checks import wrong_unit
-from asrsim.recordings.compare import match_joints
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.matching import match_joints
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
 from asrsim.signals.playback import Playback, since
 
