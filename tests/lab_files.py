@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -127,6 +128,23 @@ READ: dict[str, bytes] = {
     "actual and desired": table([*ABQ, R, B], before="time,q_actual_1,q_actual_2,q_desired_1,q_desired_2\n"),
     "thetas": table([*ABQ, R], before="t,theta1,theta2,theta1_d\n"),
     "savetxt": table(ABQ, sep=" ", before="# time q1 q2\n"),
+    "units among words": table(DEG, before="t,q_deg_1,degQ2\n"),
+    "units glued on": table([TIME * 1e3, A * DEGREES, B * DEGREES], before="t/ms,q1deg,q2/deg\n"),
+    "hours": table([TIME / 3600, A, B], before="time [h],q1,q2\n", number="%.12g"),
+    "MATLAB's days": table([TIME / 86400 + 739378, A, B], before="time,q1,q2\n", number="%.17g"),
+    "Excel's days": table([TIME / 86400 + 45418, A, B], before="time,q1,q2\n", number="%.17g"),
+    "stamps with slashes": table([[s.strftime("%Y/%m/%d/%H:%M:%S.%f") for s in STAMPS], A, B], before="time,q1,q2\n"),
+    "compact stamps": table([[s.strftime("%Y%m%d_%H%M%S.%f") for s in STAMPS], A, B], before="time,q1,q2\n"),
+    "milliseconds behind a colon": table([[s.strftime("%H:%M:%S:%f") for s in STAMPS], A, B], before="time,q1,q2\n"),
+    "utf-16 without a mark": table(ABQ, before="t,q1,q2\n", encoding="utf-16-le"),
+    "zeros at the end": table(ABQ, before="t,q1,q2\n") + bytes(100),
+    "a comment of units": table(DEG, before="# units: s, deg, deg\nt,q1,q2\n"),
+    "a loop's duration": table([TIME, 0.00101 + 0 * TIME, A, B], before="time,loop_time_ms,q1,q2\n", number="%.12g"),
+    "units in JSON": json.dumps({"units": {"q1": "deg", "q2": "deg"}, "t": [*TIME], "q1": [*(A * DEGREES)],
+                                 "q2": [*(B * DEGREES)]}).encode(),
+    "records by their index": json.dumps(
+        {i: {"t": row[0], "q1": row[1], "q2": row[2]} for i, row in enumerate(zip(*ABQ, strict=True))}
+    ).encode(),
     "two clocks": table([TIME, A, TIME + 0.003, elbow(TIME + 0.003)], before="t,q1,time_2,q2\n"),
 }  # fmt: skip
 """Name -> file whose motion must come out right with nothing said about it."""
@@ -146,6 +164,18 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         table([TIME + 1000, A, B], before="t,q1,q2\n"),
         "from 0 to 3 s, the recording from 1000 to 1002.99 s.*--lag",
     ),
+    "too few digits": (table([texts(TIME, "%.1f"), A, B], before="t,q1,q2\n"), "269 of 300 rows.*too few digits.*--rate"),
+    "a row a joint": (
+        table([np.repeat(TIME, 2), ["shoulder", "elbow"] * COUNT, np.c_[A, B].ravel()], before="t,joint,q\n"),
+        "a row for each of joint",
+    ),
+    "one stamp": (table([0 * TIME, A, A], before="t,q1,q2\n"), "299 of 300 rows"),
+    "an unknown time": (table(ABQ, before="t [week],q1,q2\n"), "unit of this time is not known: week"),
+    "marks of thousands": (
+        table([[f"{t * 1e6:,.0f}" for t in TIME], A, B], sep=";", before="t_us;q1;q2\n"),
+        "marks between their thousands: 1,000,000",
+    ),
+    "what ros2 prints": (b"".join(b"data: %d\n---\n" % i for i in range(9)), "ros2 topic echo"),
     "words only": (b"a,b\nx,y\nx,y\n", "no row of numbers"),
     "excel": (b"PK\x03\x04" + bytes(50), "Excel workbook.*export"),
     "gzip": (b"\x1f\x8b\x08" + bytes(50), "compressed"),
@@ -170,6 +200,22 @@ MATLAB: dict[str, dict[str, Any]] = {
     "struct": {"data": {"time": TIME, "q": np.column_stack([A, B])}},
     "like a timeseries": {"ts": {"Time": TIME[:, None], "Data": np.column_stack([A, B]), "Name": "q"}},
     "struct array": {"joints": struct_array()},
+    "time one level up": {"log": {"t": TIME, "joints": {"shoulder": {"q": A}, "elbow": {"q": B}}}},
+    "a stamp in two vectors": {
+        "sec": 1.7e9 + np.floor(TIME + 1e-9),
+        "nsec": np.round((TIME + 1e-9) % 1 * 1e9),
+        "q1": A,
+        "q2": B,
+    },
+    "names beside a matrix": {
+        "colheaders": np.array(["t", "q1 [deg]", "q2 [deg]"], dtype=object),
+        "data": np.column_stack([TIME, A * DEGREES, B * DEGREES]),
+    },
+    "a unit beside the data": {
+        "shoulder": {"time": TIME, "data": A * DEGREES, "unit": "deg"},
+        "elbow": {"time": TIME, "data": B * DEGREES, "DataInfo": {"Units": "deg"}},
+    },
+    "a trial's number": {"trial_2": {"t": TIME, "q1": A, "q2": B}},
 }
 
 

@@ -22,6 +22,8 @@ from asrsim.identification.track import physical
 from asrsim.robot import load_robot
 from asrsim.robot.edit import edited_urdf
 
+pytestmark = pytest.mark.once
+
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_files import MATLAB, READ, REFUSED, TIME, A, B, command, elbow, shoulder, table, write_bag
+from lab_files import ABQ, MATLAB, READ, REFUSED, TIME, A, B, command, elbow, shoulder, table, write_bag
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
@@ -16,6 +16,8 @@ from asrsim.errors import RecordingError
 from asrsim.log import LogWriter
 from asrsim.recordings import Comparison, Recording, compare, read_recording
 from asrsim.samples import JointInfo, RunInfo, Samples
+
+pytestmark = pytest.mark.once
 
 JOINTS = ("shoulder", "elbow")
 FINE = np.arange(3001) * 0.001
@@ -67,6 +69,40 @@ def test_matlab_files(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("kind", ["joint state", "array", "own", "nested"])
 def test_bags(tmp_path: Path, storage: str, kind: str) -> None:
     check(write_bag(tmp_path / "bag", storage, kind))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        (
+            "lab.csv",
+            table(ABQ, before="# angles in degrees\nt,q1,q2\n"),
+            "q1, q2: state no unit.*the file says: # angles in degrees",
+        ),
+        ("arm.sto", table(ABQ, before="inDegrees=yes\nendheader\nt,q1,q2\n"), "the file says: inDegrees=yes"),
+        ("lab_deg.csv", table(ABQ, before="t,q1,q2\n"), "the file's name says deg"),
+        ("lab.csv", table(ABQ, before="t,q1 [deg],q2\n"), r"q2: states no unit.*'q1 \[deg\]' is in deg"),
+        ("lab.csv", table(ABQ, before="# no degrees here\nt,q1 [rad],q2 [rad]\n"), None),
+    ],
+)
+def test_a_unit_that_stands_elsewhere_is_asked_about(tmp_path: Path, name: str, content: bytes, told: str | None) -> None:
+    (tmp_path / name).write_bytes(content)
+    found = [str(one) for one in read_recording(tmp_path / name, joints=JOINTS).findings if one.code == "unstated-unit"]
+    assert len(found) == (told is not None)
+    assert told is None or re.search(told, found[0])
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (table([TIME * 1e3, A, B], before="Time (s),q1,q2\n"), r"less than two samples(.|\n)*in ms they would be 0.01 s"),
+        (table(ABQ, before="t,q1 [counts],q2 [counts]\n"), r"q1 \[counts\] looks like link_position, but its unit is counts"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_with_the_likely_reason(tmp_path: Path, content: bytes, told: str) -> None:
+    (tmp_path / "lab.csv").write_bytes(content)
+    with pytest.raises(RecordingError, match=told):
+        lay_over(tmp_path / "lab.csv")
 
 
 def test_what_is_odd_is_said(tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ from asrsim.recordings import guess_rows, guess_table, read_recording
 from asrsim.recordings.header import comment_header
 from asrsim.recordings.units import split_header
 
+pytestmark = pytest.mark.once
+
 SHARED = Path(__file__).parents[2] / "shared"
 
 N = 50

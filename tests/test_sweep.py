@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shlex
 import signal
 import time
 from pathlib import Path
@@ -18,7 +19,8 @@ import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.runner import Runner, lost
+from asrsim.sweeps.rows import lost
+from asrsim.sweeps.runner import Runner
 from asrsim.sweeps.show import say_summary
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
@@ -225,6 +227,19 @@ def test_a_row_is_what_run_says(tmp_path):
         assert table["claim_0.measured"][run] == result.summary.claims[0].measured
 
 
+def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
+    """Not those of the study's first point: its motors are lighter, and need more."""
+    over = {"parameters.*.motor_1_inertia": [3e-4, 0.03], "step": [0.001, 0.0005]}
+    options = ["duration=0.1", "engine=mujoco"]
+    table = asrsim.sweep(study_of(over, overrides=options), out=tmp_path / "s", workers=1)
+    assert len(set(table["motor_substeps"])) > 1
+    for run in (2, 3):
+        words = shlex.split(table.repeat_command(run))
+        settings = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
+        (joint, _) = asrsim.run(TWO_JOINTS, variant="soft", overrides=settings).summary.joints
+        assert table["joint_1.peak_deflection"][run] == joint.measures.peak_deflection
+
+
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
         {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"]
@@ -326,8 +341,8 @@ def test_twenty_killed_workers_in_a_study_of_500():
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     payload = kill_study(5)
     code = (
-        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner.__call__\n"
-        "r.Runner.__call__ = lambda self, run: os._exit(7) if run == 2 else old(self, run)\n"
+        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner._stepped\n"
+        "r.Runner._stepped = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
     )
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\nclass F:\n def find_spec(self, name, path=None, target=None):\n  if name == 'asrsim.workers.child':\n"

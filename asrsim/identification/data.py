@@ -159,7 +159,8 @@ def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, 
     missing = []
     for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
-        if block.joint in commanded or scenario.references_of(block.joint):
+        # References of mode 2 are what `init` makes of recorded motors.
+        if block.joint in commanded or (scenario.references_of(block.joint) and block.mode != PLAYED):
             continue
         wanted = [f"motor_{i}_position" for i in range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)]
         if not mode.spring or any((block.joint, quantity) not in motors for quantity in wanted):

@@ -19,7 +19,7 @@ from asrsim.plots.world import Curve
 from asrsim.recordings import Comparison, Recording, Series, band, compare
 from asrsim.recordings.align import Alignment, LagChoice
 from asrsim.recordings.clock import align_recording, series_of
-from asrsim.recordings.compare import match_joints
+from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
 
 BUDGET = 128e6

@@ -18,6 +18,7 @@ from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import find_column, guess, has_positions, joint_numbers, tokens_of
 from asrsim.recordings.oddities import oddities
 from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
+from asrsim.recordings.unstated import unstated
 
 _KNOWN = {**QUANTITIES, **DERIVED}
 _NAMED = 12
@@ -35,6 +36,7 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     columns = [measured(path, column, findings) for column in _without_repeats(path, columns, findings)]
     base = max(columns, key=lambda column: len(column.time)).time
     findings += oddities(path, columns)
+    findings += unstated(path, columns, raw.remarks)
     # Only what was mapped by hand gets so far.
     findings += [
         Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,

@@ -12,7 +12,8 @@ MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind
 """Cells that mean "no value"."""
 _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
 _STAMP = re.compile(
-    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=T)|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.]|$)"
+    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)"
+    r"(?=[T_ :./-]|$)"
 )
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
@@ -75,6 +76,8 @@ def stamp_ns(cell: str) -> int | None:
     if not _STAMP.match(cell):
         return None
     text = cell.replace(",", ".").replace("_", " ")
+    text = re.sub(r"^(\d{4}([-/])\d\d?\2\d\d?)[-/](?=\d)", r"\1 ", text)  # 2024/05/06/10:00:00, as ROS writes it
+    text = re.sub(r"(:\d\d:\d\d):(\d+)$", r"\1.\2", text)
     half = re.search(r"\s*([AP])\.?M\.?$", text, re.IGNORECASE)
     if half:
         text = text[: half.start()]
@@ -83,7 +86,7 @@ def stamp_ns(cell: str) -> int | None:
         text = text[days.end() :]
     elif re.fullmatch(r"\d\d?:\d\d\.\d+", text):  # Excel shows minutes and seconds
         text = f"00:{text}"
-    fraction = re.search(r"(:\d\d|T\d{6})\.(\d+)", text)
+    fraction = re.search(r"(:\d\d|[T ]\d{6})\.(\d+)", text)
     digits = fraction[2] if fraction else ""
     whole = text if fraction is None else text[: fraction.start(2) - 1] + text[fraction.end(2) :]
     try:

@@ -11,8 +11,9 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_SOURCES
 from asrsim.recordings.align import Alignment
 from asrsim.recordings.clock import Reader, align_recording, series_of
-from asrsim.recordings.compare import Series, compare, match_joints
+from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
+from asrsim.recordings.matching import match_joints
 from asrsim.recordings.read import read_recording
 from asrsim.samples import JointInfo
 

@@ -20,6 +20,7 @@ from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.join import name_of
+from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, JointInfo, Samples
 
 
@@ -133,62 +134,21 @@ def compare(
         values = simulated(samples, joint, quantity, infos)
         return None if values is None else (samples.time, values)
 
-    alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on, infos=infos)
-    findings += alignment.findings
     prismatic = {info.name for info in infos if info.prismatic}
-    series = tuple(
-        _series(joint, quantity, samples.time, values, column, alignment.lag, prismatic=joint in prismatic)
-        for (joint, quantity), (values, column) in found.items()
-    )
+    try:
+        alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on, infos=infos)
+        series = tuple(
+            _series(joint, quantity, samples.time, values, column, alignment.lag, prismatic=joint in prismatic)
+            for (joint, quantity), (values, column) in found.items()
+        )
+    except RecordingError as error:
+        # Without an overlap in time, a doubt about the time is likely to be the reason.
+        doubts = [one for one in recording.findings if one.code in ("suspected-time", "time-unit-assumed")]
+        raise RecordingError([*error.problems, *doubts]) from None
+    findings += alignment.findings
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
     return Comparison(recording=recording.path, series=series, alignment=alignment, joints=pairing, findings=tuple(findings))
-
-
-def match_joints(
-    names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None
-) -> tuple[dict[str, str], list[Problem]]:
-    """Joint of the recording -> joint of the simulation; raises RecordingError where none is common."""
-    recorded = recording.joints
-    if joints is not None:
-        unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
-        if unknown:
-            raise RecordingError(
-                Problem(message=f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names),
-                        code="no-such-joint")
-            )  # fmt: skip
-        return dict(joints), []
-    plain = {_plain(name): name for name in names}
-    pairing = {joint: plain[_plain(joint)] for joint in recorded if _plain(joint) in plain}
-    if pairing:
-        return pairing, []
-    guessed = [joint for joint in recorded if _made_up(recording, joint)]
-    if guessed and len(guessed) == len(recorded) and len(guessed) <= len(names):
-        pairing = dict(zip(guessed, names, strict=False))
-        said = ", ".join(f"{a} is {b}" for a, b in pairing.items())
-        return pairing, [
-            Problem(message=f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
-                    hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
-        ]  # fmt: skip
-    raise RecordingError(
-        Problem(
-            message=f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
-            f"{', '.join(recorded) or 'no column that is mapped to a joint'}",
-            file=recording.path, code="no-common-joint",
-            hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-            f"--map '{next(iter(recording.channels), 'COLUMN')}={names[0] if names else 'JOINT'}.link_position [rad]'",
-        )
-    )  # fmt: skip
-
-
-def _plain(name: str) -> str:
-    return name.lower().replace("_", "").replace("-", "").replace(" ", "")
-
-
-def _made_up(recording: Recording, joint: str) -> bool:
-    """Whether the name is ours (joint_3 for a number in a column's name)."""
-    columns = [column for column in recording.channels.values() if column.joint == joint and column.quantity]
-    return joint.startswith("joint_") and all(column.origin.startswith("guessed") for column in columns)
 
 
 def _nothing_common(
@@ -215,9 +175,7 @@ def _series(
     part = (base >= start - slack) & (base <= end + slack)
     grid = base[part]
     if len(grid) < 2:
-        raise RecordingError(
-            Problem(message=f"only {len(grid)} samples of {joint}.{quantity} overlap in time", code="no-overlap")
-        )
+        raise RecordingError(Problem(message=f"of {joint}.{quantity} less than two samples overlap in time", code="no-overlap"))
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
     findings = suspicions(a, b, column, joint)

@@ -45,6 +45,8 @@ class Raw:
     """Unix time in s of time 0, where the file had absolute stamps."""
     names: tuple[str, ...] = ()
     """Columns and topics that the file has, those without numbers too."""
+    remarks: str = ""
+    """What the file says beside its numbers and their names."""
 
 
 @dataclass(frozen=True, kw_only=True)

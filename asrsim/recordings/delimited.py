@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,12 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem
+from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.cells import COMMENTS, MISSING, number, printable, split, spread, stamp_ns
 from asrsim.recordings.sniff import Layout, sniff
 from asrsim.recordings.timebase import lines_text
 from asrsim.samples import Array
 
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3}){2,}")
 _BLOCK = 20_000
 """Lines read at a time; bounds the memory beside the numbers themselves."""
 
@@ -120,7 +122,7 @@ def _slow(
                 continue
             except ValueError:
                 pass
-        stripped = line.strip()
+        stripped = line.strip("\0 \t\r\n")
         if not stripped or not any(cells):
             continue
         if stripped.startswith(COMMENTS):
@@ -190,6 +192,12 @@ def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Proble
     for column, count in sorted(faults.missing.items()):
         if count < rows:
             add(f"{count} of {rows} cells are empty", (), "missing-cells", layout.names[column])
+    if separated := [one for one in faults.cells if _THOUSANDS.fullmatch(one[2])]:
+        line, column, cell = separated[0]
+        raise RecordingError(
+            Problem(message=f"numbers have marks between their thousands: {printable(cell)}", file=path, line=line,
+                    key=layout.names[column], code="thousands", hint="Export it without them")
+        )  # fmt: skip
     if layout.text:
         add("hold text and are not read" if len(layout.text) > 1 else "holds text and is not read", (), "text-column",
             ", ".join(layout.names[column] for column in layout.text[:6]))  # fmt: skip

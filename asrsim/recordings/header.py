@@ -101,6 +101,13 @@ def comment_header(text: str, separator: str | None, columns: int, decimal: str)
     return None
 
 
+def comment_units(text: str, separator: str | None, columns: int) -> list[str] | None:
+    """A row of units in a comment line, `# units: s, deg, deg`; None for any other."""
+    plain = re.sub(r"^[ #%/]*(?:units?\s*:)?", "", text, flags=re.IGNORECASE)
+    cells = [cell.strip(" []()") for cell in split(plain, separator, quoted=False)]
+    return cells if len(cells) == columns and all(find_unit(cell) for cell in cells) else None
+
+
 def unique(names: Sequence[str]) -> tuple[str, ...]:
     """Names without repeats or blanks: the second q becomes q#2, a blank one column_4."""
     seen: Counter[str] = Counter()

@@ -14,12 +14,12 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.matlab_struct import TIME_NAMES, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import split_header
 from asrsim.samples import Array
 
-_TIME_NAMES = {"time", "t", "timestamp", "stamp", "tout", "zeit"}
 _REASONS = 3
 """Reasons that are given for a file of which nothing can be read."""
 _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
@@ -90,10 +90,19 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
 
 
 def _tables(
-    content: Mapping[str, Any], prefix: str, findings: list[Problem], path: Path
+    content: Mapping[str, Any], prefix: str, findings: list[Problem], path: Path, above: Mapping[str, Array] | None = None
 ) -> Iterator[tuple[str, dict[str, Array]]]:
-    """Groups of vectors that share a struct (the file itself is one), with the group's prefix."""
+    """Groups of vectors that share a struct (the file itself is one), with the group's prefix.
+
+    above: times of the structs around it, which serve one that has none.
+    """
     table: dict[str, Array] = {}
+    times = dict(above or {})
+    for name, value in content.items():
+        if name.lower() in TIME_NAMES:
+            _add(times, name, value)
+    if isinstance(content.get("X"), Mapping) and "Y" in content:  # dSPACE: X is the time of all in Y
+        _add(table, "time", content["X"].get("Data"))
     for name, value in content.items():
         if type(value).__name__ in _OBJECTS:
             # Before all others: such a value is an array of objects, too.
@@ -104,49 +113,49 @@ def _tables(
             )  # fmt: skip
         elif isinstance(value, Mapping):
             # A signal of a Simulink dataset: its name stands beside its values.
-            own = _label(content) if name in ("Values", "values") else ""
+            own = label_of(content) if name in ("Values", "values") else ""
             inner = f"{own}." if own and not prefix.endswith(f"{own}.") else ""
-            yield from _tables(value, f"{prefix}{inner}{name}.", findings, path)
+            yield from _tables(value, f"{prefix}{inner}{name}.", findings, path, times)
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
             for i, item in enumerate(np.asarray(value, dtype=object).ravel() if isinstance(value, np.ndarray) else value):
                 if isinstance(item, Mapping):
                     # Simulink: signals(i).values belongs to the time one level up.
-                    label = _label(item) or f"{name}_{i + 1}"
+                    label = label_of(item) or f"{name}_{i + 1}"
                     nested = item.get("values", item.get("data", item.get("Data")))
-                    if nested is not None and not _label_of_time(item):
+                    if nested is not None and not has_time(item):
                         _add(table, label, nested)
                     else:
-                        yield from _tables(
-                            item, f"{prefix}{name}.{label}." if _label(item) else f"{prefix}{name}[{i}].", findings, path
-                        )
+                        inner = f"{name}.{label}" if label_of(item) else f"{name}[{i}]"
+                        yield from _tables(item, f"{prefix}{inner}.", findings, path, times)
         else:
             # A timeseries saved as a struct: the data carry its name.
-            _add(table, _label(content) or name if name in ("Data", "data") else name, value)
+            own = label_of(content) if name in ("Data", "data") and not prefix.endswith(f"{label_of(content)}.") else ""
+            _add(table, f"{own or name}{unit_of(content, name)}", value, column_names(content))
     if prefix.endswith("signals.") and "values" in content:
         return  # they belong to the time one level up, which adds them
     nested = content.get("signals")
     if isinstance(nested, Mapping) and "values" in nested:
-        _add(table, _label(nested) or _label(content) or "signals", nested["values"])
+        _add(table, label_of(nested) or label_of(content) or "signals", nested["values"])
     columns = {name: values for name, values in table.items() if len(values) > 1}
+    _merge_seconds(columns)
+    if not any(name.lower() in TIME_NAMES for name in columns):
+        lengths = {len(values) for values in columns.values()}
+        columns = {name: values for name, values in times.items() if len(values) in lengths} | columns
     if columns:
         yield prefix, columns
 
 
-def _label_of_time(item: Mapping[str, Any]) -> bool:
-    """Whether a struct has a time of its own."""
-    return any(str(key).lower() in _TIME_NAMES and np.size(value) > 1 for key, value in item.items())
+def _merge_seconds(columns: dict[str, Array]) -> None:
+    """A ROS stamp in two vectors as one time, from its first whole second."""
+    for whole, part in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
+        if whole in columns and part in columns:
+            seconds = columns.pop(whole)
+            columns["time"] = seconds - seconds[0] + columns.pop(part) * 1e-9
+            return
 
 
-def _label(item: Mapping[str, Any]) -> str:
-    """What a struct calls itself."""
-    for key in ("label", "name", "Name", "blockName"):
-        if isinstance(item.get(key), str) and item[key]:
-            return str(item[key]).rpartition("/")[2]
-    return ""
-
-
-def _add(table: dict[str, Array], name: str, value: Any) -> None:
-    """A vector under its name; a matrix as one column each (the long side is time)."""
+def _add(table: dict[str, Array], name: str, value: Any, names: Sequence[str] = ()) -> None:
+    """A vector under its name; a matrix as one column each (the long side is time), under `names` where they are as many."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiub" or array.ndim == 0:
         return
@@ -156,7 +165,7 @@ def _add(table: dict[str, Array], name: str, value: Any) -> None:
     elif array.ndim == 2:
         array = array if array.shape[0] >= array.shape[1] else array.T
         for i in range(array.shape[1]):
-            table[f"{name}_{i + 1}"] = array[:, i]
+            table[names[i] if len(names) == array.shape[1] else f"{name}_{i + 1}"] = array[:, i]
 
 
 def _clock(
@@ -182,6 +191,8 @@ def _times_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]
             if found:
                 return found[:1]
     named = [name for name in table if _is_time(name, table)]
+    # t_q beside q1: a time where nothing else is one.
+    named = named or [name for name in table if tokens_of(name)[:1] in (["t"], ["time"]) and np.all(np.diff(table[name]) > 0)]
     if named:
         return named
     for name, values in table.items():
@@ -193,7 +204,7 @@ def _times_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]
 
 def _is_time(name: str, table: Mapping[str, Array]) -> bool:
     words = [word for word in tokens_of(split_header(name)[0]) if not word.isdigit()]
-    if words and words[-1] in _TIME_NAMES:
+    if words and words[-1] in TIME_NAMES:
         return True
     if words and words[0] in ("t", "time") and len(words) > 1 and set(words) & VOCABULARY <= {"t"}:
         return bool(np.all(np.diff(table[name]) > 0))

@@ -125,6 +125,11 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
         return Guess(quantity=exact, joint=joint, reason=f"'{name}' is {exact}")
     words = tokens_of(rest)
     numbers = [int(word) for word in words if word.isdigit()]
+    last = rest.rpartition(".")[2]
+    if len(numbers) > 1 and sum(word.isdigit() for word in tokens_of(last)) == 1 and not last.endswith("]"):
+        # trial_2.q1: the numbers before the last dot count something else.
+        words = tokens_of(last)
+        numbers = [int(word) for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
     quantity, own_number = _quantity(plain, words, unit, has_q=has_q, named=joint is not None)
     if quantity is None:

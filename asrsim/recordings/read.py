@@ -86,7 +86,7 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
             return _own_log(path) if _is_own_log(path) else read_bag(path, ignored)
         if suffix in (".bag", ".db3"):
             return read_bag(path, ignored)
-        if suffix == ".mat":
+        if suffix == ".mat" and not _is_text(path):
             return read_mat(path, maps, rate)
         table = read_json(path) if is_json(path) else read_text(path, maps)
         if partly:
@@ -95,6 +95,13 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
         return series_of(table, path, maps, rate, form="json" if is_json(path) else "csv")
     except OSError as error:
         raise RecordingError(Problem(message=f"cannot be read: {error.strerror or error}", file=path, code="no-file")) from None
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a .mat file is text, as MATLAB's `save -ascii` writes it."""
+    with path.open("rb") as stream:
+        start = stream.read(512)
+    return start.isascii() and b"\0" not in start and any(chr(one).isdigit() for one in start)
 
 
 def _is_own_log(path: Path) -> bool:

@@ -14,9 +14,9 @@ from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.messages import named_joints
 from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
-from asrsim.recordings.time_columns import time_columns
+from asrsim.recordings.time_columns import TIME_WORDS, time_columns
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
-from asrsim.recordings.units import Unit, find_unit, split_header
+from asrsim.recordings.units import Unit, find_unit, split_header, unknown_unit
 from asrsim.samples import Array
 
 _MARKS = (-999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -1e9, 1e9)
@@ -81,7 +81,8 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
             Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
                     file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
         )  # fmt: skip
-    return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names)
+    return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names,
+               remarks=table.layout.remarks)  # fmt: skip
 
 
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
@@ -128,6 +129,7 @@ def _bases(
         if column in table.layout.stamps:
             time, start = values, None
         else:
+            _refuse_unknown_unit(label, factors.get(column), path)
             time, start, found = scale_time(values, factors.get(column), path=path, name=label)
             findings += found
             if stated[column] is not None and not said:
@@ -156,10 +158,35 @@ def _bases(
             keep[np.flatnonzero(filled)[kept]] = True
         else:
             epoch = start
+            _refuse_short_stamps(table, column, path)
             keep, found = clean_time(time, lines, path=path, name=label)
         findings += found
         bases.append((column, time, keep))
     return bases, epoch
+
+
+def _refuse_unknown_unit(label: str, factor: float | None, path: Path) -> None:
+    unit = unknown_unit(label) if factor is None else None
+    if unit is not None and unit.lower() not in TIME_WORDS:
+        raise RecordingError(
+            Problem(message=f"the unit of this time is not known: {unit}", file=path, key=label, code="unknown-unit",
+                    hint=f"State it: --map '{label}=time [ms]'")
+        )  # fmt: skip
+
+
+def _refuse_short_stamps(table: Table, column: int, path: Path) -> None:
+    """Raise where most stamps repeat the one before though the other columns go on: what is between them is not known."""
+    repeated = np.diff(table.values[:, column]) == 0
+    others = np.delete(table.values, column, axis=1)
+    moved = np.any(np.diff(others, axis=0) != 0, axis=1, where=np.isfinite(others[1:]) & np.isfinite(others[:-1]))
+    if repeated.sum() > 0.5 * len(repeated) and moved[repeated].mean() > 0.5:
+        names = table.layout.names
+        rows = " or there is a row for each of " + ", ".join(names[i] for i in table.layout.text) if table.layout.text else ""
+        raise RecordingError(
+            Problem(message=f"{repeated.sum()} of {len(repeated) + 1} rows have the time of the row before, and other numbers: "
+                    f"time is written with too few digits{rows}", file=path, key=names[column], code="repeated-time",
+                    hint="Give the sampling rate with --rate" + (", or a column to each of these" if rows else ""))
+        )  # fmt: skip
 
 
 def _same_clock(a: Array, b: Array) -> bool:

@@ -35,6 +35,7 @@ def read_json(path: Path) -> Table:
     text = path.read_text(encoding=encoding_of(path), errors="replace")
     records, bad = _records(text, path)
     labels = list(dict.fromkeys(label for record in records for label in record))
+    units = _units(text)
     if len(records) < 2 or not labels:
         raise RecordingError(
             Problem(message=f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
@@ -43,8 +44,9 @@ def read_json(path: Path) -> Table:
     columns = [[record.get(label, "") for record in records] for label in labels]
     kinds = [kind_of(cells, ".") for cells in columns]
     layout = Layout(
-        encoding="utf-8", separator=None, decimal=".", quoted=False, names=unique(labels), units=("",) * len(labels),
-        header_line=1, first_line=1, skipped=(), stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
+        encoding="utf-8", separator=None, decimal=".", quoted=False, header_line=1, first_line=1, skipped=(),
+        names=unique([_with_unit(label, units) for label in labels]), units=("",) * len(labels),
+        stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip
     faults, zeros = Faults(ragged=bad, lengths={0} if bad else set()), dict[int, int]()
@@ -92,12 +94,38 @@ def _of(data: Any) -> list[Record]:
         return [_flat(one) for one in data if isinstance(one, Mapping | list)]
     if not isinstance(data, Mapping):
         return []
+    if len(data) > 1 and all(str(name).isdigit() and isinstance(one, Mapping) for name, one in data.items()):
+        return [_flat(one) for one in data.values()]  # pandas writes records by their index
     tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     if tables:
         return [_flat(one) for one in max(tables, key=len) if isinstance(one, Mapping)]
     columns = dict(_columns(data, ""))
     length = max((len(column) for column in columns.values()), default=0)
     return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]
+
+
+def _units(text: str) -> dict[str, str]:
+    """Units that stand beside lists: `{"units": {"q1": "deg"}}`, `{"q1": {"unit": "deg", "values": [...]}}`."""
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return dict(_units_of(data, "")) if isinstance(data, Mapping) else {}
+
+
+def _units_of(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, str]]:
+    for key, value in data.items():
+        if key.lower() in ("unit", "units") and isinstance(value, str):
+            yield from ((f"{prefix}{name}", value) for name, other in data.items() if isinstance(other, list))
+        elif key.lower() in ("unit", "units") and isinstance(value, Mapping):
+            yield from ((str(name), unit) for name, unit in value.items() if isinstance(unit, str))
+        elif isinstance(value, Mapping):
+            yield from _units_of(value, f"{prefix}{key}.")
+
+
+def _with_unit(label: str, units: Mapping[str, str]) -> str:
+    unit = units.get(label, units.get(label.rpartition(".")[2]))
+    return label if unit is None else f"{label} [{unit}]"
 
 
 def _values(data: Mapping[str, Any]) -> Iterable[Any]:

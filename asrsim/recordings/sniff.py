@@ -10,7 +10,7 @@ from pathlib import Path
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
-from asrsim.recordings.header import comment_header, find_header, unique, unnamed
+from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed
 
 _SAMPLE = 200
 _FOREIGN = (
@@ -53,6 +53,8 @@ class Layout:
     misfit: str = ""
     """Why a line that looks like a header is not used."""
     misfit_line: int | None = None
+    remarks: str = ""
+    """What comments and lines above the header say."""
 
 
 def encoding_of(path: Path) -> str:
@@ -71,10 +73,19 @@ def encoding_of(path: Path) -> str:
                 Problem(message=f"is {what}, which is not read here", file=path, code="foreign-format",
                         hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; export or unpack it as CSV")
             )  # fmt: skip
+    start = start.rstrip(b"\0")  # a computer that was switched off leaves them
+    for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if zeros.count(b"\0") > 0.9 * len(zeros):
+            return encoding
     if b"\0" in start:
         raise RecordingError(
             Problem(message="is not a text file (it holds zero bytes)", file=path, code="binary",
                     hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; the ending of its name says which")
+        )  # fmt: skip
+    if start.count(b"\n---\n") > 1 and b": " in start[:4096]:
+        raise RecordingError(
+            Problem(message="is what `ros2 topic echo` prints (YAML), which is not read here", file=path, code="foreign-format",
+                    hint="Print it with --csv, or record a bag")
         )  # fmt: skip
     try:
         start.decode("utf-8")
@@ -121,7 +132,7 @@ def sniff(path: Path) -> Layout:
     header = find_header(rows[:first], data, decimal)
     names, header_at = header.names, header.line if header.names else None
     if names is None and not header.misfit:
-        before = [(n, c) for n, c in comments if n < rows[first][0]]
+        before = [(n, c) for n, c in comments if n < rows[first][0] and comment_units(c, separator, columns) is None]
         names = comment_header(before[-1][1], separator, columns, decimal) if before else None
         header_at = before[-1][0] if names else None
     used = {header_at} | ({rows[first - 1][0]} if header.units else set())
@@ -131,13 +142,16 @@ def sniff(path: Path) -> Layout:
         plain = names or [f"column_{i + 1}" for i in range(columns)]
         names = [label for i, name in enumerate(plain) for label in _labels(name, widths.get(i))]
         columns = len(names)
-    stated = header.units if header.units and not widths else [""] * columns
+    above = [text for n, text in comments if n < rows[first][0]]
+    told = header.units or next((found for text in above if (found := comment_units(text, separator, columns))), None)
+    stated = told if told and not widths else [""] * columns
     kinds = [kind_of([cells[i] for cells in data], decimal) for i in range(columns)]
     return Layout(
         encoding=encoding, separator=separator, decimal=decimal, quoted=quoted,
         names=unique(names or [f"column_{i + 1}" for i in range(columns)]), unnamed=unnamed(names),
         widths=widths, units=tuple(stated), header_line=header_at, first_line=rows[first][0],
         skipped=tuple(n for n, _ in rows[:first] if n not in used),
+        remarks="\n".join([*above, *(text for n, text in lines[:first] if n not in used)]),
         misfit=header.misfit, misfit_line=header.line if header.misfit else None,
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),

@@ -43,6 +43,13 @@ def merge_seconds(table: Table) -> tuple[Table, float | None, str | None]:
             zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0
             said = f"'{table.layout.names[i]}' and '{table.layout.names[j]}' are read as one time in s"
             return _merged(table, i, j, seconds - zero + rest), zero or None, said
+    if table.layout.header_line is None and table.values.shape[1] > 2:
+        # What `ros2 topic echo --csv` prints has no header: whole seconds since 1970, then nanoseconds.
+        seconds, rest = table.values[:, 0], table.values[:, 1]
+        integers = bool(np.all(seconds == np.round(seconds)) and np.all(rest == np.round(rest)))
+        if integers and np.min(seconds) > EPOCH and np.max(seconds) < 1e11 and np.min(rest) >= 0 and 1e6 < np.max(rest) < 1e9:
+            said = "columns 1 and 2 are read as one time in s and ns"
+            return _merged(table, 0, 1, seconds - seconds[0] + rest * 1e-9), float(seconds[0]), said
     return table, None, None
 
 

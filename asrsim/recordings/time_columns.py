@@ -16,7 +16,7 @@ from asrsim.recordings.timebase import EPOCH
 from asrsim.recordings.units import Unit
 from asrsim.samples import Array
 
-_TIME_WORDS = {
+TIME_WORDS = {
     "time",
     "t",
     "timestamp",
@@ -37,7 +37,10 @@ _TIME_WORDS = {
     "epoch",
     "unix",
     "utc",
+    "gmt",
+    "local",
 }
+"""Words that name a time, or say which."""
 _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
@@ -76,6 +79,7 @@ def time_columns(
             for i in blank
         ]
         named = [i for i in named if i not in blank]
+    named = [i for i in named if i in table.layout.stamps or _goes_on(table.values[:, i])] or named
     # Messages know when they were sent, which is when they were measured; a recorder knows when it got them.
     sent = [i for i in named if _is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
     got = [
@@ -123,7 +127,7 @@ def _is_time(name: str, unit: Unit | None) -> bool:
         return True
     if words & _MEASURED and not words & {"stamp", "timestamp"}:
         return False
-    return bool(words & _TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
+    return bool(words & TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
 
 
 def _is_stamp(label: str) -> bool:
@@ -133,6 +137,12 @@ def _is_stamp(label: str) -> bool:
 
 def _nameless(table: Table, column: int) -> bool:
     return column in table.layout.unnamed or table.layout.header_line is None
+
+
+def _goes_on(values: Array) -> bool:
+    """Whether a column mostly rises: the duration of a loop, however it is called, does not."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(np.any(steps > 0) and np.mean(steps < 0) < 0.25)
 
 
 def _steps_by_one(values: Array) -> bool:

@@ -15,6 +15,9 @@ EPOCH = 1e8
 _LISTED = 8
 _SLOWEST, _FASTEST = 0.5, 3e-5
 """s between samples that are not suspected."""
+_DAY = 86400.0
+_COUNTED_DAYS = {"MATLAB": (719529.0, 690_000.0, 780_000.0), "Excel": (25569.0, 20_000.0, 70_000.0)}
+"""Programs that count days: the number of 1970-01-01, and of dates that recordings have."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -41,6 +44,13 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
     size = abs(float(np.median(finite)))
+    by = next((by for by, (_, low, high) in _COUNTED_DAYS.items() if low < size < high), None)
+    if factor is None and by is not None and step < _FASTEST and _FASTEST <= step * _DAY <= _SLOWEST:
+        findings.append(
+            Problem(message=f"is read as days, as {by} counts dates", file=path, key=name, code="time-unit-assumed",
+                    hint=f"Say otherwise with --map '{name}=time [s]'")
+        )  # fmt: skip
+        return (values - finite[0]) * _DAY, (float(finite[0]) - _COUNTED_DAYS[by][0]) * _DAY, findings
     if factor is None:
         if size > EPOCH and size > 1e3 * step:
             # Unix time: s ~ 1.7e9, ms ~ 1.7e12, us ~ 1.7e15, ns ~ 1.7e18.
@@ -133,6 +143,11 @@ def clean_time(
                 file=path, line=int(w[first]) if lines is not None else None, key=name,
                 hint="Expected one time that increases; split the file there", code="two-time-bases",
             )
+        )  # fmt: skip
+    if fresh.sum() < 2:
+        raise RecordingError(
+            Problem(message=f"all {len(t)} time stamps are {t[0]:g} s", file=path, key=name, code="too-short",
+                    hint="Give the sampling rate with --rate")
         )  # fmt: skip
     for mask, what, code in (
         (duplicate, "duplicate time stamps", "duplicate-time"),

@@ -29,9 +29,11 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("rad", _DEGREE / 60, ("arcmin",)),
     ("rad", math.pi / 200, ("gon",)),
     ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
-    ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "radps", "rads-1", "rad*s-1", "rad.s-1")),
+    ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "rad_per_second",
+        "radps", "rads-1", "rad*s-1", "rad.s-1")),
     ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
-    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "degps", "dps", "°/s", "Grad/s", "gradi/s")),
+    ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "deg_per_second",
+        "degps", "dps", "°/s", "Grad/s", "gradi/s")),
     ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min")),
     ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
     ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
@@ -59,7 +61,8 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("s", 1e-6, ("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds")),
     ("s", 1e-9, ("ns", "nsec", "nanos", "nanosecond", "nanoseconds")),
     ("s", 60.0, ("min", "minutes")),
-    ("s", 3600.0, ("hour", "hours")),
+    ("s", 3600.0, ("h", "hr", "hrs", "hour", "hours")),
+    ("s", 86400.0, ("day", "days")),
     ("A", 1.0, ("A", "amp", "amps", "ampere")),
     ("A", 1e-3, ("mA",)),
     ("V", 1.0, ("V", "volt", "volts")),
@@ -100,6 +103,13 @@ _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
 _SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S.*)$")
+_TIGHT = re.compile(r"^(?P<name>[^/\s]+)/(?P<unit>[^/]+(?:/s)?)$")
+_AMONG = re.compile(
+    r"(?:(?<![A-Za-z])|(?<=[a-z])(?=[A-Z]))"
+    r"(?P<unit>(?i:degree)s?|(?i:m?deg)s?|(?i:mrad|rpm|mm|cm|m?nm|ncm))"
+    r"(?P<rate>(?i:[_ /]+(?:per[_ ]?)?|per[_ ]?)(?i:s(?:ec(?:onds?)?)?)|S)?(?![a-z]|(?<=[A-Z])[A-Z])"
+)
+"""Units among the words of a name: `q_deg_1`, `q1deg`, `shoulderDeg`, `velDegPerSec1`."""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -140,7 +150,7 @@ def parse_unit(text: str) -> Unit:
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
     text = header.strip().strip("\"'").strip()
-    for pattern in (_BRACKETS, _SLASH):
+    for pattern in (_BRACKETS, _SLASH, _TIGHT):
         match = pattern.match(text)
         # q[1] is the second of an array, q [1] without dimension.
         if match and re.search(r"\S[\[(]\d+[\])]$", text):
@@ -153,11 +163,14 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
         found = UNITS.get(tail) or (_LOWER.get(tail.lower()) if len(tail) > 1 else None)
-        if found is None or found.si == "counts" or tail in ("1", "-", "min"):
+        if found is None or found.si == "counts" or tail in ("1", "-", "min", "h"):
             continue
-        if len(tail) == 1 and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
+        if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
         return name, found
+    if (among := _AMONG.search(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
+        rest = (text[: among.start()] + " " + text[among.end() :]).strip(" _-.")
+        return (rest, found) if rest else (text, None)
     return text, None
 
 

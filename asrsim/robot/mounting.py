@@ -66,7 +66,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     problems = [
         Problem(
             message="the robot has no such moving joint", key=f"actuators.{name}", choices=names,
-            hint=did_you_mean(name, names), code="unknown-joint",
+            hint=did_you_mean(name, names) or "For all joints write \"*\"", code="unknown-joint",
         )
         for name in types
         if name != "*" and name not in moving

@@ -20,7 +20,7 @@ from asrsim.errors import InputError, OutputError, Problem
 from asrsim.outfile import is_ours, make_folder, write_text
 from asrsim.samples import Array
 from asrsim.sweeps.kept import MANIFEST, read_manifest, read_rows, schema_of
-from asrsim.sweeps.runner import Row
+from asrsim.sweeps.rows import Row
 
 ROWS = "rows.parquet"
 GROUP = 20_000

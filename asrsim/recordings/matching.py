@@ -1,0 +1,56 @@
+"""Which joint of a recording is which of the simulation: by name, or by order where the recording names none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.data import Recording
+
+
+def match_joints(
+    names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None
+) -> tuple[dict[str, str], list[Problem]]:
+    """Joint of the recording -> joint of the simulation; raises RecordingError where none is common."""
+    recorded = recording.joints
+    if joints is not None:
+        unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
+        if unknown:
+            raise RecordingError(
+                Problem(message=f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names),
+                        code="no-such-joint")
+            )  # fmt: skip
+        return dict(joints), []
+    plain = {_plain(name): name for name in names}
+    pairing = {joint: plain[_plain(joint)] for joint in recorded if _plain(joint) in plain}
+    if pairing:
+        return pairing, []
+    guessed = [joint for joint in recorded if _made_up(recording, joint)]
+    if guessed and len(guessed) == len(recorded) and len(guessed) <= len(names):
+        pairing = dict(zip(guessed, names, strict=False))
+        said = ", ".join(f"{a} is {b}" for a, b in pairing.items())
+        return pairing, [
+            Problem(message=f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
+                    hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
+        ]  # fmt: skip
+    origins = ((column.source, column.origin.removeprefix("not used: ")) for column in recording.channels.values())
+    doubt = next((f"; {name} {origin}" for name, origin in origins if origin.startswith("looks like")), "")
+    raise RecordingError(
+        Problem(
+            message=f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
+            f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}",
+            file=recording.path, code="no-common-joint",
+            hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
+            f"--map '{next(iter(recording.channels), 'COLUMN')}={names[0] if names else 'JOINT'}.link_position [rad]'",
+        )
+    )  # fmt: skip
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def _made_up(recording: Recording, joint: str) -> bool:
+    """Whether the name is ours (joint_3 for a number in a column's name)."""
+    columns = [column for column in recording.channels.values() if column.joint == joint and column.quantity]
+    return joint.startswith("joint_") and all(column.origin.startswith("guessed") for column in columns)
