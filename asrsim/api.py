@@ -19,7 +19,7 @@ from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
 from asrsim.summary import Collector, RunSummary, claim_results, make_summary
-from asrsim.summary.claims import check_claims
+from asrsim.summary.claims import check_claims, needs_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -267,7 +267,7 @@ def _run_one(
 
     def collect(info: RunInfo) -> Sequence[Sink]:
         check_claims(scenario.expect, info.joints, file=scenario.path)
-        collectors.append(Collector(info.joints, samples=steps_of(scenario) + 1, claims=scenario.expect))
+        collectors.append(Collector(info.joints, samples=steps_of(scenario) + 1, needs=needs_of(scenario.expect, info.joints)))
         return collectors
 
     done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
@@ -275,7 +275,7 @@ def _run_one(
     judged = scenario.expect if complete else ()
     claims = claim_results(judged, done.info.joints, collectors[0].read, file=scenario.path)
     samples = 0 if done.samples is None else len(done.samples.time)
-    summary = make_summary(done, collectors[0], samples=samples, claims=claims)
+    summary = make_summary(done, collectors[0].seen(scenario.desired), samples=samples, claims=claims)
     if certify and complete:
         from asrsim.simulation.certify import certify as certify_run
 

@@ -23,6 +23,8 @@ from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.reader import MAX_MOVING
 from asrsim.scenario import Scenario
 
+pytestmark = pytest.mark.once
+
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 REFUSED = ("Traceback", "unexpected error")
 

@@ -174,10 +174,10 @@ def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, mon
         simulate(replace(scenario, compiled=True), robot)
 
 
-def test_what_needs_the_plain_loop_says_so(tmp_path: Path) -> None:
+def test_equal_bits_on_the_bench(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("qbmove",), 6)
-    with pytest.raises(SimulationError, match="the bench runs in plain Python"):
-        simulate(make_scenario(robot, 6, compiled=True, engine="bench"), robot)
+    motion = {"j0": Sinusoid(amplitude=0.2, frequency=3.0)}
+    assert_equal(*both(robot, make_scenario(robot, 6, engine="bench", motion=motion)))
 
 
 @pytest.mark.parametrize("mode", range(7))

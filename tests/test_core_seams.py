@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
@@ -273,3 +275,35 @@ def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
             seen = simulation.observe()
             np.testing.assert_array_equal(seen.link_position, fresh.link_position)
             np.testing.assert_array_equal(seen.motor_1_position, fresh.motor_1_position)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_an_engine_goes_with_its_simulation(engine: str) -> None:
+    """By itself: Python's collector of circles comes late, and an engine is megabytes."""
+    robot = chain(BODY, BODY)
+    given = prepare(Scenario(name="held", robot=robot.path, modes={"*": 6}, engine=engine), robot)
+    gc.disable()
+    try:
+        for _ in range(2):  # the first of a process is held by what it imports
+            with Simulation(given, compiled=False) as simulation:
+                simulation.advance(3)
+            held = weakref.ref(simulation.engine)
+            del simulation
+        assert held() is None
+    finally:
+        gc.enable()
+
+
+def test_a_preparation_that_nobody_runs_leaves_no_client() -> None:
+    """PyBullet keeps 28 MB for each."""
+    pybullet = pytest.importorskip("pybullet", reason="PyBullet is not here")
+
+    def free_client() -> int:
+        number = pybullet.connect(pybullet.DIRECT)
+        pybullet.disconnect(number)
+        return int(number)
+
+    before = free_client()
+    for _ in range(3):
+        prepared(engine="bullet")
+    assert free_client() == before

@@ -21,6 +21,8 @@ from asrsim.plots.claims import judge
 from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
 
+pytestmark = pytest.mark.once
+
 OTHERS: tuple[Any, ...] = (None, True, -1, 0, 1e308, "x", "", [], {}, [None], {"a": None}, "\ud800", 10**400, [[["x"]]])
 """What is put in the place of a value."""
 

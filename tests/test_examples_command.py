@@ -47,13 +47,13 @@ def run_command(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_every_example_of_the_help_runs_after_asrsim_examples(tmp_path):
-    assert run_command("asrsim examples", tmp_path).returncode == 0
-    tried = examples_of_the_help()
+@pytest.mark.once
+def test_every_example_of_the_help_runs_after_asrsim_examples(asrsim_command):
+    tried = ["asrsim examples", *examples_of_the_help()]
     assert len(tried) > 10
     for line in tried:
-        done = run_command(line, tmp_path)
-        assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+        done = asrsim_command(*shlex.split(line)[1:])
+        assert done.code == 0, f"{line}\n{done.out}\n{done.err}"
 
 
 def test_help_by_h_in_every_command(tmp_path):

@@ -14,11 +14,13 @@ from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.identification import make_task, read_task
-from asrsim.identification.noise import autoregression, fine_noise, quantum_of, swings, whiten
+from asrsim.identification.noise import autoregression, fine_noise, glitches, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown
 from asrsim.identification.track import physical
 from asrsim.robot import load_robot
 from asrsim.robot.edit import edited_urdf
+
+pytestmark = pytest.mark.once
 
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
@@ -365,3 +367,19 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path):
     for one, published in zip(result.estimates, (95.1089, 203.5034, 20.3935, -3.1648), strict=True):
         assert one.value == pytest.approx(published, rel=0.01)
         assert one.low < published < one.high
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_smooth_motions_lose_no_sample_and_glitches_are_found_wherever_they_are(seed: int) -> None:
+    generator, time = np.random.default_rng(seed), np.linspace(0.0, 1.0, 200)
+    waves = [
+        generator.normal() * np.sin(2 * np.pi * generator.uniform(0.1, 4) * time + 6 * generator.random()) for _ in range(3)
+    ]
+    for motion in (sum(waves), np.round(0.1 + 0.3 * time, 6), np.minimum(time, 0.5)):
+        assert not glitches(motion).any()
+        for place in (0, 1, 2, 100, 197, 198, 199):
+            spoilt = motion.copy()
+            spoilt[place] += 3 * np.ptp(motion)
+            found = np.flatnonzero(glitches(spoilt))
+            assert place in found
+            assert np.abs(found - place).max() <= 3

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
 LIFT = f"""\

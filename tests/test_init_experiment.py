@@ -20,6 +20,8 @@ from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
 from asrsim.scenario import Scenario, check_against_robot, load_scenario
 
+pytestmark = pytest.mark.once
+
 SHARED = Path(__file__).parents[2] / "shared" / "recordings"
 EXAMPLES = Path(__file__).parents[1] / "examples" / "urdf"
 TIME = np.arange(0, 0.8, 0.01)

@@ -13,6 +13,8 @@ from asrsim.kinematics import model_of, plan_references, plan_task
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario, make_scenario
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ARM = EXAMPLES / "urdf" / "dof5_arm.urdf"
 TIP = (0.094, 0.02, 0.03)

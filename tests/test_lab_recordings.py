@@ -17,6 +17,8 @@ from asrsim.log import LogWriter
 from asrsim.recordings import Comparison, Recording, compare, read_recording
 from asrsim.samples import JointInfo, RunInfo, Samples
 
+pytestmark = pytest.mark.once
+
 JOINTS = ("shoulder", "elbow")
 FINE = np.arange(3001) * 0.001
 SIMULATION = Samples(

@@ -26,6 +26,8 @@ from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
 from asrsim.workers import executor
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
 
@@ -97,6 +99,7 @@ def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
     assert samples is not None
     assert np.array_equal(samples.values["link_position"], session.result.trials[session.result.best].outputs)
     assert {claim.joint for claim in scenario.expect} == {"joint_1"}
+    assert scenario.name == f"{chosen.scenario.name}_learned"
     assert holds(scenario)
 
 
@@ -327,3 +330,14 @@ def test_the_paper_s_learning_converges_in_eleven_iterations():
     assert all(trial.predicted == pytest.approx(trial.ratio, abs=0.01) for trial in trials[1:])
     assert sum(trial.seconds for trial in trials) < 60.0
     assert prepared.problem.joints == ("joint_1", "joint_2")
+
+
+def test_a_sliding_joint_is_learned_in_metres(tmp_path):
+    slides = tmp_path / "slides.urdf"
+    slides.write_text(CUBE.read_text().replace('type="revolute"', 'type="prismatic"'))
+    arm = plant(slides, compiled=False, ilc={"law": "auto", "tolerance": 1e-5, "max_iterations": 1})
+    session = run_session(arm, tmp_path / "out", picture=False)
+    units = {item.what: item.unit for item in session.prepared.demands}
+    assert units["motor torque"] == units["spring torque"] == "N"
+    assert (units["motor speed"], units["spring deflection"], units["error from the start"]) == ("m/s", "m", "m")
+    assert re.search(r"still [\d.e-]+ m off .* tolerance 1e-05 m$", session.result.reason)

@@ -27,6 +27,8 @@ from asrsim.log.description import info_from
 from asrsim.log.structure import split_records
 from asrsim.samples import Samples
 
+pytestmark = pytest.mark.once
+
 COUNT = 6000
 
 

@@ -21,6 +21,8 @@ from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples/scenarios"
 
 

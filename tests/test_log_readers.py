@@ -18,6 +18,8 @@ from asrsim.log import LogWriter, read_log
 from asrsim.log.structure import read_structure
 from asrsim.samples import Samples
 
+pytestmark = pytest.mark.once
+
 COUNT = 1500
 BODIES, CONTACTS = ("box", "ball"), ("box/ground", "box/finger-1")
 TIMES = [round(0.002 * 1e9) * n for n in range(COUNT)]

@@ -14,6 +14,8 @@ from asrsim.metrics.docs import tables
 from asrsim.metrics.lag import _chance_by_samples as chance_by_samples
 from asrsim.metrics.lag import estimate_lag
 
+pytestmark = pytest.mark.once
+
 TIME = np.linspace(0, 10, 10_001)
 
 

@@ -12,6 +12,8 @@ from robots import write_plain_arm
 import asrsim
 from asrsim.errors import InputError, ScenarioError
 
+pytestmark = pytest.mark.once
+
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):

@@ -18,6 +18,8 @@ from asrsim.plots.figures import new_figure, objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
 
+pytestmark = pytest.mark.once
+
 
 def lines(axes) -> dict[str, object]:
     return {line.get_gid(): line for line in axes.get_lines()}

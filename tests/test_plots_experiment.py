@@ -21,6 +21,8 @@ from asrsim.plots.pairing import assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
 
+pytestmark = pytest.mark.once
+
 
 def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
     """A recording of the made-up run: its position times a gain, its clock late."""

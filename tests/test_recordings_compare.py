@@ -16,6 +16,8 @@ from asrsim.samples import JointInfo, Samples
 from asrsim.scenario.data import Expectation
 from asrsim.summary.claims import check_claims, claim_results
 
+pytestmark = pytest.mark.once
+
 SHARED = Path(__file__).parents[2] / "shared"
 
 TIME = 0.001 * np.arange(5001)

@@ -12,6 +12,8 @@ from asrsim.recordings import guess_rows, guess_table, read_recording
 from asrsim.recordings.header import comment_header
 from asrsim.recordings.units import split_header
 
+pytestmark = pytest.mark.once
+
 SHARED = Path(__file__).parents[2] / "shared"
 
 N = 50
@@ -442,3 +444,16 @@ def test_a_mark_for_missing_numbers_is_far_outside_of_the_others(tmp_path: Path,
     lines = ["time,q1", *[f"{0.01 * i:.2f},{-999.0 if i in (5, 6, 20) else largest * np.sin(0.3 * i)}" for i in range(60)]]
     values = read_recording(write(tmp_path / "lab.csv", lines)).column("joint_1", "link_position").values
     assert bool(np.any(values == -999.0)) != missing
+
+
+@pytest.mark.parametrize("value", ["1e308", "-1e40"])
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_what_cannot_have_been_measured_is_no_number(tmp_path: Path, value: str, unit: str) -> None:
+    """Slopes, squares and units of such numbers overflow, wherever they are used."""
+    lines = [f"time,elbow.position [{unit}]", *(f"{0.01 * i},{value if i == 7 else 0.1 * i}" for i in range(20))]
+    recording = read_recording(
+        write(tmp_path / "a.csv", lines), joints=["elbow"], mapping=["elbow.position=elbow.link_position"]
+    )
+    values = recording.column("elbow", "link_position").values
+    assert np.flatnonzero(np.isnan(values)).tolist() == [7]
+    assert "1 of 20 samples" in finding(recording.findings, "no-measurement").message

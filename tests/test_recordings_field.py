@@ -15,6 +15,8 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.timebase import scale_time
 
+pytestmark = pytest.mark.once
+
 JOINTS = ("joint_1", "joint_2")
 SENT = 1_700_000_000_000_000_000 + np.round(TIME * 1e9).astype(np.int64)
 GOT = SENT + np.random.default_rng(0).integers(0, 3_000_000, COUNT)
@@ -286,7 +288,8 @@ def test_a_files_name_tells_what_its_only_column_is(tmp_path: Path, joined: bool
     column = recording.column("joint_2", "link_position")
     np.testing.assert_allclose(column.values, B, atol=1e-6)
     assert (column.unit, column.stated, column.label) == ("rad", True, "data")
-    assert not recording.findings
+    # The other column has no unit, and this one's is not SI.
+    assert [finding.code for finding in recording.findings] == ["unstated-unit"] * joined
     own = read_recording(tmp_path / "q2_deg.csv", joints=JOINTS, mapping=["data=joint_1.deflection"])
     np.testing.assert_allclose(own.column("joint_1", "deflection").values, B, atol=1e-6)
 

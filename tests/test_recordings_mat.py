@@ -12,6 +12,8 @@ from scipy.io import savemat
 from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
 
+pytestmark = pytest.mark.once
+
 TIME = 0.002 * np.arange(100)
 Q = np.sin(5 * TIME)
 

@@ -12,6 +12,8 @@ from lab_files import DEGREES
 from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
 
+pytestmark = pytest.mark.once
+
 JOINTS = ("joint_1", "joint_2")
 STATED = {"rad": 1.0, "deg": DEGREES, "°": DEGREES, "mrad": 1e3, "": 1.0}
 CLOCKS = ("s", "ms", "us", "unsaid ms", "unix s", "unix ms", "unix ns", "iso", "date", "clock", "secs nsecs")

@@ -21,6 +21,8 @@ from asrsim.render.mesh_files import read_mesh
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
 
+pytestmark = pytest.mark.once
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -22,6 +22,8 @@ from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
 from asrsim.report.series import pack, read_runs, unpack
 
+pytestmark = pytest.mark.once
+
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
 
 

@@ -22,6 +22,8 @@ from asrsim.reproduce.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP,
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EQUILIBRIA = {
     ("sea", "soft"): (0.79972, 200.0), ("awas_ii", "soft"): (0.77988, 2.741), ("awas_ii", "stiff"): (0.79998, 3555.6),

@@ -14,9 +14,10 @@ import pytest
 from asrsim import run
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
-from asrsim.reproduce import FIGURES, chain, newton
+from asrsim.reproduce import FIGURES, chain, motors, newton
 from asrsim.reproduce.chain import five_links
 from asrsim.reproduce.lab import Lab
+from asrsim.reproduce.motors import departure
 from asrsim.reproduce.newton import ALTEREGO, hanging, level, read_motion
 from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
@@ -122,6 +123,15 @@ CHANGES: dict[str, Callable[[Robot, float], Robot]] = {
 }
 
 
+MOTORS = {
+    "inertia": ("motor_1_inertia", "motor_2_inertia"),
+    "damping": ("motor_1_damping", "motor_2_damping"),
+    "friction": ("motor_1_friction_torque", "motor_2_friction_torque"),
+    "proportional gain": ("controller_1_proportional", "controller_2_proportional"),
+    "derivative gain": ("controller_1_derivative", "controller_2_derivative"),
+}
+
+
 @pytest.mark.parametrize(
     ("what", "masses", "damping", "friction"),
     [("none", 1.0, 0.065, 0.025), ("masses", 1.25, 0.065, 0.025), ("damping", 1.0, 0.08125, 0.025),
@@ -138,6 +148,8 @@ def test_a_motion_tells_masses_and_losses(what, masses, damping, friction, hangs
     result = run(scenario, robot=robot if what == "none" else CHANGES[what](robot, 1.25))
     motion = read_motion(result.samples, [ALTEREGO] * 2, hanging if hangs else level)
     assert (motion.masses, motion.damping, motion.friction) == pytest.approx((masses, damping, friction), rel=0.01)
+    # Links of another mass leave the motors what they are; other springs do not.
+    assert (departure(result.samples, [ALTEREGO] * 2) <= 1e-6) == (what != "springs")
 
 
 def test_five_links_move_as_energy_and_its_slopes_ask():
@@ -165,7 +177,7 @@ def test_five_links_move_as_energy_and_its_slopes_ask():
 
 
 def test_newton_s_law_is_nobody_else_s():
-    text = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (newton, chain))
+    text = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (newton, chain, motors))
     assert not [module for module in ("actuators", "robot", "engines", "kinematics") if f"asrsim.{module}" in text]
     assert "link_torque" not in text
 
@@ -199,7 +211,16 @@ def test_a_changed_robot_is_caught(what, factor, monkeypatch, tmp_path):
 def test_changes_of_the_paper_s_arms_are_caught(figure, what, factor, monkeypatch, tmp_path):
     """By Newton's law, whatever the other claims say."""
     found = failing(figure, monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, factor))
-    assert [text for text in found if "Newton" in text]
+    assert [text for text in found if "the links move" in text]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", MOTORS)
+@pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
+def test_changed_motors_are_caught(figure, what, factor, monkeypatch, tmp_path):
+    found = failing(figure, monkeypatch, tmp_path, lambda robot: parameters(robot, factor, *MOTORS[what]))
+    assert [text for text in found if "the motors move" in text]
 
 
 @pytest.mark.slow
@@ -222,4 +243,4 @@ def test_a_changed_spring_law_is_caught_in_the_paper_s_arms(figure, what, factor
         with pytest.raises(ScenarioError, match="its limit is 12 N m"):
             failing(figure, monkeypatch, tmp_path, None)
         return
-    assert [text for text in failing(figure, monkeypatch, tmp_path, None) if "Newton" in text]
+    assert [text for text in failing(figure, monkeypatch, tmp_path, None) if "the links move" in text]

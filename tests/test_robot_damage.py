@@ -20,6 +20,8 @@ from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_findings
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
 
+pytestmark = pytest.mark.once
+
 URDFS = sorted((Path(__file__).parents[1] / "examples/urdf").glob("dof*.urdf"))
 TEXTS = [PENDULUM, *(path.read_text() for path in URDFS)]
 

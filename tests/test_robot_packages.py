@@ -17,6 +17,8 @@ from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
 
+pytestmark = pytest.mark.once
+
 BLOCK = (
     '<gazebo><plugin name="{0}" filename="libsea_plugin.so"><joint>{0}</joint><operation_mode>3</operation_mode>'
     "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau><spring_k>500</spring_k>"

@@ -77,6 +77,9 @@ def test_what_other_programs_add_is_no_slip(tiny) -> None:
         ('xyz="0 0 -0.1"', 'xyz="0 0 -100"', "far-centre"),
         ('lower="-3" upper="3"', 'lower="-180" upper="180"', "limit-in-degrees"),
         ('lower="-3" upper="3"', 'lower="-90" upper="0"', "limit-in-degrees"),
+        ('xyz="0 0 -0.1"', 'xyz="0 0 -0.1" rpy="90 0 0"', "rpy-in-degrees"),
+        ("<mass ", '<mass value="5"/><mass ', "repeated-element"),
+        ("<limit ", '<limit effort="1" velocity="1"/><limit ', "repeated-element"),
         ("<spring_k>10<", "<spring_k>0<", "no-spring"),
         ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><ctrl_P>-1</ctrl_P>", "negative-gain"),
     ],
@@ -90,7 +93,9 @@ def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> 
 
 def test_sound_robots_are_not_doubted() -> None:
     """Nothing improbable in the examples, nor wheels that turn for ever."""
-    doubted = {"heavy-link", "far-centre", "limit-in-degrees", "no-spring", "negative-gain"}
+    doubted = {
+        "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain"
+    }  # fmt: skip
     for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         assert not codes(load_robot(path).warnings) & doubted, path
 
@@ -220,6 +225,12 @@ SCENARIOS = {
     "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
     "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
+    "late-reference term": "references: {elbow: {equilibrium_position: {sum: [0.1, {step: {at: 5, to: 0.5}}]}}}",
+    "late-reference among others": "references: {elbow: {equilibrium_position: "
+    "{sum: [{step: {at: 1, to: 0.1}}, {step: {at: 5, to: 0.5}}]}}}",
+    "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
+    "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
+    "slow-rate": "effects: {commands: {elbow: {rate: 0.5}}}",
     "no-spring": "parameters: {elbow: {spring_k: 0}}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
@@ -246,7 +257,7 @@ def test_what_a_scenario_hardly_means_is_told_of(case: str, tiny) -> None:
     [
         "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "effects: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
         "link_damping: {elbow: {ratio: 0.1, inertia: 0.01}}", "references: {elbow: {equilibrium_position: 0.3}}",
-        "references: {elbow: {equilibrium_position: {step: {at: 1.4, to: 0.5}}}}",
+        "references: {elbow: {equilibrium_position: {step: {at: 1.4, to: 0.5}}}}", "base: {rpy: [0, -3.15, 6.28]}",
     ],
 )  # fmt: skip
 def test_what_is_meant_is_not_doubted(more: str, tiny) -> None:

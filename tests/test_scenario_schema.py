@@ -18,6 +18,8 @@ from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import json_schema
 from asrsim.signals import SIGNALS, parse_signal
 
+pytestmark = pytest.mark.once
+
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples" / "scenarios").glob("*.yaml"))
 

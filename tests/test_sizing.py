@@ -15,6 +15,8 @@ from asrsim.kinematics.sizing import holding_findings, sizing
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 
+pytestmark = pytest.mark.once
+
 ROOT = Path(__file__).parents[1]
 SCENARIOS = ROOT / "examples" / "scenarios"
 

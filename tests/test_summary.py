@@ -15,6 +15,8 @@ from asrsim.samples import Samples
 from asrsim.summary import collect, joint_measures
 from asrsim.summary.table import headline, joint_columns, limit_note
 
+pytestmark = pytest.mark.once
+
 
 def test_numbers_are_those_of_the_samples(tiny) -> None:
     result = asrsim.run(tiny.scenario, overrides=["duration=3"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shlex
 import signal
 import time
 from pathlib import Path
@@ -12,12 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from robots import write_plain_arm
+from test_edited_files import edits
 
 import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.runner import Runner, lost
+from asrsim.sweeps.rows import lost
+from asrsim.sweeps.runner import Runner
+from asrsim.sweeps.show import say_summary
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
@@ -223,6 +227,19 @@ def test_a_row_is_what_run_says(tmp_path):
         assert table["claim_0.measured"][run] == result.summary.claims[0].measured
 
 
+def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
+    """Not those of the study's first point: its motors are lighter, and need more."""
+    over = {"parameters.*.motor_1_inertia": [3e-4, 0.03], "step": [0.001, 0.0005]}
+    options = ["duration=0.1", "engine=mujoco"]
+    table = asrsim.sweep(study_of(over, overrides=options), out=tmp_path / "s", workers=1)
+    assert len(set(table["motor_substeps"])) > 1
+    for run in (2, 3):
+        words = shlex.split(table.repeat_command(run))
+        settings = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
+        (joint, _) = asrsim.run(TWO_JOINTS, variant="soft", overrides=settings).summary.joints
+        assert table["joint_1.peak_deflection"][run] == joint.measures.peak_deflection
+
+
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
         {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"]
@@ -324,8 +341,8 @@ def test_twenty_killed_workers_in_a_study_of_500():
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     payload = kill_study(5)
     code = (
-        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner.__call__\n"
-        "r.Runner.__call__ = lambda self, run: os._exit(7) if run == 2 else old(self, run)\n"
+        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner._stepped\n"
+        "r.Runner._stepped = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
     )
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\nclass F:\n def find_spec(self, name, path=None, target=None):\n  if name == 'asrsim.workers.child':\n"
@@ -367,26 +384,69 @@ def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
     store = Store(tmp_path, [("run", "int")], 10)
     store.add([(0,), (1,)])
     store.write()
-    store.add([(2,)])
     monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(OutputError, match=r"No space left.*2 rows are kept"):
-        store.write()
+        # Sooner where 3 s have gone.
+        store.write() if store.add([(2,)]) else None
     monkeypatch.undo()
     assert list(Store(tmp_path, [("run", "int")], 10).missing) == list(range(2, 10))
 
 
+SMALL = {
+    "generator": "asrsim test", "scenario": "a.yaml", "name": "a", "digest": "x", "inputs": "y", "versions": {}, "runs": 3,
+    "variants": ["a"], "keys": [], "design": "grid", "samples": 1, "seed": 0, "grid": [], "listed": [], "drawn": [],
+    "overrides": [], "plugins": [], "columns": [("run", "int"), ("variant", "text"), ("status", "text"), ("value", "float")],
+    "units": {}, "joints": [], "claims": {"a": []}, "substeps": {"a": {}}, "settings": {"a": {}}, "rate": 100.0,
+}  # fmt: skip
+
+
+def test_a_study_that_broke_or_was_edited_is_told_of_by_file(tmp_path):
+    """Its files, changed anywhere: the rows that were written, or an error in words that names the file."""
+    store = open_store(tmp_path, SMALL["columns"], 3, SMALL, resume=False, overwrite=False)
+    store.add([(run, "a", "complete", run / 7) for run in range(3)])
+    rows, manifest = store.finish(), tmp_path / "study.json"
+    source, told = random.Random(5), []
+    texts = [(manifest, json.dumps(other).encode()) for other in edits(json.loads(manifest.read_text()), seed=5, most=80)]
+    for path, data in [*texts, *((rows, flipped(rows.read_bytes(), source)) for _ in range(80))]:
+        whole = path.read_bytes()
+        path.write_bytes(data)
+        try:
+            table = Table(tmp_path)
+            read = [table[name] for name in table.columns]
+            assert read[-1].tolist() == [0.0, 1 / 7, 2 / 7]
+            list(say_summary(table)), table.to_arrow(), table.repeat_command(1)
+            Store(tmp_path, SMALL["columns"], 3)
+        except InputError as error:
+            told.append(str(error))
+        finally:
+            path.write_bytes(whole)
+    assert len(told) > 60
+    assert all(str(tmp_path) in message for message in told)
+
+
+def flipped(data, source):
+    spot = source.randrange(len(data))
+    return data[:spot] + bytes([data[spot] ^ 1 << source.randrange(8)]) + data[spot + 1 :]
+
+
 def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
-    columns = [("run", "int"), ("value", "float")]
-    manifest = {"generator": "asrsim test", "digest": "x", "columns": columns, "keys": [], "runs": 1000}
+    columns = [("run", "int"), ("variant", "text"), ("status", "text"), ("value", "float")]
+    manifest = {**SMALL, "columns": columns, "runs": 1000}
     store = open_store(tmp_path, columns, 1000, manifest, resume=False, overwrite=False)
     runs = list(range(1000))
     random.Random(0).shuffle(runs)
     for first in range(0, 1000, 90):
-        store.add([(run, run / 7) for run in runs[first : first + 90]])
+        store.add([(run, "a", "complete", run / 7) for run in runs[first : first + 90]])
         store.write()
-        assert store.add([(runs[first], 0.0)]) == []
+        assert store.add([(runs[first], "a", "complete", 0.0)]) == []
     assert store.finish() is not None
     table = Table(tmp_path)
     assert list(table["run"]) == list(range(1000))
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
     assert not list(tmp_path.glob("part-*"))
+
+
+@pytest.mark.parametrize(("samples", "points"), [(2, 2), (5, 8), (64, 64), (65, 128)])
+def test_saltelli_takes_the_next_power_of_two(samples, points):
+    over = {"link_1.mass": "uniform(0.3, 0.5)", "joint_1.damping": "uniform(0.1, 0.2)"}
+    assert len(study_of(over, design="saltelli", samples=samples)) == points * 4

@@ -13,6 +13,8 @@ from asrsim.sweeps import make_study
 from asrsim.sweeps.page import write_page
 from asrsim.sweeps.pictures import draw_sweep, figures
 
+pytestmark = pytest.mark.once
+
 pytest.importorskip("pyarrow")
 SCENARIO = Path(__file__).parents[1] / "examples" / "scenarios" / "step_2dof.yaml"
 CLICK = """(() => {

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,6 +17,7 @@ from asrsim.cli.console import SHOWN, problem_lines, shown, styled
 from asrsim.errors import Problem
 from asrsim.report.html import script_json
 
+ROOT = Path(__file__).parents[1]
 EVIL = "\x1b]0;owned\x07\x1b[2Jelbow\x9b31m\u202e\r"
 _BAD = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
@@ -42,6 +48,17 @@ def test_our_own_styles_stay_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> N
     text = styled("good", "green") + " \x1b[2J\x1b[5m"
     assert shown(text, styles=True) == "\x1b[32mgood\x1b[0m \\x1b[2J\\x1b[5m"
     assert "\x1b" not in shown(text)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_an_old_terminal_shows_what_it_can(tiny, options: list[str]) -> None:
+    """Tables have lines and signs that ASCII has not, and so may names; JSON loses none."""
+    tiny.robot.write_text(tiny.robot.read_text().replace("elbow", "coudé"), encoding="utf-8")
+    old = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "asrsim", "check", str(tiny.robot), *options]
+    done = subprocess.run(command, env=old, capture_output=True, text=True, check=True, encoding="ascii")
+    assert "coudé" in json.dumps(json.loads(done.stdout), ensure_ascii=False) if options else "coud?" in done.stdout
 
 
 class Scripts(HTMLParser):
@@ -98,3 +115,16 @@ def test_json_in_a_script_reads_back() -> None:
     data = {"<!--<script>": ["</script>", "&lt;", "é\u2028"]}
     assert json.loads(script_json(data)) == data
     assert "<" not in script_json(data)
+
+
+def test_a_run_s_bar_shows_simulated_seconds_a_second(monkeypatch):
+    from asrsim.cli import progress
+
+    told = []
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: 10.0)
+    bar = progress.RunProgress("a", 5.0, show=True)
+    bar.start()
+    bar._show, bar._bar = True, SimpleNamespace(update=lambda task, **fields: told.append(fields), stop=lambda: None)
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: 14.0)
+    bar.update(2.0)
+    assert told == [{"completed": 2.0, "speed": "0.5 x real time"}]

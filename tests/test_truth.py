@@ -11,6 +11,8 @@ from validation.check import Check, Section, available, installed_engines, on
 from validation.document import document, number
 from validation.sections import SECTIONS
 
+pytestmark = pytest.mark.once
+
 
 def _measures() -> Iterator[Any]:
     for section in SECTIONS:

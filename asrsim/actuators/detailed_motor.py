@@ -83,10 +83,13 @@ def largest_command(values: Mapping[str, float], index: int, mode: Mode) -> floa
     return electric.limit / electric.gain if electric.gain > 0.0 else 0.0
 
 
+NEEDED = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}
+"""Command of a mode -> constants of its motors without which it drives none."""
+
+
 def missing_constants(values: Mapping[str, float], motors: int, mode: Mode) -> tuple[str, ...]:
     """Parameters of the motors that must be larger than 0 for the mode's references, and are not."""
-    needed = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}[mode.command]
-    names = (f"motor_{i}_{name}" for i in range(1, motors + 1) for name in needed)
+    names = (f"motor_{i}_{name}" for i in range(1, motors + 1) for name in NEEDED[mode.command])
     return tuple(name for name in names if values[name] <= 0.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -48,7 +49,10 @@ class CleanStream:
 
 
 def clean_streams() -> None:
-    """From here on nothing that a file says moves the cursor or changes the terminal."""
+    """From here on nothing that a file says moves the cursor or changes the terminal, and an old one shows what it can."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     if not isinstance(sys.stdout, CleanStream):
         sys.stdout = cast("IO[str]", CleanStream(sys.stdout, OWN_CODES))
     if not isinstance(sys.stderr, CleanStream):
@@ -80,7 +84,7 @@ def complain(text: str, style: str = "") -> None:
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     """One JSON document on stdout. Numbers that JSON has not must be gone."""
-    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False)
     # JSON has escapes for what a terminal obeys, and for halves of characters.
     _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
@@ -177,10 +181,4 @@ def shown(text: str, *, styles: bool = False) -> str:
 
 
 def _write(stream: IO[str], text: str) -> None:
-    text = shown(text, styles=is_terminal(stream))
-    try:
-        stream.write(text + "\n")
-    except UnicodeEncodeError:
-        # An old terminal: names keep what it can show.
-        encoding = getattr(stream, "encoding", None) or "ascii"
-        stream.write(text.encode(encoding, "replace").decode(encoding) + "\n")
+    stream.write(shown(text, styles=is_terminal(stream)) + "\n")

@@ -96,7 +96,7 @@ def identify(
         load_plugins(plugin)
         task = _task(scenario, experiment or [], given)
         folder = out or Path("out") / task.name / "fit"
-        result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json)
+        result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot)
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
             from asrsim.cli.console import say_json
@@ -126,7 +126,7 @@ def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
     return make_task(path, experiments, **given)
 
 
-def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool) -> tuple[Result, int]:
+def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool) -> tuple[Result, int]:
     from asrsim.cli.identify_progress import IdentifyProgress
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.identification import identify
@@ -137,7 +137,7 @@ def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool) ->
         Interruption("asrsim: stopping; the best so far is judged and kept (Ctrl-C again to abort)") as interruption,
         IdentifyProgress(task.name, show=not quiet) as progress,
     ):
-        result = identify(task, progress=progress.update, stop=interruption.stop, begin=begin, check=check)
+        result = identify(task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled)
     if result.status == "interrupted":
         return result, INTERRUPTED
     return result, 0 if result.fits else 2

@@ -152,7 +152,8 @@ def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -
 def _next(
     scenario: Scenario, folder: Path, recording: Path, mapping: tuple[str, ...] | Path | None, lag: LagChoice, *, silent: bool
 ) -> dict[str, Any]:
-    from asrsim.cli.console import say
+    from asrsim.cli.console import say, say_problems
+    from asrsim.cli.recording_table import say_columns
     from asrsim.learning.hardware import NEXT, next_input
     from asrsim.learning.plant import make_plant
     from asrsim.learning.report import trial_data
@@ -160,6 +161,8 @@ def _next(
     step = next_input(make_plant(scenario), folder, recording, mapping=mapping, lag=lag)
     last = step.trials[-1]
     if not silent:
+        say_columns(step.recording)
+        say_problems(step.findings, "note", "yellow")
         table = TrialTable()
         table.headings(step.prepared)
         for trial in step.trials:
@@ -173,7 +176,8 @@ def _next(
         else:
             say(f"play {folder / NEXT} on the robot, record it, and give the recording to --next again")
     return {
-        "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.lag,
+        "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,
+        "findings": [problem.as_dict() for problem in step.findings],
         "trial": trial_data(last, step.prepared.plant.joints),
     }  # fmt: skip
 

@@ -56,7 +56,8 @@ class TrialTable:
         """Above the trials."""
         from asrsim.cli.console import say
 
-        say("largest error of each joint and largest 2-norm in rad; ratio to the trial before, measured and predicted")
+        unit = prepared.problem.unit
+        say(f"largest error of each joint and largest 2-norm in {unit}; ratio to the trial before, measured and predicted")
         headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
         self._widths = [max(len(heading), 7) for heading in headings]
         self._say(headings, "bold")
@@ -68,10 +69,9 @@ class TrialTable:
 
         turn = turning(norms, prepared.settings.tolerance)
         if turn is not None:
+            least = f"{norms[turn]:.3g} {prepared.problem.unit}"
             say(
-                f"foretold: errors fall to a 2-norm of {norms[turn]:.3g} rad in trial {turn} and then grow; "
-                "law: auto does not turn",
-                "yellow",
+                f"foretold: errors fall to a 2-norm of {least} in trial {turn} and then grow; law: auto does not turn", "yellow"
             )
 
     def row(self, trial: Trial) -> None:
@@ -115,8 +115,8 @@ def _say_transfer(report: TransferReport, title: str) -> None:
     low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
     least, most = (f"{100 * value:.0f}" for value in report.within_interval)
     say(
-        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} rad "
-        f"(95 %: {least} to {most} %); largest error {low}, {middle}, {high} rad (5, 50, 95 %)"
+        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} {report.unit} "
+        f"(95 %: {least} to {most} %); largest error {low}, {middle}, {high} {report.unit} (5, 50, 95 %)"
     )
     if report.influences:
         strongest = ", ".join(

@@ -57,16 +57,12 @@ def init(
     packages = folders(package, "--package")
     arguments = pairs(argument, "--arg")
     given = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
-    if experiment is not None and given:
-        raise typer.BadParameter(
-            "does not go with --experiment: write the actuators into the scenario", param_hint="--actuator"
-        )
     if experiment is not None:
         from asrsim.runs.from_recording import write_from_recording
 
         made = write_from_recording(
-            robot, experiment, out, mapping=mapping or (), rate=rate, mode=mode, force=overwrite, schema=schema,
-            arguments=arguments, packages=packages,
+            robot, experiment, out, mapping=mapping or (), rate=rate, mode=mode, actuators=given, plugins=plugin or (),
+            force=overwrite, schema=schema, arguments=arguments, packages=packages,
         )  # fmt: skip
         if not quiet:
             _print(made, out)
@@ -97,3 +93,5 @@ def _print(made: Written, out: Path) -> None:
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
     command = f"asrsim run {shlex.quote(str(out))}"
     say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {command}")
+    if made.fit is not None:
+        say(f"what it tells of the robot's numbers: asrsim identify {shlex.quote(str(made.fit))}")

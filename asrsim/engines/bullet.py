@@ -7,9 +7,9 @@ merged. What Bullet's step lacks comes from :mod:`asrsim.engines.bullet_companio
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Any
+from weakref import finalize, proxy
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from asrsim.engines.base import EngineKernel
 from asrsim.engines.bullet_companion import Companion, without_stops
 from asrsim.engines.bullet_loading import free_of_losses, load_body
 from asrsim.engines.bullet_model import BulletModel
-from asrsim.engines.bullet_saved import SavedState
+from asrsim.engines.bullet_saved import SavedState, disconnect
 from asrsim.engines.bullet_world import BulletWorld
 from asrsim.engines.foreign import quiet
 from asrsim.errors import Problem
@@ -46,9 +46,10 @@ class BulletEngine:
         with quiet():
             import pybullet
 
-            self._p = pybullet
-            self._alive = [True]
-            self._client = pybullet.connect(pybullet.DIRECT)
+            client = pybullet.connect(pybullet.DIRECT)
+        self._p, self._client, self._alive = pybullet, client, [True]
+        # An engine that nobody closes, of a preparation that is never run, would leave its client's 28 MB behind.
+        self._release = finalize(self, disconnect, pybullet, client, self._alive)
         self.version = f"pybullet {version('pybullet')}"
         self.robot = robot
         self._scenario = scenario
@@ -108,7 +109,7 @@ class BulletEngine:
         lagging = staggered and (len(self.joints) > 1 or not self._scenario.fixed_base)
         self._companion = None
         if self._exact or lagging:
-            self._companion = Companion(self, self._scenario, self.robot, exact=self._exact)
+            self._companion = Companion(proxy(self), self._scenario, self.robot, exact=self._exact)
             self._companion.prepare(step, staggered=staggered)
             self._companion.reset()
 
@@ -279,9 +280,7 @@ class BulletEngine:
 
     def close(self) -> None:
         """Disconnect the physics client."""
-        self._alive[0] = False
-        with suppress(self._p.error), quiet():
-            self._p.disconnect(self._client)
+        self._release()
 
 
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:

@@ -31,7 +31,8 @@ def without_stops(robot: Robot) -> Robot:
 class Companion:
     """Torques on the joints, and what acts on a free base, beside those that Bullet knows of; asked once a step.
 
-    exact: friction and stops, too; Bullet has none then. Without it the world may have contacts.
+    engine: whose companion it is, by a reference that does not keep it. exact: friction and stops, too; Bullet has none then.
+    Without it the world may have contacts.
     """
 
     def __init__(self, engine: BulletEngine, scenario: Scenario, robot: Robot, *, exact: bool) -> None:

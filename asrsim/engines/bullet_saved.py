@@ -1,9 +1,11 @@
-"""A state of PyBullet's world, kept in memory by the client."""
+"""States of PyBullet's world, kept in memory by the client, and the client's end."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from typing import Any
+
+from asrsim.engines.foreign import quiet
 
 
 class SavedState:
@@ -16,3 +18,10 @@ class SavedState:
         if self._alive[0]:
             with suppress(Exception):
                 self._p.removeState(self.number, physicsClientId=self._client)
+
+
+def disconnect(p: Any, client: int, alive: list[bool]) -> None:
+    """End the client `client` of `p` (pybullet), and with it all that it keeps; `alive` tells the states."""
+    alive[0] = False
+    with suppress(p.error), quiet():
+        p.disconnect(client)

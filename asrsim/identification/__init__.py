@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from asrsim.identification.run import Result, identify
+from asrsim.identification.result import Result
+from asrsim.identification.run import identify
 from asrsim.identification.task import Experiment, Task, Tie, Wish, make_task, read_task
 from asrsim.identification.teller import Progress
 

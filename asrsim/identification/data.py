@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.computed import computed_columns
-from asrsim.identification.noise import fine_noise, quantum_of
+from asrsim.identification.noise import fine_noise, glitches, quantum_of
 from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
 from asrsim.recordings import Recording, read_recording
@@ -26,8 +25,6 @@ from asrsim.simulation.evaluation import DERIVED, DIRECT, EXTERNAL
 COMPARABLE = (*DIRECT, *DERIVED)
 PLAYED = 2
 """Mode in which motors stand at their references."""
-OUTLIER = 12.0
-"""Deviations of its neighbourhood beyond which a single sample is a glitch."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,7 +159,8 @@ def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, 
     missing = []
     for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
-        if block.joint in commanded or scenario.references_of(block.joint):
+        # References of mode 2 are what `init` makes of recorded motors.
+        if block.joint in commanded or (scenario.references_of(block.joint) and block.mode != PLAYED):
             continue
         wanted = [f"motor_{i}_position" for i in range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)]
         if not mode.spring or any((block.joint, quantity) not in motors for quantity in wanted):
@@ -227,10 +225,10 @@ def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[s
     key = f"{joint}.{quantity}"
     good = np.isfinite(column.values) & (column.time - lag >= -1e-9)
     time, values = column.time[good] - lag, column.values[good]
-    glitches = _glitches(values)
-    if glitches.any():
-        remarks.append(f"{key}: {int(glitches.sum())} samples far from both neighbours are left out")
-        time, values = time[~glitches], values[~glitches]
+    off = glitches(values)
+    if off.any():
+        remarks.append(f"{key}: {int(off.sum())} samples far from both neighbours are left out")
+        time, values = time[~off], values[~off]
     if len(values) < 3 or not np.ptp(values) > 0.0:
         remarks.append(f"{key} is not compared: it never changes")
         return None
@@ -240,17 +238,3 @@ def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[s
         joint=joint, quantity=quantity, unit=column.unit or unit_of(quantity), time=time, values=values, noise=noise,
         given=key in task.noise, quantum=quantum,
     )  # fmt: skip
-
-
-def _glitches(values: Array) -> NDArray[np.bool_]:
-    """Whether a sample is far from the median of itself and the two samples on each side, measured by its own surroundings.
-
-    Samples of a fast but smooth motion are near to that median, and so are steps.
-    """
-    if len(values) < 9:
-        return np.zeros(len(values), bool)
-    padded = np.concatenate([values[2:0:-1], values, values[-2:-4:-1]])
-    away = np.abs(values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
-    typical = float(np.quantile(away, 0.9))
-    scale = max(typical, 1e-3 * float(np.ptp(np.quantile(values, (0.01, 0.99)))))
-    return np.asarray(away > OUTLIER * scale)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.identification.noise import lag_correlation, swings
+from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
 
@@ -108,9 +109,12 @@ def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, to
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
     slopes = _Slopes(residuals)
+    # What is not searched over its logarithm may have grown far beyond the size of its start.
+    grown = [not entry.parameter.logarithmic for entry in residuals.layout.entries]
+    scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
     found = least_squares(
         lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
-        bounds=(low - inside, high - inside), method="trf", x_scale=REACH, loss=loss, f_scale=HUBER, ftol=tolerance,
+        bounds=(low - inside, high - inside), method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance,
         xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)
@@ -153,8 +157,9 @@ def _attempts(
     scattered ones.
     """
     generator, layout = np.random.default_rng(seed), residuals.layout
-    yield "the start", start, SHORT
-    yield "the start, horizon growing", start, GROWING
+    how, first = _nearest(residuals, start)
+    yield how, first, SHORT
+    yield f"{how}, horizon growing", first, GROWING
     for place in (start, best.x) if _swinging(residuals, best.x) else ():
         for how, x in _looked_along(residuals, place, float(np.log(spread)), best.cost):
             yield how, x, (1.0,)
@@ -174,6 +179,15 @@ def _attempts(
         low, high = layout.bounds
         yield f"scattered start {number}", np.clip(moved, low, high), SHORT if number % 2 else GROWING
         number += 1
+
+
+def _nearest(residuals: Residuals, start: Array) -> tuple[str, Array]:
+    """The user's start, or that from regression, whichever is nearer to the beginning of what was recorded."""
+    told = regressed(residuals.tracks, residuals.layout, start)
+    residuals.share = SHORT[0]
+    nearer = told is not None and cost_of(residuals(told), "huber") < cost_of(residuals(start), "huber")
+    residuals.share = 1.0
+    return ("a start from regression", told) if told is not None and nearer else ("the start", start)
 
 
 def _swinging(residuals: Residuals, x: Array) -> bool:

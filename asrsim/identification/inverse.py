@@ -6,7 +6,7 @@ fits to the position follow these. The balance of torques has no memory (equatio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -29,14 +29,18 @@ EDGE = 0.1
 """s at both ends that the filter spoils."""
 
 
-def is_driven_by_torque(data: Data, robot: Robot) -> bool:
-    """Whether all moving joints have a recorded torque, in mode 0, and a recorded place, and no spring."""
+def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool:
+    """Whether all moving joints have a recorded torque, in mode 0, and a recorded place, and no spring, which may be free."""
     modes = {block.joint: data.modes.get(block.joint, block.mode) for block in robot.actuators}
     torques = {command.joint for command in data.commands if command.quantity == "reference_1"}
     places = {channel.joint for channel in data.channels if channel.quantity == "link_position"}
     joints = robot.moving_joints
     return bool(joints) and all(
-        modes.get(joint.name) == 0 and joint.name in torques and joint.name in places and joint.spring_stiffness == 0.0
+        modes.get(joint.name) == 0
+        and joint.name in torques
+        and joint.name in places
+        and joint.spring_stiffness == 0.0
+        and f"{joint.name}.passive_stiffness" not in free
         for joint in joints
     )
 
@@ -141,9 +145,9 @@ class InverseTrack(Track):
         return self._bases[mark].copy()
 
 
-def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot) -> Track:
-    """A recording made ready. applied: the robot with the scenario's modes and parameters."""
-    if is_driven_by_torque(data, applied):
+def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot, free: Collection[str]) -> Track:
+    """A recording made ready. applied: the robot with the scenario's modes and parameters; free: keys."""
+    if is_driven_by_torque(data, applied, free):
         return InverseTrack(scenario, robot, data)
     track = Track(scenario, robot, data)
     if not is_static(track):

@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
+from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import INERTIAS
 
@@ -22,7 +23,9 @@ TYPICAL = {
     "kg": 0.1, "kg m^2": 1e-3,
 }  # fmt: skip
 """Unit -> size of a number that says nothing of its own size, being 0."""
-FACTOR = 1e3
+LINEAR_UNITS = {**PRISMATIC_UNITS, "N m s/rad": "N s/m", "kg m^2": "kg", "N m/(rad s)": "N/(m s)", "1/rad": "1/m"}
+"""Unit of an actuator's parameter -> the same on a prismatic joint."""
+FACTOR = 1e6
 """A positive parameter may become so much smaller or larger."""
 
 
@@ -54,7 +57,7 @@ def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, 
 
 def _of_actuators(robot: Robot) -> Iterator[Parameter]:
     for block in robot.actuators:
-        values = block.values()
+        values, prismatic = block.values(), robot.joint(block.joint).kind == "prismatic"
         for one in ACTUATORS.get(block.actuator).all_parameters():
             start = values[one.name]
             loss = any(word in one.name for word in ("damping", "friction", "hysteresis_torque"))
@@ -62,8 +65,9 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
             logarithmic = low >= 0.0 and start > 0.0 and math.isfinite(start) and not loss
             if logarithmic:
                 low, high = max(low, start / FACTOR), min(high, start * FACTOR)
+            unit = LINEAR_UNITS.get(one.unit, one.unit) if prismatic else one.unit
             yield Parameter(
-                key=f"{block.joint}.{one.name}", unit=one.unit, start=start, low=low, high=high, logarithmic=logarithmic
+                key=f"{block.joint}.{one.name}", unit=unit, start=start, low=low, high=high, logarithmic=logarithmic
             )
 
 
@@ -104,8 +108,7 @@ def _of_links(robot: Robot) -> Iterator[Parameter]:
 def _positive(key: str, unit: str, start: float) -> Parameter:
     if start <= 0.0:
         return Parameter(key=key, unit=unit, start=start, low=0.0)
-    # A point mass's inertia is a stand-in for none: it may grow by more.
-    return Parameter(key=key, unit=unit, start=start, low=start / FACTOR, high=start * FACTOR**2, logarithmic=True)
+    return Parameter(key=key, unit=unit, start=start, low=start / FACTOR, high=start * FACTOR, logarithmic=True)
 
 
 def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[Parameter]:

@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from asrsim.identification.run import Result
+from asrsim.identification.result import Result
 from asrsim.identification.show import advice, columns, correlated, errors, judgement
 from asrsim.outfile import write_text
 from asrsim.report.html import badge, bullets, section, table

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asrsim.identification.noise import lag_correlation
-from asrsim.identification.residuals import Counter, Residuals, Weights
-from asrsim.identification.run import Result
-from asrsim.identification.setup import set_up
+from asrsim.identification.result import Result
 from asrsim.plots.output import save_figure, styled
 from asrsim.samples import Array
 
@@ -23,20 +20,18 @@ MOST = 8
 """Channels of a picture."""
 POINTS = 4000
 """Of a line."""
-PROFILE = 9
-"""Values of a profile."""
 
 
-def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",), *, profiles: bool = True) -> list[Path]:
+def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
     """Write all pictures. Raises OutputError."""
     paths: list[Path] = []
     with styled():
-        for name, figure in figures(result, profiles=profiles).items():
+        for name, figure in figures(result).items():
             paths += save_figure(figure, folder, name, formats)
     return paths
 
 
-def figures(result: Result, *, profiles: bool = True) -> dict[str, Figure]:
+def figures(result: Result) -> dict[str, Figure]:
     """Name -> figure; call it inside :func:`asrsim.plots.output.styled`."""
     found: dict[str, Any] = {}
     for track, channels in enumerate(result.series):
@@ -46,7 +41,7 @@ def figures(result: Result, *, profiles: bool = True) -> dict[str, Figure]:
         found[f"residuals{suffix}"] = _residuals(channels[:MOST], result.ends[track], name)
     if len(result.estimates) > 1:
         found["correlation"] = _matrix(result)
-    if profiles and result.status == "complete":
+    if result.profiles:
         found["profiles"] = _profiles(result)
     return found
 
@@ -101,7 +96,8 @@ def _residuals(channels: Sequence[Any], end: float, name: str) -> Any:
         inside = rest[one["time"] <= end] if end > 0.0 else rest
         lags = np.arange(1, min(60, len(inside) // 4) + 1)
         if len(lags):
-            right.bar(lags, [lag_correlation(inside, int(lag)) for lag in lags], width=0.8, color="C0")
+            # As one collection: bars are a patch each, and take longer than all the rest.
+            right.vlines(lags, 0.0, [lag_correlation(inside, int(lag)) for lag in lags], color="C0", linewidth=2.0)
             bound = 1.96 / np.sqrt(max(len(inside), 1))
             right.axhspan(-bound, bound, color="0.8", linewidth=0, zorder=0)
         right.set(ylim=(-1.05, 1.05), ylabel="correlation")
@@ -137,44 +133,22 @@ CERTAIN = 3.84
 
 
 def _profiles(result: Result) -> Any:
-    """Cost over each parameter with the others as they are, and where they follow by their correlation."""
-    with ExitStack() as stack:
-        setup = set_up(result.task, stack)
-        weights = [[Weights(max(one.after, 1e-12)) for one in _of(result, track)] for track in range(len(setup.fitted))]
-        residuals = Residuals(setup.fitted, result.layout, weights, setup.ends, Counter())
-        figure, axes = _grid(len(result.estimates), 2.9, 2.2, 4 if len(result.estimates) > 3 else len(result.estimates))
-        for i, (one, axis) in enumerate(zip(result.estimates, axes.ravel(), strict=False)):
-            deviation = float(np.sqrt(result.covariance[i, i]))
-            width = min(3.0 * deviation, 0.5) if deviation > 0.0 else 0.1
-            moves = np.linspace(-width, width, PROFILE)
-            follow = result.covariance[i] / result.covariance[i, i] if deviation > 0.0 else np.eye(len(result.x))[i]
-            alone = _costs(residuals, result.x, moves, np.eye(len(result.x))[i])
-            values = [result.layout.entries[i].value(float(result.x[i] + move)) for move in moves]
-            axis.plot(values, alone, "--", color="C1", label="others stay")
-            if deviation > 0.0 and np.abs(width * follow).max() < 2.0:
-                axis.plot(values, _costs(residuals, result.x, moves, follow), ".-", color="C0", label="others follow")
-            if np.isfinite(one.low):
-                axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
-            axis.axvline(one.value, color="0.3", linewidth=0.7)
-            axis.axhline(CERTAIN, color="0.3", linewidth=0.7, linestyle=":")
-            axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.5, 4.0 * CERTAIN))
-            axis.xaxis.label.set_fontsize("x-small")
-            axis.tick_params(labelsize="x-small")
-            axis.locator_params(axis="x", nbins=3)
-        kinds = {line.get_label(): line for axis in axes.ravel() for line in axis.get_legend_handles_labels()[0]}
-        axes[0, 0].legend(handles=list(kinds.values()), fontsize="xx-small")
-        for axis in axes[:, 0]:
-            axis.set_ylabel("misfit above the best [$\\chi^2$]", fontsize="x-small")
+    """Misfit along each parameter, with the interval that was told."""
+    figure, axes = _grid(len(result.estimates), 2.9, 2.2, min(4, len(result.estimates)))
+    for one, profile, axis in zip(result.estimates, result.profiles, axes.ravel(), strict=False):
+        axis.plot(*profile.alone, "--", color="C1", label="others stay")
+        if profile.followed is not None:
+            axis.plot(*profile.followed, ".-", color="C0", label="others follow")
+        if np.isfinite(one.low):
+            axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
+        axis.axvline(one.value, color="0.3", linewidth=0.7)
+        axis.axhline(CERTAIN, color="0.3", linewidth=0.7, linestyle=":")
+        axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.5, 4.0 * CERTAIN))
+        axis.xaxis.label.set_fontsize("x-small")
+        axis.tick_params(labelsize="x-small")
+        axis.locator_params(axis="x", nbins=3)
+    kinds = {line.get_label(): line for axis in axes.ravel() for line in axis.get_legend_handles_labels()[0]}
+    axes[0, 0].legend(handles=list(kinds.values()), fontsize="xx-small")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("misfit above the best [$\\chi^2$]", fontsize="x-small")
     return figure
-
-
-def _of(result: Result, track: int) -> list[Any]:
-    first = sum(len(one) for one in result.series[:track])
-    return list(result.channels[first : first + len(result.series[track])])
-
-
-def _costs(residuals: Callable[[Array], Array], x: Array, moves: Array, direction: Array) -> list[float]:
-    """Sums of squares above that of `x`, in units of its mean square: chi squared, if residuals were white."""
-    best = residuals(x)
-    least, unit = float(np.sum(best**2)), max(float(np.mean(best**2)), 1e-300)
-    return [min((float(np.sum(residuals(x + move * direction) ** 2)) - least) / unit, 1e6) for move in moves]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,71 +14,20 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
 from asrsim.identification.intervals import correlations, uncertainty, whitened
-from asrsim.identification.judge import HELD, ChannelFit, channel_fits, coarse_joints, still_joints, verdict, with_unsure
+from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
-from asrsim.identification.nulls import Combination, settled
+from asrsim.identification.nulls import settled
+from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.result import Result
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.steps import ROUNDS, followed
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
-from asrsim.identification.verdicts import IDENTIFIED, WEAK, Estimate, bounds_met, estimates
-from asrsim.robot.model import Robot
+from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Result:
-    """What a fit gives."""
-
-    task: Task
-    estimates: tuple[Estimate, ...]
-    combinations: tuple[Combination, ...]
-    correlation: Array
-    covariance: Array
-    """Of the vector."""
-    channels: tuple[ChannelFit, ...]
-    misfit: tuple[str, ...]
-    """Why the model does not fit; empty where it does."""
-    causes: tuple[str, ...]
-    """What may be missing."""
-    remarks: tuple[str, ...]
-    evaluations: int
-    seconds: float
-    how: str
-    attempts: int
-    successes: int
-    status: str
-    """complete, interrupted or checked."""
-    x: Array
-    layout: Layout = field(repr=False)
-    ends: tuple[float, ...]
-    """s, end of each recording's training part."""
-    series: tuple[tuple[Mapping[str, Any], ...], ...] = field(repr=False)
-    """By recording and channel: time, recorded, before, after."""
-    scenario: Scenario = field(repr=False)
-    robot: Robot = field(repr=False)
-    whole: bool = False
-    """Whether the estimates are from whole recordings, the part too that had been held out."""
-
-    @property
-    def fits(self) -> bool:
-        """Whether the model explains what was recorded, as far as the noise lets see."""
-        return not self.misfit
-
-    def find(self, key: str) -> Estimate:
-        """The estimate of a key (its first, where each recording has its own); KeyError."""
-        for one in self.estimates:
-            if key in (one.key, one.name):
-                return one
-        raise KeyError(key)
-
-    def values(self) -> dict[str, float]:
-        """Key -> estimate of what all recordings share, ties followed."""
-        return self.layout.table(self.x, 0)
 
 
 def identify(
@@ -90,6 +38,7 @@ def identify(
     stop: Callable[[], bool] | None = None,
     begin: Mapping[str, float] | None = None,
     check: bool = False,
+    profiled: bool = False,
     **options: Any,
 ) -> Result:
     """Fit parameters to recordings: everything that `asrsim identify` does but the files.
@@ -102,7 +51,7 @@ def identify(
         experiments, options: As :func:`make_task` takes them.
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
-        check: Only look: sensitivities at the start.
+        check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
@@ -110,12 +59,12 @@ def identify(
     """
     task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
     with ExitStack() as stack:
-        return _identify(set_up(task, stack), progress, stop, begin or {}, check=check)
+        return _identify(set_up(task, stack), progress, stop, begin or {}, check=check, profiled=profiled)
 
 
 def _identify(
     setup: Setup, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, begin: Mapping[str, float],
-    *, check: bool,
+    *, check: bool, profiled: bool,
 ) -> Result:  # fmt: skip
     task, layout = setup.task, setup.layout
     teller = Teller(progress, stop)
@@ -150,7 +99,7 @@ def _identify(
             status = "interrupted"
             residuals.share = 1.0
     teller.deaf = True
-    return _judged(setup, residuals, best, start, before, status, teller.began)
+    return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
 
 
 APART = 10.0
@@ -219,8 +168,10 @@ def _moved(layout: Layout, trained: Array, x: Array, deviations: Array) -> list[
 
 
 def _judged(
-    setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, began: float
-) -> Result:
+    setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, teller: Teller,
+    *, profiled: bool,
+) -> Result:  # fmt: skip
+    teller.stage("judgement")
     layout, trained, counter = setup.layout, best.x, residuals.counter
     if status != "complete":
         residuals.weights = [[Weights(w.noise) for w in channel] for channel in residuals.weights]
@@ -235,7 +186,7 @@ def _judged(
         )  # fmt: skip
         misfit = verdict(fits)
     plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
-    causes = missing_causes(plain, trained, start) if misfit else []
+    causes = [*foreign(fits), *missing_causes(plain, trained, start)] if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
     if status == "complete":
@@ -259,6 +210,8 @@ def _judged(
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
     ]  # fmt: skip
+    teller.stage("profiles")
+    shapes = tuple(profiles(residuals, x, found)) if profiled and status == "complete" else ()
     series = tuple(
         tuple(
             {
@@ -273,7 +226,8 @@ def _judged(
     return Result(
         task=setup.task, estimates=tuple(told), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes), remarks=tuple(remarks),
-        evaluations=counter.evaluations, seconds=clock.perf_counter() - began, how=best.how, attempts=best.attempts,
+        evaluations=counter.evaluations, seconds=clock.perf_counter() - teller.began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
         scenario=setup.scenario, robot=setup.robot, whole=whole,
+        profiles=shapes,
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from asrsim.identification.run import Result
+from asrsim.identification.result import Result
 from asrsim.identification.verdicts import Estimate
 
 CORRELATED = 0.95

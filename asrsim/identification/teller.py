@@ -44,9 +44,7 @@ class Teller:
 
     def tick(self) -> None:
         """An evaluation is done; raises Stopped."""
-        if self.deaf:
-            return
-        if self._stop is not None and self._stop():
+        if self._stop is not None and not self.deaf and self._stop():
             raise Stopped
         now = clock.perf_counter()
         if self._progress is not None and self.counter is not None and self.best is not None and now - self._told > 0.2:

@@ -22,8 +22,6 @@ from asrsim.signals.base import Signal
 from asrsim.simulation.evaluation import EXTERNAL, Evaluation
 from asrsim.simulation.prepare import prepare, resolution_of
 
-FAST = "mujoco"
-"""Engine whose runs are compiled as a whole; without contacts all engines agree to rounding."""
 NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
 """Last parts of keys that are of recordings."""
 STILL = 4.5
@@ -53,8 +51,11 @@ class Track:
         """What is compared."""
         return self.data.channels
 
-    def trust_scenario(self, joint: str) -> None:
-        """The link begins where the scenario says: what the recording shows is an offset."""
+    def trust_scenario(self, joint: str, quantity: str) -> None:
+        """The link, or the joint's motors, begin where the scenario says: what the recording shows is an offset."""
+        if quantity != "link_position":
+            self.motors.pop(joint, None)
+            return
         j = self.evaluation.joints.index(joint)
         self.positions[j] = self.prepared.initial_positions[j]
         self.uncertain = [key for key in self.uncertain if key != f"{joint}.initial_position"]
@@ -213,8 +214,9 @@ class Track:
 def _scenario(scenario: Scenario, data: Data) -> Scenario:
     """Of the recording's length and modes, in the fast engine where it does the same."""
     engine = scenario.engine
-    if engine == "bullet" and scenario.world.empty and ENGINES.get(FAST).available:
-        engine = FAST
+    faster = ENGINES.get(engine).faster
+    if faster and scenario.world.empty and ENGINES.get(faster).available:
+        engine = faster
     modes = {**scenario.modes, **data.modes}
     # References of another mode would be unknown there; what is played replaces them all.
     references = {joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.identification.run import Result
+from asrsim.identification.result import Result
 from asrsim.identification.track import physical
 from asrsim.identification.verdicts import IDENTIFIED, Estimate
 from asrsim.outfile import written

@@ -13,10 +13,16 @@ LONGEST = 2.5e-3
 """s, step in which motors are followed at most."""
 
 
-def motor_positions(drive: JointDrive, time: Array, position: Array, inputs: Array, preset: Array) -> Array:
+Pair = tuple[float, float]
+
+
+def motor_positions(
+    drive: JointDrive, time: Array, position: Array, inputs: Array, preset: Array, start: tuple[Pair, Pair] | None = None
+) -> Array:
     """(n, 2) rad, what the springs' law takes, at `time` (n,), equidistant; NaN in modes without springs.
 
-    position, inputs, preset: (n,). Motors start at rest where the link starts, as they do in a run; friction is left out.
+    position, inputs, preset: (n,). start: rad and rad/s of the motors at first; None: at rest where the link starts. Friction
+    is left out.
     """
     if not MODES[drive.mode].spring:
         return np.full((len(time), 2), np.nan)
@@ -27,7 +33,8 @@ def motor_positions(drive: JointDrive, time: Array, position: Array, inputs: Arr
     parts = max(int(np.ceil(step / LONGEST - 1e-9)), 1)
     fine = np.linspace(time[0], time[-1], (len(time) - 1) * parts + 1)
     goals = [np.interp(fine, time, reference).tolist() for reference in references]
-    found = _follow(drive, step / parts, np.interp(fine, time, position).tolist(), goals)
+    begun = start or ((float(position[0]),) * 2, (0.0, 0.0))
+    found = _follow(drive, step / parts, np.interp(fine, time, position).tolist(), goals, begun)
     return found[::parts]
 
 
@@ -39,7 +46,9 @@ def link_torque(drive: JointDrive, position: Array, velocity: Array, motors: Arr
     return np.asarray(torques.sum(axis=0))
 
 
-def _follow(drive: JointDrive, step: float, positions: list[float], goals: list[list[float]]) -> Array:
+def _follow(
+    drive: JointDrive, step: float, positions: list[float], goals: list[list[float]], start: tuple[Pair, Pair]
+) -> Array:
     """Drift - kick - drift, the controller's part of the kick by the midpoint rule."""
     law, spring = drive.actuator.elastic_torques, drive.spring
     count, half = len(drive.proportional), 0.5 * step
@@ -51,7 +60,7 @@ def _follow(drive: JointDrive, step: float, positions: list[float], goals: list[
             strict=True,
         )
     )  # fmt: skip
-    places, rates, sums = [positions[0]] * 2, [0.0, 0.0], [0.0, 0.0]
+    places, rates, sums = [*start[0]], [*start[1]], [0.0, 0.0]
     found = []
     for q, *wanted in zip(positions, *goals, strict=True):
         if count < 2:

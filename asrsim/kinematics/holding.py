@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
-"""rad beyond which it is said to fall."""
+"""Sag beyond which it is said to fall, as a share of the joint's scale."""
+SLIDING = 0.2
+"""m of a sliding joint that are like 1 rad of a turning one: what a link of this length does."""
 OFF = 0.1
 """rad or m from its reference at which a joint on a stop does not belong there; of a short travel, the share."""
 STEPS = 400
@@ -47,15 +49,15 @@ class Holding:
     """A motor gives way: it would need more than its largest torque."""
     time: float
     """s, of that instant."""
-    travel: float
-    """rad or m between the joint's stops."""
+    scale: float
+    """rad or m, against which a sag of this joint is great or small: a short travel, 1 rad, or `SLIDING`."""
     droop: float = 0.0
     """rad or m of the sag that is the motors', whose controllers give way in proportion to the load."""
 
     @property
     def falls(self) -> bool:
         """It does not merely sag."""
-        return self.on_stop or self.sag > FALL
+        return self.on_stop or self.sag > FALL * self.scale
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
@@ -133,7 +135,8 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(limited[name][worst]), time=float(time[worst]), travel=high - low,
+                limited=bool(limited[name][worst]), time=float(time[worst]),
+                scale=min(SLIDING if robot.joint(name).kind == "prismatic" else 1.0, high - low),
                 droop=float(abs(droops[name][worst])),
             )
         )  # fmt: skip

@@ -17,6 +17,7 @@ from asrsim.kinematics.compensation import JointDrive
 from asrsim.kinematics.desired import DesiredMotion, knot_distance
 from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
 from asrsim.kinematics.model import DynamicModel
+from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping
 
@@ -32,6 +33,8 @@ the last two knots of the splines, where their derivatives are loose."""
 class Losses:
     """What brakes a link beside its drive, and what its joint bears."""
 
+    prismatic: bool = False
+    """Units are then those of PRISMATIC_UNITS."""
     damping: float = 0.0
     """N m s/rad."""
     friction: float = 0.0
@@ -50,6 +53,7 @@ class Losses:
         """Of a joint of the robot."""
         found = robot.joint(joint)
         return cls(
+            prismatic=found.kind == "prismatic",
             damping=found.damping,
             friction=found.friction,
             law=law,
@@ -180,6 +184,7 @@ def demands_of(
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     found: list[Demand] = []
+    units = PRISMATIC_UNITS if loss.prismatic else {}
 
     def add(what: str, needed: Array, limit: Array | float, unit: str, motor: int = 0) -> None:
         limits = np.broadcast_to(np.abs(limit), needed.shape)
@@ -187,7 +192,8 @@ def demands_of(
             share = np.where(judged, np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf), -1.0)
         worst = int(np.argmax(share))
         found.append(
-            Demand(joint=drive.joint, what=what, needed=float(needed[worst]), limit=float(limits[worst]), unit=unit,
+            Demand(joint=drive.joint, what=what, needed=float(needed[worst]), limit=float(limits[worst]),
+                   unit=units.get(unit, unit),
                    time=float(time[worst]), motor=motor)
         )  # fmt: skip
 
@@ -207,7 +213,7 @@ def demands_of(
     if max(above[worst], below[worst]) > 1e-3:
         # The way beyond the stop is what counts, whatever its sign.
         found.append(
-            Demand(joint=drive.joint, what="joint stop", needed=float(position[worst]), limit=float(limit), unit="rad",
-                   time=float(time[worst]))
+            Demand(joint=drive.joint, what="joint stop", needed=float(position[worst]), limit=float(limit),
+                   unit=units.get("rad", "rad"), time=float(time[worst]))
         )  # fmt: skip
     return found

@@ -11,8 +11,9 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.compensation import JointDrive, drive_of
+from asrsim.kinematics.compensation import JointDrive, drive_of, resting_motors
 from asrsim.kinematics.desired import DesiredMotion, model_time, smooth_motion
+from asrsim.kinematics.drive_forward import Pair
 from asrsim.kinematics.inverse import InverseDynamics, Losses, invert
 from asrsim.kinematics.model import DynamicModel
 from asrsim.samples import Array
@@ -57,6 +58,15 @@ class SoftArm:
         """s by which the joint's commands arrive late."""
         effects = for_joint(self.scenario.command_effects, joint)
         return 0.0 if effects is None else effects.delay
+
+    def motors_at_start(self, joint: str, position: float, reference: float, preset: float) -> tuple[Pair, Pair]:
+        """rad and rad/s of its motors as a run begins, where its link is at `position` and these are the first references."""
+        if self.scenario.initial_equilibrium:
+            return resting_motors(self.drives[joint], position, reference, preset), (0.0, 0.0)
+        places = for_joint(self.scenario.initial_motor_positions, joint, (position,))
+        rates = for_joint(self.scenario.initial_motor_velocities, joint, (0.0,))
+        # Of one motor the second place is nobody's.
+        return (places[0], places[-1]), (rates[0], rates[-1])
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
         """The motion of all joints of the model, in which `joints` move as `positions` (n, joints) at `time` (n,).

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,10 +36,22 @@ LEAST = 1e-7
 
 @dataclass(frozen=True, kw_only=True)
 class ArmModel:
-    """A plant and the soft arm of its scenario."""
+    """A plant and the soft arm of its scenario.
+
+    Joints that are driven and do not learn follow their own references, but are as soft: they stand behind the learned ones
+    wherever the arm is linearised.
+    """
 
     plant: Plant
     arm: SoftArm
+
+    @cached_property
+    def drives(self) -> tuple[JointDrive, ...]:
+        """The learned joints' drives, then the followers'."""
+        followers = [
+            drive for joint, drive in self.arm.drives.items() if joint not in self.plant.joints and all(drive.proportional)
+        ]
+        return (*self.plant.drives, *followers)
 
     def of(self, plant: Plant) -> ArmModel:
         """The model of the plant with other references."""
@@ -55,31 +68,47 @@ class ArmModel:
 
     def linear(self, inverse: InverseDynamics) -> Linearised:
         """The joints along a motion."""
-        positions = inverse.motion.positions[:, self._columns]
-        motors = np.stack([drive.motors for drive in inverse.drives], axis=1)
-        return self._linear(inverse.motion, self._springs(positions, motors))
+        motion, positions = inverse.motion, inverse.motion.positions[:, self._columns]
+        motors = [drive.motors for drive in inverse.drives]
+        motors += [self._motors(motion, j, positions[:, j], positions[:, j]) for j in range(len(motors), len(self.drives))]
+        return self._linear(motion, self._springs(positions, np.stack(motors, axis=1)))
 
     def start_error(self, inverse: InverseDynamics, linear: Linearised) -> Array:
-        """(n, joints) rad by which a run that starts at rest is off the motion, if nothing is done about it."""
-        motion, step = inverse.motion, inverse.motion.step
-        start = np.array([for_joint(self.plant.scenario.initial_positions, joint, 0.0) for joint in self.plant.joints])
+        """(n, joints) rad by which a run that starts as the scenario says is off the motion, if nothing is done about it."""
+        motion, scenario, columns = inverse.motion, self.plant.scenario, self._columns[: len(self.plant.joints)]
         motors = np.nan_to_num(np.stack([drive.motors[:2] for drive in inverse.drives], axis=1))
-        moved = linear.released(
-            start - motion.positions[0, self._columns],
-            -motion.velocities[0, self._columns],
-            start[:, None] - motors[0],
-            -(motors[1] - motors[0]) / step,
-        )
-        return np.column_stack([np.interp(self.plant.time, linear.time, column) for column in moved.T])
+        wanted = motion.positions[0, columns], motion.velocities[0, columns], motors[0], (motors[1] - motors[0]) / motion.step
+        if scenario.initial_equilibrium:
+            # The first inputs hold the links where the motion begins.
+            begun: tuple[Array, ...] = wanted[0], np.zeros(len(columns)), wanted[2], np.zeros((len(columns), 2))
+        else:
+            places, speeds = (
+                np.array([for_joint(values, joint, 0.0) for joint in self.plant.joints])
+                for values in (scenario.initial_positions, scenario.initial_velocities)
+            )
+            states = [
+                self.arm.motors_at_start(joint, place, 0.0, 0.0) for joint, place in zip(self.plant.joints, places, strict=True)
+            ]
+            begun = places, speeds, *(np.array(values) for values in zip(*states, strict=True))
+        moved = linear.released(*(self._among(is_ - should) for is_, should in zip(begun, wanted, strict=True)))
+        return self._learned(linear.time, moved)
 
     @property
     def _columns(self) -> list[int]:
-        """Places of the learned joints among the model's."""
-        return [self.arm.model.joints.index(joint) for joint in self.plant.joints]
+        """Places of the drives' joints among the model's."""
+        return [self.arm.model.joints.index(drive.joint) for drive in self.drives]
+
+    def _among(self, values: Array) -> Array:
+        """Values of the learned joints (joints, ...) among those of all drives: nothing of the followers."""
+        return np.concatenate([values, np.zeros((len(self.drives) - len(values), *values.shape[1:]))])
+
+    def _learned(self, time: Array, values: Array) -> Array:
+        """(n, joints) at the plant's times, of values (k, drives) at `time` (k,)."""
+        return np.column_stack([np.interp(self.plant.time, time, column) for column in values.T[: len(self.plant.joints)]])
 
     def _linear(self, motion: DesiredMotion, springs: Array) -> Linearised:
-        damping = [self.arm.losses(joint).damping for joint in self.plant.joints]
-        return linearise_along(self.arm.model, self.plant.drives, motion, springs, damping)
+        damping = [self.arm.losses(drive.joint).damping for drive in self.drives]
+        return linearise_along(self.arm.model, self.drives, motion, springs, damping)
 
     def _springs(self, positions: Array, motors: Array, limit: float = CLIP) -> Array:
         """(n, joints, 2) slopes of the springs at motors (n, joints, 2)."""
@@ -89,16 +118,17 @@ class ArmModel:
 
     def _each(self, slopes: Callable[[JointDrive, int], Array], count: int) -> Array:
         """(n, joints, 2) something of each joint with springs; zeros for the others."""
-        found = np.zeros((count, len(self.plant.drives), 2))
-        for column, drive in enumerate(self.plant.drives):
+        found = np.zeros((count, len(self.drives), 2))
+        for column, drive in enumerate(self.drives):
             if MODES[drive.mode].spring:
                 found[:, column] = slopes(drive, column)
         return found
 
     def expected(self, linear: Linearised, change: Array, friction: Friction | None = None) -> Array:
         """(n, joints) change of the outputs for a change (n, joints) of the inputs, about a motion."""
-        moved = linear.response(self._late(linear.time, change), friction)
-        return np.column_stack([np.interp(self.plant.time, linear.time, column) for column in moved.T])
+        late = self._late(linear.time, change)
+        still = np.zeros((len(late), len(self.drives) - late.shape[1]))
+        return self._learned(linear.time, linear.response(np.column_stack([late, still]), friction))
 
     def _late(self, time: Array, inputs: Array) -> Array:
         """(k, joints) inputs at `time` (k,) as they arrive, behind the commands' delays; before that the first value stands."""
@@ -142,32 +172,37 @@ class ArmModel:
 
         return self._each(of, len(base.positions))
 
+    def _motors(self, motion: DesiredMotion, j: int, position: Array, given: Array) -> Array:
+        """(n, 2) rad where the motors of drive `j` stand, its link at `position` (n,) and its first reference `given` (n,)."""
+        drive = self.drives[j]
+        preset = self.arm.preset(drive.joint, motion.time)
+        start = self.arm.motors_at_start(drive.joint, position[0], given[0], preset[0])
+        return motor_positions(drive, motion.time, position, given, preset, start)
+
     def state(self, inputs: Array, outputs: Array) -> TrialState:
         """Where motors stand in a trial with `inputs` and `outputs`, (n, joints) each."""
-        plant = self.plant
-        motion = self.arm.motion(plant.time, plant.joints, outputs)
-        arriving, positions = self._late(motion.time, inputs), motion.positions[:, self._columns]
-        motors = [
-            motor_positions(drive, motion.time, positions[:, j], arriving[:, j], self.arm.preset(drive.joint, motion.time))
-            for j, drive in enumerate(plant.drives)
-        ]
+        motion = self.arm.motion(self.plant.time, self.plant.joints, outputs)
+        positions = motion.positions[:, self._columns]
+        arriving = np.column_stack([self._late(motion.time, inputs), positions[:, len(self.plant.joints) :]])
+        motors = [self._motors(motion, j, positions[:, j], arriving[:, j]) for j in range(len(self.drives))]
         return TrialState(motion=motion, inputs=arriving, positions=positions, motors=np.stack(motors, axis=1))
 
     def friction(self, state: TrialState) -> Friction:
         """What friction did in a trial: what the drives gave and the links did not take."""
         motion, columns = state.motion, self._columns
-        losses = [self.arm.losses(joint) for joint in self.plant.joints]
-        level = np.array([loss.friction for loss in losses])
+        losses = [self.arm.losses(drive.joint) for drive in self.drives]
+        # What friction did to followers, nobody recorded.
+        level = self._among(np.array([loss.friction for loss in losses[: len(self.plant.joints)]]))
         speeds = motion.velocities[:, columns]
         torques = np.zeros_like(speeds)
         if level.any():
             rigid = self.arm.model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)[:, columns]
             given = [
                 link_torque(drive, state.positions[:, j], speeds[:, j], state.motors[:, j], state.inputs[:, j])
-                for j, drive in enumerate(self.plant.drives)
+                for j, drive in enumerate(self.drives)
             ]
-            external = self.arm.external(self.plant.joints, motion.time)
-            given = [torque + external.get(joint, 0.0) for joint, torque in zip(self.plant.joints, given, strict=True)]
+            external = self.arm.external([drive.joint for drive in self.drives], motion.time)
+            given = [torque + external.get(drive.joint, 0.0) for drive, torque in zip(self.drives, given, strict=True)]
             torques = np.column_stack(given) - rigid - speeds * [loss.damping for loss in losses]
         middle = 0.5 * (torques[1:] + torques[:-1])
         return Friction(level=level, velocities=0.5 * (speeds[1:] + speeds[:-1]), torques=np.clip(middle, -level, level))
@@ -179,11 +214,11 @@ class TrialState:
 
     motion: DesiredMotion
     inputs: Array
-    """(k, joints) as they arrive."""
+    """(k, drives) as they arrive; followers' references."""
     positions: Array
-    """(k, joints) rad, of the learned joints."""
+    """(k, drives) rad."""
     motors: Array
-    """(k, joints, 2) rad."""
+    """(k, drives, 2) rad."""
 
 
 @contextmanager

@@ -39,10 +39,10 @@ def rows_of(linear: Linearised, count: int = POSTURES) -> list[int]:
 
 
 def factors(linear: Linearised, gains: Sequence[float], frequencies: Array = FREQUENCIES) -> Array:
-    """(frequencies,) the largest factor of an error in one update, over the postures: |1 - P K|."""
-    identity = np.eye(len(linear.drives))
+    """(frequencies,) the largest factor of an error in one update, over the postures: |1 - P K|; gains: of the first joints."""
+    m = len(gains)
     found = [
-        np.linalg.norm(identity - responses(linear, row, frequencies) * np.asarray(gains), 2, axis=(1, 2))
+        np.linalg.norm(np.eye(m) - responses(linear, row, frequencies)[:, :m, :m] * np.asarray(gains), 2, axis=(1, 2))
         for row in rows_of(linear)
     ]
     return np.asarray(np.max(found, axis=0))

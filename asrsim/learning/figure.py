@@ -24,12 +24,15 @@ MOST_FACTORS = 8
 """Factors of the transfer that are drawn."""
 
 
-def learning_figure(problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> Figure:
+def learning_figure(problem: LearningProblem, result: LearningResult, settings: LearningSettings, title: str = "") -> Figure:
     """Errors over the iterations; every joint's trajectories and inputs, from the first iteration (faint) to the last."""
     from asrsim.plots.figures import new_figure
+    from asrsim.plots.style import plain
 
     joints = problem.joints
     figure = new_figure(11.5, 1.0 + 2.4 * max(len(joints), 1))
+    if title:
+        figure.suptitle(plain(title), fontsize="medium", x=0.01, ha="left")
     grid = figure.add_gridspec(len(joints), 3, width_ratios=(1.1, 1.0, 1.0))
     _draw_errors(figure.add_subplot(grid[:, 0]), problem, result, settings)
     shared: Axes | None = None
@@ -38,10 +41,10 @@ def learning_figure(problem: LearningProblem, result: LearningResult, settings: 
         shared = shared or trajectory
         inputs = figure.add_subplot(grid[row, 2], sharex=shared)
         _draw_joint(trajectory, inputs, problem, result, settings, row)
-        trajectory.set_ylabel(f"{joint} (rad)")
+        trajectory.set_ylabel(f"{joint} ({(problem.units or ['rad'] * len(joints))[row]})")
         if row == 0:
-            trajectory.legend(loc="upper left")
-            inputs.legend(loc="upper left")
+            trajectory.legend(loc="best")
+            inputs.legend(loc="best")
             trajectory.set_title("link position", loc="left")
             inputs.set_title("learned input", loc="left")
         if row == len(joints) - 1:
@@ -66,9 +69,9 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
         largest = [trial.largest[column] for trial in result.trials]
         ax.semilogy(numbers, largest, ".", linestyle="--", color=style.variant_colour(column), label=f"largest |e|, {joint}")
     ax.axhspan(0.0, settings.tolerance, color=style.GREEN, alpha=0.13, linewidth=0, label="tolerance")
-    ax.set(xlabel="iteration", ylabel="error (rad)")
+    ax.set(xlabel="iteration", ylabel=f"error ({problem.unit})")
     ax.set_title("error over the iterations", loc="left")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
@@ -124,13 +127,13 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
         for column, joint in enumerate(report.joints):
             _draw_distribution(ax, report.largest[:, column], style.variant_colour(column), joint, line="--")
     ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
-    ax.set(xlabel="largest error (rad)", ylabel="share of plants within", ylim=(0.0, 1.02))
+    ax.set(xlabel=f"largest error ({report.unit})", ylabel="share of plants within", ylim=(0.0, 1.02))
     errors = np.concatenate([report.worst, [] if nominal is None else nominal.worst])
     ax.set_xlim(0.0, 1.1 * max([report.tolerance, *errors[np.isfinite(errors)]]))
     ax.legend(loc="lower right")
     low, high = (f"{100 * value:.0f}" for value in report.within_interval)
     share = f"{100 * report.within:.0f} % ({low} to {high}) of {len(report.draws)} plants"
-    ax.set_title(f"{share} stay within {report.tolerance:g} rad", loc="left")
+    ax.set_title(f"{share} stay within {report.tolerance:g} {report.unit}", loc="left")
     if shown:
         bars = axes[1]
         names = [item.factor.removeprefix("parameters.") for item in shown]
@@ -156,9 +159,11 @@ def _draw_distribution(ax: Axes, errors: Array, colour: str, label: str, line: A
             linestyle=line, label=label)  # fmt: skip
 
 
-def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> None:
+def write_figure(
+    path: Path, problem: LearningProblem, result: LearningResult, settings: LearningSettings, *, title: str
+) -> None:
     """Write the picture of the learning; the suffix says the format. Raises OutputError where it cannot be written."""
-    _write(path, lambda: learning_figure(problem, result, settings))
+    _write(path, lambda: learning_figure(problem, result, settings, title))
 
 
 def write_transfer_figure(path: Path, report: TransferReport, nominal: TransferReport | None = None) -> None:

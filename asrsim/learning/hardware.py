@@ -23,18 +23,17 @@ from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
+from asrsim.learning.recorded import recorded
 from asrsim.learning.report import trial_data, write_json
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.table import write_inputs
-from asrsim.learning.trial import Law, LearningResult, Trial, trial_of
-from asrsim.recordings.align import LagChoice, align, resample
+from asrsim.learning.trial import Law, Trial, trial_of
+from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
-MISSING = 0.02
-"""Share of the motion that may be missing at its ends; the end values stand there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +48,11 @@ class HardwareStep:
     converged: bool
     identified: Identified | None
     """What the recording told of the robot, if learning had stalled."""
-    lag: str
+    recording: Recording
+    clock: str
     """How the recording's clock was moved."""
+    findings: tuple[Problem, ...]
+    """What is odd about the recording."""
 
 
 def next_input(
@@ -64,7 +66,8 @@ def next_input(
     """Take the recording of the input that was handed out last, and write the next one into `folder`.
 
     The first input is what `asrsim ilc` left there (learned.csv), or inverse dynamics. lag: how the recording's clock is moved
-    onto that of the desired motion. Raises InputError for a recording that does not fit, OutputError.
+    onto that of the desired motion. The last recording may be given again, with another lag or mapping: the trial is then
+    replaced. Raises InputError for a recording that does not fit, OutputError.
     """
     with owned(folder):
         return _next_input(plant, folder, path, mapping, lag)
@@ -77,7 +80,8 @@ def _next_input(
 
     content = _digest(path)
     taken = _taken(folder)
-    if content in taken:
+    again = content in taken[-1:]
+    if content in taken[:-1]:
         message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
         raise InputError(Problem(message=message, file=path, code="recording-taken"))
     recording = read_recording(path, mapping=mapping, joints=plant.joints)
@@ -88,9 +92,14 @@ def _next_input(
         trials = load_state(folder / STATE, mark) if (folder / STATE).exists() else []
         told: list[Identified] = []
         law = _law(prepared, told)
-        played = _pending(folder, prepared, trials)
-        outputs, how = outputs_of(recording, plant, lag)
-        trials.append(trial_of(prepared.problem, played, outputs, before=trials[-1] if trials else None, expected=None))
+        if len(trials) != len(taken):
+            message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
+            raise InputError(Problem(message=message, file=folder / STATE, hint=hint, code="state"))
+        if again:
+            taken.pop()
+        played = trials.pop().inputs if again else _pending(folder, prepared, trials)
+        found = recorded(recording, plant, lag)
+        trials.append(trial_of(prepared.problem, played, found.outputs, before=trials[-1] if trials else None, expected=None))
         ended = verdict(prepared.problem, trials, prepared.settings, law)
         inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
     headings, values = plant.table(inputs)
@@ -105,7 +114,9 @@ def _next_input(
         outcome=None if ended is None else ended[1],
         converged=ended is not None and ended[0] == "converged",
         identified=told[0] if told else None,
-        lag=how,
+        recording=recording,
+        clock=found.clock,
+        findings=found.findings,
     )
 
 
@@ -123,32 +134,6 @@ def _law(prepared: Prepared, told: list[Identified]) -> Law:
             return Lifted(time, model.linear(inverse), delays), inverse.inputs_at(time, delays)
 
     return replace(prepared.law, rethink=rethink)
-
-
-def outputs_of(recording: Recording, plant: Plant, lag: LagChoice) -> tuple[Array, str]:
-    """(n, joints) link positions at the plant's times, and how the clock was moved. Raises RecordingError, InputError."""
-    columns = [recording.column(joint, "link_position") for joint in plant.joints]
-    moving = int(np.argmax(np.ptp(plant.reference, axis=0)))
-    chosen = align(
-        plant.time, plant.reference[:, moving], columns[moving].time, columns[moving].values, choice=lag,
-        name=f"{plant.joints[moving]}.link_position",
-    )  # fmt: skip
-    found = np.column_stack([resample(column.time - chosen.lag, column.values, plant.time) for column in columns])
-    missing = ~np.isfinite(found)
-    ends = [int(np.argmin(gap)) + int(np.argmin(gap[::-1])) for gap in missing.T if not gap.all()]
-    inside = [int(gap.sum()) - end for gap, end in zip(missing.T, ends, strict=False)]
-    if len(ends) < len(columns) or max(ends) > MISSING * len(plant.time) or max(inside) > 0:
-        where = f"{columns[0].time[0] - chosen.lag:.3g} to {columns[0].time[-1] - chosen.lag:.3g} s"
-        message = (
-            f"must hold the link positions over the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on the "
-            f"motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
-        )
-        hint = "Record the whole motion; --lag says by how many seconds the recording's clock is late"
-        raise InputError(Problem(message=message, file=recording.path, hint=hint, code="recording-too-short"))
-    for column in found.T:
-        known = np.flatnonzero(np.isfinite(column))
-        column[: known[0]], column[known[-1] + 1 :] = column[known[0]], column[known[-1]]
-    return found, chosen.how
 
 
 def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
@@ -194,6 +179,3 @@ def _write_numbers(
     if found is not None:
         data["identified"] = {"changes": dict(found.draw), "residual": found.residual, "residual_before": found.before}
     write_json(folder / NUMBERS, data)
-
-
-__all__ = ["HardwareStep", "LearningResult", "next_input", "outputs_of"]

@@ -20,6 +20,7 @@ from asrsim.learning.trial import (
     Simulate,
     Trial,
     trial_of,
+    worst,
     worst_place,
 )  # fmt: skip
 
@@ -72,8 +73,8 @@ def verdict(problem: LearningProblem, trials: list[Trial], settings: LearningSet
     last = trials[-1]
     if last.worst <= settings.tolerance:
         return "converged", (
-            f"converged after {last.number} iterations: the largest error, {last.worst:.4g} rad, is within "
-            f"{settings.tolerance:g} rad in every joint"
+            f"converged after {last.number} iterations: the largest error, {worst(problem, last)}, is within "
+            f"{settings.tolerance:g} {problem.unit} in every joint"
         )
     given_up = law.verdict(trials, settings.patience)
     if given_up is not None:
@@ -81,7 +82,7 @@ def verdict(problem: LearningProblem, trials: list[Trial], settings: LearningSet
     if last.number >= settings.max_iterations:
         best = trials[best_of(trials)]
         return "exhausted", (
-            f"not converged after {last.number} iterations: {worst_place(problem, best)} is still {best.worst:.4g} rad off in "
-            f"the best trial, number {best.number}; tolerance {settings.tolerance:g} rad"
+            f"not converged after {last.number} iterations: {worst_place(problem, best)} is still {worst(problem, best)} off "
+            f"in the best trial, number {best.number}; tolerance {settings.tolerance:g} {problem.unit}"
         )
     return None

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.learning.settings import LearningSettings
-from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst, worst_place
 from asrsim.samples import Array
 
 Expect = Callable[[Trial, Array], Array]
@@ -48,8 +48,8 @@ class FixedGain:
         if self.settings.filter_cutoff is None:
             helps += "; law: filtered learns only in the band in which errors shrink"
         return "growing", (
-            f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to {run[-1]:.4g} rad "
-            f"(now {worst_place(self.problem, last)}); {helps}"
+            f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to "
+            f"{worst(self.problem, last)} (now {worst_place(self.problem, last)}); {helps}"
         )
 
 

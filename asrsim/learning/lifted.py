@@ -49,17 +49,16 @@ class Band:
         return BSpline.design_matrix(np.clip(time, self.knots[0], self.knots[-1]), self.knots, 3)
 
 
-def lift(linear: Linearised, band: Band, delays: Sequence[float] = ()) -> Array:
+def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
     """(rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
 
-    delays: s by which each joint's command arrives late.
+    delays: s by which each of the first m joints' commands arrives late; the others' do not change.
     """
     states, inputs = linear.steps
-    n, m = len(linear.time), len(linear.drives)
+    n, m = len(linear.time), len(delays)
     middle = 0.5 * (linear.time[1:] + linear.time[:-1])
-    late = list(delays) or [0.0] * m
     # Before a command arrives its first value stands, as it does in a run.
-    values = [band.at(middle - delay).toarray() for delay in late]
+    values = [band.at(middle - delay).toarray() for delay in delays]
     columns = band.count * m
     state = np.zeros((states.shape[1], columns))
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))

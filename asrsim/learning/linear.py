@@ -141,41 +141,34 @@ class Linearised:
         """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
         states, _ = self.steps
         m = len(self.drives)
-        state = np.zeros(states.shape[1])
-        state[:m], state[m : 2 * m] = positions, velocities
+        start = np.zeros(states.shape[1])
+        start[:m], start[m : 2 * m] = positions, velocities
         for index, (joint, motor) in enumerate(self._moving):
-            state[2 * m + 2 * index], state[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
-        found = np.empty((len(self.time), m))
-        found[0] = state[:m]
-        for index in range(len(states)):
-            state = states[index] @ state
-            found[index + 1] = state[:m]
-        return found
+            start[2 * m + 2 * index], start[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
+        return self._positions(start, lambda index, state: states[index] @ state)
 
     def response(self, change: Array, friction: Friction | None = None) -> Array:
         """(n, m) change of the positions for a change (n, m) of the inputs; with what friction makes of it."""
         states, inputs = self.steps
         pushes = np.einsum("nij,nj->ni", inputs, 0.5 * (change[1:] + change[:-1]))
-        m = len(self.drives)
-        state = np.zeros(states.shape[1])
-        found = np.zeros((len(self.time), m))
+        rest = np.zeros(states.shape[1])
         if friction is None or not friction.level.any():
-            for index in range(len(states)):
-                state = states[index] @ state + pushes[index]
-                found[index + 1] = state[:m]
-            return found
+            return self._positions(rest, lambda index, state: states[index] @ state + pushes[index])
+        moving = slice(len(self.drives), 2 * len(self.drives))
         effect = self.pushed
-        slips = 0.5 * effect[:, m : 2 * m]
+        slips = 0.5 * effect[:, moving]
         alone = (1.0 / np.diagonal(slips, axis1=1, axis2=2)).tolist()
         rows, before = slips.tolist(), friction.torques.tolist()
         force = before[0]
-        for index in range(len(states)):
+
+        def held(index: int, state: Array) -> Array:
+            nonlocal force
             free = states[index] @ state + pushes[index]
-            sliding = friction.velocities[index] + 0.5 * (state[m : 2 * m] + free[m : 2 * m])
+            sliding = friction.velocities[index] + 0.5 * (state[moving] + free[moving])
             force = friction.hold(sliding.tolist(), rows[index], alone[index], before[index], force)
-            state = free - effect[index] @ (force - friction.torques[index])
-            found[index + 1] = state[:m]
-        return found
+            return np.asarray(free - effect[index] @ (force - friction.torques[index]))
+
+        return self._positions(rest, held)
 
     def within(self, change: Array, room: Array) -> Array:
         """(n, m) change of the positions for a change (n, m) of the inputs as far as the motors' torques have room for it.
@@ -190,16 +183,24 @@ class Linearised:
             if share:
                 motors.append((2 * m + 2 * place, joint, motor, drive.proportional[motor], drive.derivative[motor], share))
         asked = 0.5 * (change[1:] + change[:-1])
-        state = np.zeros(states.shape[1])
-        found = np.zeros((len(self.time), m))
-        for index in range(len(states)):
+
+        def limited(index: int, state: Array) -> Array:
             given = asked[index].copy()
             for place, joint, motor, proportional, derivative, share in motors:
                 theta, rate = state[place : place + 2]
                 ends = (room[index, joint, motor] + (proportional * theta + derivative * rate)) / (share * proportional)
                 given[joint] = min(max(given[joint], ends.min()), ends.max())
-            state = states[index] @ state + inputs[index] @ given
-            found[index + 1] = state[:m]
+            return np.asarray(states[index] @ state + inputs[index] @ given)
+
+        return self._positions(np.zeros(states.shape[1]), limited)
+
+    def _positions(self, state: Array, following: Callable[[int, Array], Array]) -> Array:
+        """(n, m) positions from a state (s,) on; `following` gives the state after each step."""
+        found = np.empty((len(self.time), len(self.drives)))
+        found[0] = state[: len(self.drives)]
+        for index in range(len(self.time) - 1):
+            state = following(index, state)
+            found[index + 1] = state[: len(self.drives)]
         return found
 
 

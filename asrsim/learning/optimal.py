@@ -19,7 +19,7 @@ import numpy as np
 from asrsim.kinematics.desired import knot_distance
 from asrsim.learning.lifted import EVERY, Band, lift
 from asrsim.learning.linear import Linearised
-from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst, worst_place
 from asrsim.samples import Array
 
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
@@ -42,9 +42,9 @@ Rethink = Callable[[Trial], tuple["Lifted", Array]]
 
 
 class Lifted:
-    """The lifted models of an arm; `linear`: its joints along the desired motion, delays: of each joint's command in s."""
+    """The lifted models of an arm; linear: its joints along the motion, delays: s, of each learned joint's command."""
 
-    def __init__(self, time: Array, linear: Linearised, delays: Sequence[float] = ()) -> None:
+    def __init__(self, time: Array, linear: Linearised, delays: Sequence[float]) -> None:
         self._time = time
         duration = float(linear.time[-1])
         tail = TAIL * knot_distance(duration)
@@ -52,7 +52,7 @@ class Lifted:
         linear = linear.held(tail)
         self._rows = linear.time[EVERY::EVERY]
         spline = self._band.at(self._rows).toarray()
-        self._effort = np.kron(spline.T @ spline, np.eye(len(linear.drives)))
+        self._effort = np.kron(spline.T @ spline, np.eye(len(delays)))
         self._basis = self._band.at(time)
         self._normal = np.zeros_like(self._effort)
         for index, (mass, stiffness) in enumerate(MODELS):
@@ -132,8 +132,8 @@ class NormOptimal:
         if failed <= patience or (stalled is not None and len(trials) - 1 - stalled <= patience):
             return None
         return "stalled", (
-            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is {best.worst:.4g} rad "
-            f"off ({worst_place(self.problem, best)})"
+            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is "
+            f"{worst(self.problem, best)} off ({worst_place(self.problem, best)})"
         )
 
 

@@ -137,7 +137,10 @@ def trajectories(scenario: Scenario) -> dict[str, Scenario]:
             for block in (scenario.learning, scenario.resolved["ilc"])
         )
         plain["trajectory"] = scenario.resolved["ilc"]["trajectories"][name]
-        found[name] = replace(scenario, learning={**learning, "trajectory": one}, resolved={**scenario.resolved, "ilc": plain})
+        found[name] = replace(
+            scenario, name=f"{scenario.name}_{name}", learning={**learning, "trajectory": one},
+            resolved={**scenario.resolved, "ilc": plain},
+        )  # fmt: skip
     return found
 
 

@@ -30,8 +30,11 @@ def playback_data(
     robot = os.path.relpath(scenario.robot, folder)
     data["robot"] = {**data["robot"], "file": robot} if isinstance(data.get("robot"), dict) else robot
     learned = data.pop("ilc", {})
-    for key in ("name", "variant", "expect"):
+    for key in ("variant", "expect"):
         data.pop(key, None)
+    # Two arms' learned inputs are played into two folders.
+    variant = [scenario.variant] if scenario.variant != "default" else []
+    data["name"] = "_".join([scenario.name, *variant, inputs.stem])
     # The error of a replay is that against what was to be learned.
     data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}

@@ -69,7 +69,7 @@ class Prepared:
 
     def gain_advice(self) -> tuple[float, ...]:
         """Gains that the model would choose."""
-        return choose_gains(self.linear)
+        return choose_gains(self.linear)[: len(self.plant.joints)]
 
     @cached_property
     def reach(self) -> float:
@@ -120,7 +120,7 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         inverse = model.inverse(plant.reference)
         notes += [_preset_note(item) for item in chosen]
     linear = model.linear(inverse)
-    gains = choose_gains(linear) if wants_model_gains(block, plant.joints) else None
+    gains = choose_gains(linear)[: len(plant.joints)] if wants_model_gains(block, plant.joints) else None
     settings = parse_settings(block, plant.joints, gains)
     if wants_safe_filter(block, plant.joints):
         settings = parse_settings(block, plant.joints, gains, safe_filter(linear, settings.gains, settings.filter_order))
@@ -132,6 +132,7 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     }
     problem = LearningProblem(
         joints=plant.joints,
+        units=tuple(map(plant.unit, plant.joints)),
         time=plant.time,
         reference=plant.reference,
         first_guess=guesses[settings.first_guess](),
@@ -164,7 +165,7 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
 
 def _left(plant: Plant, inverse: InverseDynamics, linear: Linearised, lifted: Lifted, missed: Array) -> Array:
     """(n, joints) rad that the first moments leave of `missed` when the inputs do all that the motors have torque for."""
-    room = np.zeros((len(linear.time), len(plant.drives), 2, 2))
+    room = np.broadcast_to([-np.inf, np.inf], (len(linear.time), len(linear.drives), 2, 2)).copy()
     for column, (drive, item) in enumerate(zip(plant.drives, inverse.drives, strict=True)):
         for motor, limit in enumerate(drive.max_torque[: item.motor_torques.shape[1]]):
             used = np.clip(item.motor_torques[:, motor], -limit, limit)
@@ -172,8 +173,10 @@ def _left(plant: Plant, inverse: InverseDynamics, linear: Linearised, lifted: Li
     tried = [missed]
     for weight in HASTE:
         change = lifted.change(-missed, weight * RHO)[0]
-        change = np.column_stack([np.interp(linear.time, plant.time, column) for column in change.T])
-        moved = linear.within(change, room)
+        wanted = np.zeros((len(linear.time), len(linear.drives)))
+        for column, values in enumerate(change.T):
+            wanted[:, column] = np.interp(linear.time, plant.time, values)
+        moved = linear.within(wanted, room)[:, : len(plant.joints)]
         tried.append(missed + np.column_stack([np.interp(plant.time, linear.time, column) for column in moved.T]))
     return min(tried, key=lambda left: float(np.abs(left).max()))
 

@@ -35,7 +35,7 @@ from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.report import demand_data, result_data, transfer_data, write_json
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
-from asrsim.learning.trial import LearningResult, Trial
+from asrsim.learning.trial import LearningResult, Trial, worst
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 from asrsim.workers import Executor, executor
@@ -198,6 +198,7 @@ def _transfer(
         lambda chosen: outputs_of(plant, result.inputs, chosen, workers),
         joints=plant.joints,
         tolerance=prepared.settings.tolerance,
+        unit=prepared.problem.unit,
     )
 
 
@@ -211,9 +212,17 @@ def _write(session: Session, folder: Path, *, picture: bool) -> None:
     write_playback(folder / PLAYBACK, plant, inputs, largest=result.best_trial.largest, desired=desired)
     write_json(folder / NUMBERS, session_data(session))
     if picture:
-        write_figure(folder / PICTURE, session.prepared.problem, result, settings)
+        write_figure(folder / PICTURE, session.prepared.problem, result, settings, title=_title(session))
         if session.transfer is not None:
             write_transfer_figure(folder / TRANSFER, session.transfer, session.nominal_transfer)
+
+
+def _title(session: Session) -> str:
+    """Of the picture: what was learned, how, and what came of it."""
+    scenario, result, problem = session.prepared.plant.scenario, session.result, session.prepared.problem
+    words = [scenario.name, *([scenario.variant] if scenario.variant not in ("", "default") else [])]
+    best = f"{worst(problem, result.best_trial)} off at most in the best trial, number {result.best}"
+    return " · ".join([*words, f"law {session.prepared.settings.law}", f"{result.outcome}: {best}"])
 
 
 def write_guess(plant: Plant, folder: Path, *, overwrite: bool = False) -> Prepared:

@@ -74,13 +74,15 @@ class TransferReport:
     """What became of the learned input on the drawn plants."""
 
     tolerance: float
-    """rad."""
+    """In `unit`."""
     draws: tuple[Draw, ...]
     largest: Array = field(repr=False)
     """(draws, joints) rad, largest absolute error of each joint."""
     joints: tuple[str, ...]
     influences: tuple[Influence, ...]
     """Highest rank correlation first."""
+    unit: str = "rad"
+    """Of errors; `rad or m` where joints are of both kinds."""
 
     @property
     def worst(self) -> Array:
@@ -134,6 +136,7 @@ def transfer(
     *,
     joints: tuple[str, ...],
     tolerance: float,
+    unit: str = "rad",
 ) -> TransferReport:
     """Play the learned input to every drawn plant and report.
 
@@ -147,6 +150,7 @@ def transfer(
         draws=tuple(draws),
         largest=largest,
         joints=joints,
+        unit=unit,
         influences=influences(draws, largest.max(axis=1)),
     )
 

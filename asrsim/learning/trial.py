@@ -26,6 +26,8 @@ class LearningProblem:
     """(n, joints) rad, the desired link positions."""
     first_guess: Array
     """(n, joints) rad, inputs of trial 0."""
+    units: tuple[str, ...] = ()
+    """Of each joint's position, `rad` or `m`; none: all `rad`. Elsewhere here `rad` stands for both."""
     identity: str = ""
     """Text that tells one plant from another: a resumed state of another plant is refused."""
     origin: str = ""
@@ -35,6 +37,11 @@ class LearningProblem:
     def step(self) -> float:
         """s between samples."""
         return float(self.time[1] - self.time[0])
+
+    @property
+    def unit(self) -> str:
+        """Of errors over all joints, for people."""
+        return " or ".join(dict.fromkeys(self.units)) or "rad"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +154,12 @@ def trial_of(
         inputs=inputs,
         outputs=problem.reference - error.mean(axis=0) if len(error) > 1 else outputs.reshape(problem.reference.shape),
     )
+
+
+def worst(problem: LearningProblem, trial: Trial) -> str:
+    """The largest error with its unit."""
+    unit = problem.units[int(np.argmax(trial.largest))] if problem.units else "rad"
+    return f"{trial.worst:.4g} {unit}"
 
 
 def worst_place(problem: LearningProblem, trial: Trial) -> str:

@@ -32,6 +32,7 @@ class Episode:
         self._scenario, self._info = scenario, replace(described, metadata={**described.metadata, LIVE: "1"})
         self.folder = Path()
         self._writer: LogWriter | None = None
+        self._waiting: list[Samples] = []
         self._files = ExitStack()
         self._earlier: tuple[Path, ...] = ()
 
@@ -50,9 +51,20 @@ class Episode:
         self._files = files
 
     def write(self, samples: Samples) -> None:
-        """From the simulation."""
+        """From the simulation; they are written when :meth:`work` is called."""
+        self._waiting.append(samples)
+
+    @property
+    def behind(self) -> bool:
+        """Whether samples wait."""
+        return bool(self._waiting)
+
+    def work(self) -> None:
+        """Write samples that wait: in a tick of their own, since making and writing them both take milliseconds."""
+        waiting, self._waiting = self._waiting, []
         if self._writer is not None:
-            self._writer.write(samples)
+            for samples in waiting:
+                self._writer.write(samples)
 
     def command(self, command: Command, time: float) -> None:
         """Note what was set from outside at `time` s."""
@@ -66,6 +78,7 @@ class Episode:
         writer = self._writer
         if writer is None:
             raise RuntimeError("no log is open")
+        self.work()
         run = run_of(simulation, "complete" if error is None else "diverged", wall_time=wall, message=str(error or ""))
         run = replace(run, simulated_time=time, scenario=replace(run.scenario, duration=max(time, run.scenario.step)))
         writer.close(result_metadata(run, error))
@@ -75,7 +88,9 @@ class Episode:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        summary = make_summary(run, collector, samples=writer.samples, files={"log": log}, replaced=self._earlier)
+        summary = make_summary(
+            run, collector.seen(run.scenario.desired), samples=writer.samples, files={"log": log}, replaced=self._earlier
+        )
         summary = replace(summary, live=figures, files={**summary.files, "summary": self.folder / SUMMARY})
         save_summary(summary, self.folder / SUMMARY)
         return summary
@@ -83,6 +98,7 @@ class Episode:
     def abandon(self) -> None:
         """Close what is still open, after an error; what is in the log stays readable."""
         if self._writer is not None:
+            self.work()
             self._writer.close({"status": "failed"})
             self._writer = None
             self._files.close()

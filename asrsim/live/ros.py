@@ -28,6 +28,8 @@ class RosTransport:
     def __init__(self, interface: Interface, access: Access) -> None:
         if not access.network:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        # A message is laid down, and Fast DDS's own threads send it: ticks do not wait for readers.
+        os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
         rclpy = load_rclpy()
         from rclpy.context import Context
         from rclpy.signals import SignalHandlerOptions

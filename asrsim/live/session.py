@@ -186,7 +186,10 @@ class Session:
         if steps > 0:
             self.pace.wait(steps * step)
             self._listen()
+            behind = self.episode.behind
             self._advance(steps)
+            if behind:
+                self.episode.work()
         self._end = self._end or steps >= left
 
     def _advance(self, steps: int) -> None:

@@ -7,7 +7,7 @@ from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.metrics.lag import Lag, estimate_lag
 from asrsim.metrics.measures import MEASURES, Measure, measure
 from asrsim.metrics.output import MetricRow, metrics_table, write_metrics_csv, write_metrics_json
-from asrsim.metrics.summary import JointSummary, summarise
+from asrsim.metrics.summary import JointSummary, summaries, summarise
 
 __all__ = [
     "MEASURES",
@@ -23,6 +23,7 @@ __all__ = [
     "frequency_response",
     "measure",
     "metrics_table",
+    "summaries",
     "summarise",
     "write_metrics_csv",
     "write_metrics_json",

@@ -88,7 +88,7 @@ def evaluate_expectation(
     except InputError as error:
         raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
     found = MEASURES.get(expectation.measure)
-    if expectation.quantity in QUANTITIES | DERIVED:
+    if expectation.quantity in QUANTITIES or expectation.quantity in DERIVED:
         series_unit = unit_of(expectation.quantity, prismatic=prismatic)
     else:
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"

@@ -24,10 +24,30 @@ def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
 
     lowest: Hz; slower oscillations are not looked for (a drift, a reference that moves).
     """
-    if len(time) < 8 or np.ptp(values) <= 0:
-        return math.nan
-    x = values - _midline(time, values)
-    up, down = _crossings(time, x)
+    return frequencies(time, values[None], np.array([steady_state(time, values)]), lowest=lowest)[0]
+
+
+def frequencies(time: Array, values: Array, steady: Array, *, lowest: float = 0.0) -> list[float]:
+    """:func:`frequency` of series (m, n) with steady states (m,)."""
+    if len(time) < 8:
+        return [math.nan] * len(values)
+    high, low = values.max(axis=1), values.min(axis=1)
+    # Steady state of a decaying oscillation, middle of a sustained one.
+    tail = values[:, len(time) // 2 :]
+    decays = tail.max(axis=1) - tail.min(axis=1) < 0.5 * (high - low)
+    x = values - np.where(decays, steady, 0.5 * (high + low))[:, None]
+    largest = np.abs(x).max(axis=1)
+    noise = 4 * x[:, -max(len(time) // 10, 2) :].std(axis=1)
+    floors = np.minimum(np.maximum(noise, _FLOOR[0] * largest), _FLOOR[1] * largest)
+    moved = (high > low).tolist()
+    return [
+        _frequency(time, row, floor, lowest) if moves else math.nan
+        for row, floor, moves in zip(x, floors.tolist(), moved, strict=True)
+    ]
+
+
+def _frequency(time: Array, x: Array, floor: float, lowest: float) -> float:
+    up, down = _crossings(time, x, floor)
     if min(len(up), len(down)) >= 2:
         found = _even(up, down)
         if found is not None and found > lowest:
@@ -37,28 +57,19 @@ def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
     return _spectral_peak(time, x, lowest)
 
 
-def _midline(time: Array, values: Array) -> float:
-    """Steady state of a decaying oscillation, middle of a sustained one."""
-    steady = steady_state(time, values)
-    tail = values[len(values) // 2 :]
-    decays = np.ptp(tail) < 0.5 * np.ptp(values)
-    return steady if decays else 0.5 * float(np.max(values) + np.min(values))
-
-
-def _crossings(time: Array, x: Array) -> tuple[list[float], list[float]]:
-    """Times of the crossings upward and downward, with hysteresis against noise."""
-    largest = float(np.max(np.abs(x)))
-    tail = x[-max(len(x) // 10, 2) :]
-    floor = float(np.clip(4 * np.std(tail), _FLOOR[0] * largest, _FLOOR[1] * largest))
-    state = (x > floor).astype(np.int8) - (x < -floor).astype(np.int8)
-    marks = np.flatnonzero(state)
-    turns = np.flatnonzero(np.diff(state[marks]))
+def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[float]]:
+    """Times of the crossings upward and downward, with hysteresis against noise: from beyond -`floor` to beyond `floor`."""
+    marks = np.flatnonzero(np.abs(x) > floor)
+    above = x[marks] > 0.0
+    turns = np.flatnonzero(above[1:] != above[:-1])
     up: list[float] = []
     down: list[float] = []
     for a, b in zip(marks[turns].tolist(), marks[turns + 1].tolist(), strict=True):
-        i = a + int(np.flatnonzero(x[a : b + 1] * state[b] > 0)[0])
+        part = x[a : b + 1].tolist()
+        rises = part[-1] > 0.0
+        i = a + next(k for k, value in enumerate(part) if (value > 0.0 if rises else value < 0.0))
         moment = time[i - 1] + x[i - 1] / (x[i - 1] - x[i]) * (time[i] - time[i - 1])
-        (up if state[b] > 0 else down).append(float(moment))
+        (up if rises else down).append(float(moment))
     return up, down
 
 

@@ -8,29 +8,26 @@ that noise does not decide.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from asrsim.metrics.values import last_part, steady_state
+from asrsim.metrics.values import SHARE, last_part, steady_state
 from asrsim.samples import Array
 
-_SHARE = 0.1
+
+def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:
+    """(1, n): 0 before and 1 after the step; NaN where there is no step."""
+    start = float(values[0]) if initial is None else initial
+    end = steady_state(time, values, share=SHARE) if target is None else target
+    return normalised(values[None], np.array([start]), np.array([end]))
 
 
-def _ends(time: Array, values: Array, initial: float | None, target: float | None) -> tuple[float, float]:
-    return (
-        float(values[0]) if initial is None else initial,
-        steady_state(time, values, share=_SHARE) if target is None else target,
-    )
-
-
-def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array | None:
-    """0 before and 1 after the step; None where there is no step."""
-    start, end = _ends(time, values, initial, target)
+def normalised(values: Array, start: Array, end: Array) -> Array:
+    """Series (m, n) as 0 before and 1 after their steps from `start` to `end`, (m,); NaN where there is no step."""
     height = end - start
-    if abs(height) <= 1e-9 * max(1.0, abs(start), abs(end)):
-        return None
-    return (values - start) / height
+    none = np.abs(height) <= 1e-9 * np.maximum(1.0, np.maximum(np.abs(start), np.abs(end)))
+    return np.asarray((values - start[:, None]) / np.where(none, math.nan, height)[:, None])
 
 
 def _first_crossing(time: Array, x: Array, level: float) -> float:
@@ -47,14 +44,18 @@ def _first_crossing(time: Array, x: Array, level: float) -> float:
 def rise(time: Array, values: Array, *, low: float = 0.1, high: float = 0.9,
          initial: float | None = None, target: float | None = None) -> float:  # fmt: skip
     """Time from `low` to `high` of the step, first crossings, interpolated; undefined where there is no step."""
-    x = _normalised(time, values, initial, target)
-    return math.nan if x is None else _first_crossing(time, x, high) - _first_crossing(time, x, low)
+    x = _normalised(time, values, initial, target)[0]
+    return _first_crossing(time, x, high) - _first_crossing(time, x, low)
 
 
 def overshoot(time: Array, values: Array, *, initial: float | None = None, target: float | None = None) -> float:
     """Peak beyond the steady state as a fraction of the step's height, 0 if there is none; undefined without a step."""
-    x = _normalised(time, values, initial, target)
-    return math.nan if x is None else max(float(np.max(x)) - 1.0, 0.0)
+    return float(overshoots(_normalised(time, values, initial, target))[0])
+
+
+def overshoots(x: Array) -> Array:
+    """:func:`overshoot` of normalised series (m, n): (m,)."""
+    return np.asarray(np.maximum(x.max(axis=1) - 1.0, 0.0))
 
 
 def settling(time: Array, values: Array, *, band: float = 0.02,
@@ -63,14 +64,23 @@ def settling(time: Array, values: Array, *, band: float = 0.02,
 
     Undefined where there is no step, or where the value is still outside the band in the last tenth (not settled).
     """
-    x = _normalised(time, values, initial, target)
-    if x is None:
-        return math.nan
-    outside = np.flatnonzero(np.abs(x - 1.0) > band)
-    if not len(outside):
-        return 0.0
-    i = int(outside[-1])
-    if time[i] >= last_part(time, values, _SHARE)[0][0] or i + 1 >= len(time):
+    return settlings(time, _normalised(time, values, initial, target), band)[0]
+
+
+def settlings(time: Array, x: Array, band: float = 0.02) -> list[float]:
+    """:func:`settling` of normalised series (m, n)."""
+    outside: Any = np.abs(x - 1.0) > band
+    last = x.shape[1] - 1 - outside[:, ::-1].argmax(axis=1)
+    end = last_part(time, time, SHARE)[0][0]
+    return [
+        _settled(time, row, i, band, end) if out else math.nan if math.isnan(row[0]) else 0.0
+        for row, i, out in zip(x, last.tolist(), outside.any(axis=1).tolist(), strict=True)
+    ]
+
+
+def _settled(time: Array, x: Array, i: int, band: float, end: float) -> float:
+    """When a series that is outside at `i` for the last time comes into the band; never, if that is after `end`."""
+    if time[i] >= end or i + 1 >= len(time):
         return math.nan
     edge = 1.0 + math.copysign(band, x[i] - 1.0)
     share = (edge - x[i]) / (x[i + 1] - x[i])
@@ -79,5 +89,5 @@ def settling(time: Array, values: Array, *, band: float = 0.02,
 
 def peak_time(time: Array, values: Array, *, initial: float | None = None, target: float | None = None) -> float:
     """Time from the window's start to the largest excursion in the step's direction; undefined without a step."""
-    x = _normalised(time, values, initial, target)
-    return math.nan if x is None else float(time[int(np.argmax(x))] - time[0])
+    x = _normalised(time, values, initial, target)[0]
+    return math.nan if math.isnan(x[0]) else float(time[int(np.argmax(x))] - time[0])

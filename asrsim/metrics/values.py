@@ -8,6 +8,9 @@ import numpy as np
 
 from asrsim.samples import Array
 
+SHARE = 0.1
+"""Of the duration, at its end, in which a motion is steady."""
+
 
 def final(_time: Array, values: Array) -> float:
     """Last value."""
@@ -16,11 +19,16 @@ def final(_time: Array, values: Array) -> float:
 
 def mean(time: Array, values: Array) -> float:
     """Mean over time (trapezoids, so that uneven sampling does not matter)."""
+    return float(means(time, values))
+
+
+def means(time: Array, values: Array) -> Array:
+    """:func:`mean` of series (..., n): (...)."""
     span = float(time[-1] - time[0])
     if not span > 0:
-        return float(values[0])
+        return values[..., 0]
     # As np.trapezoid has it, in a tenth of its time on short series.
-    return float(((time[1:] - time[:-1]) * (values[1:] + values[:-1]) / 2.0).sum()) / span
+    return np.asarray(((time[1:] - time[:-1]) * (values[..., 1:] + values[..., :-1]) / 2.0).sum(axis=-1) / span)
 
 
 def minimum(_time: Array, values: Array) -> float:
@@ -53,13 +61,13 @@ def at(time: Array, values: Array, *, when: float) -> float:
     return float(np.interp(when, time, values, left=math.nan, right=math.nan))
 
 
-def steady_state(time: Array, values: Array, *, share: float = 0.1) -> float:
+def steady_state(time: Array, values: Array, *, share: float = SHARE) -> float:
     """Mean over the last part of the record; `share` of its duration."""
     return mean(*last_part(time, values, share))
 
 
 def steady_state_error(
-    time: Array, values: Array, reference: Array | None = None, *, target: float | None = None, share: float = 0.1
+    time: Array, values: Array, reference: Array | None = None, *, target: float | None = None, share: float = SHARE
 ) -> float:
     """Reference minus value, mean over the last part of the record.
 
@@ -72,6 +80,6 @@ def steady_state_error(
 
 
 def last_part(time: Array, values: Array, share: float) -> tuple[Array, Array]:
-    """The samples of the last `share` of the duration, at least one."""
-    start = min(int(np.searchsorted(time, time[-1] - share * (time[-1] - time[0]))), len(time) - 1)
-    return time[start:], values[start:]
+    """The samples of the last `share` of the duration, at least one, of series (..., n)."""
+    start = min(int(time.searchsorted(time[-1] - share * (time[-1] - time[0]))), len(time) - 1)
+    return time[start:], values[..., start:]

@@ -1,4 +1,4 @@
-"""What a mapping asks for beyond names and units: a factor, an offset, a part of the recording."""
+"""What is done to columns beyond names and units: a factor, an offset, a part of the recording; numbers that are none."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Column, Raw, RawSeries
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.samples import Array
+
+LARGEST = 1e30
+"""SI units: what is beyond it was not measured, and its squares and slopes leave the range of numbers."""
 
 
 def scaled(column: Column, one: ColumnMap) -> Column:
@@ -52,3 +55,13 @@ def windowed(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> Raw:
                     file=path, key="window", code="no-overlap")
         )  # fmt: skip
     return replace(raw, series=tuple(kept))
+
+
+def measured(path: Path, column: Column, findings: list[Problem]) -> Column:
+    """Without what cannot have been measured; that has no number then."""
+    beyond = np.abs(column.values) > LARGEST
+    if not beyond.any():
+        return column
+    message = f"{int(beyond.sum())} of {len(beyond)} samples are beyond {LARGEST:g}, or infinite: read as no number"
+    findings.append(Problem(message=message, file=path, key=column.source, code="no-measurement"))
+    return replace(column, values=np.where(beyond, np.nan, column.values))

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.adjust import scaled, windowed
+from asrsim.recordings.adjust import measured, scaled, windowed
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
@@ -31,8 +31,9 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     findings = list(raw.findings)
     raw = windowed(path, raw, maps)
     by_index = _explicit(path, raw, maps)
-    columns = _columns(path, raw, by_index, joints, findings)
-    columns = _without_repeats(path, columns, findings)
+    with np.errstate(over="ignore", invalid="ignore"):
+        columns = _columns(path, raw, by_index, joints, findings)
+    columns = [measured(path, column, findings) for column in _without_repeats(path, columns, findings)]
     base = max(columns, key=lambda column: len(column.time)).time
     findings += oddities(path, columns)
     findings += unstated(path, columns, raw.remarks)

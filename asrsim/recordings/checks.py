@@ -34,11 +34,11 @@ _WIDTH = 1.25
 """A factor is suspected if the ratio of sizes is within this factor of it; real robots differ by less from their model."""
 
 
-def suspect_scale(simulation: Array, recording: Array) -> Problem | None:
+def suspect_scale(simulation: Array, recording: Array, than: str = "the simulation") -> Problem | None:
     """A suspicion that a unit is wrong: the recording is 57.3 or 1000 times as large (or small) as the simulation.
 
     Compares the ranges (5 to 95 %) of both series, (n,) and (m,), in what should be one unit; where either does not move,
-    their mean magnitudes. None without suspicion, or where both are at rest at zero.
+    their mean magnitudes. None without suspicion, or where both are at rest at zero. than: what it is compared with, in words.
     """
     sizes = [_size(simulation), _size(recording)]
     at_rest = any(size[0] < 1e-9 for size in sizes)
@@ -49,7 +49,7 @@ def suspect_scale(simulation: Array, recording: Array) -> Problem | None:
     for factor, meaning in _FACTORS:
         if 1 / _WIDTH < ratio / factor < _WIDTH:
             return Problem(
-                message=f"the recording is {ratio:.4g} times as large as the simulation, close to {factor:.4g}: {meaning}",
+                message=f"the recording is {ratio:.4g} times as large as {than}, close to {factor:.4g}: {meaning}",
                 hint="State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'", code="suspected-unit",
             )  # fmt: skip
     return None
@@ -69,7 +69,7 @@ def suspect_gear(simulation: Array, recording: Array) -> Problem | None:
     )  # fmt: skip
 
 
-def suspect_sign(simulation: Array, recording: Array) -> Problem | None:
+def suspect_sign(simulation: Array, recording: Array, than: str = "the simulation") -> Problem | None:
     """A suspicion that an axis is turned: both series, (n,) on one time, are correlated by less than -0.7."""
     both = np.isfinite(simulation) & np.isfinite(recording)
     a, b = simulation[both], recording[both]
@@ -79,17 +79,17 @@ def suspect_sign(simulation: Array, recording: Array) -> Problem | None:
     if correlation > -_TURNED:
         return None
     return Problem(
-        message=f"the recording moves against the simulation (correlation {correlation:.2f}): is its sign the other way round?",
+        message=f"the recording moves against {than} (correlation {correlation:.2f}): is its sign the other way round?",
         hint="Turn it: --map 'COLUMN=-JOINT.QUANTITY'", code="suspected-sign",
     )  # fmt: skip
 
 
-def suspicions(simulation: Array, recording: Array, column: Column, joint: str) -> list[Problem]:
+def suspicions(simulation: Array, recording: Array, column: Column, joint: str, than: str = "the simulation") -> list[Problem]:
     """All of these about a column beside the run's joint, with the item of a mapping that would cure it."""
     gear = str(column.quantity).startswith("motor")
     found = (
-        suspect_scale(simulation, recording),
-        suspect_sign(simulation, recording),
+        suspect_scale(simulation, recording, than),
+        suspect_sign(simulation, recording, than),
         suspect_gear(simulation, recording) if gear else None,
     )
     named = f"{column.source}=", f"{joint}.{column.quantity}"

@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.motors import motor_claims
 from asrsim.reproduce.newton import ALTEREGO, hanging, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 
@@ -33,6 +34,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         claims=(
             *_claims(results),
             *motion_claims(13, {name: run.samples for name, run in results.items()}, [ALTEREGO] * 2, hanging),
+            *motor_claims(13, {name: run.samples for name, run in results.items()}, [ALTEREGO] * 2),
         ),
         tables=(_table(results),),
         pictures=(

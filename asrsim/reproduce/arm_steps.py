@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Picture, Table
 from asrsim.reproduce.law import RATIO, damping_overrides, swings
+from asrsim.reproduce.motors import motor_claims
 from asrsim.reproduce.newton import ALTEREGO, level, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 
@@ -44,6 +45,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
             *_settled(plain, "AlterEgo's springs"),
             *_faster(plain),
             *motion_claims(12, {name: run.samples for name, run in plain.items()}, [ALTEREGO] * 2, level),
+            *motor_claims(12, {name: run.samples for name, run in plain.items()}, [ALTEREGO] * 2),
         ),
         tables=(_table(plain),),
         pictures=(_picture("figure_12", "Both joints' links (solid) and equilibria (dashed), soft and stiff.", plain),),

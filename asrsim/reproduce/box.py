@@ -10,6 +10,7 @@ from asrsim.reproduce.chain import five_links
 from asrsim.reproduce.claim import Claim, Origin
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.motors import motor_claims
 from asrsim.reproduce.newton import ALTEREGO, motion_claims
 from asrsim.reproduce.pictures import curves, films, picture
 from asrsim.reproduce.statics import GRAVITY
@@ -57,6 +58,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
                 five_links,
                 until={name: _touch(run) - BEFORE for name, run in results.items()},
             ),
+            *motor_claims(14, {name: run.samples for name, run in results.items()}, [ALTEREGO] * 5),
         ),
         tables=(_table(results, tips),),
         pictures=(

@@ -11,6 +11,7 @@ from asrsim.reproduce.claim import Claim
 from asrsim.reproduce.figure import FIGURES, Figure, Part
 from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import RATIO, damping_overrides
+from asrsim.reproduce.motors import motor_claims
 from asrsim.reproduce.newton import ALTEREGO, hanging, motion_claims
 from asrsim.reproduce.pictures import joints_figure, picture
 from asrsim.reproduce.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
@@ -49,6 +50,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         claims=(
             *_claims(results, wide, found),
             *motion_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO], hanging),
+            *motor_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO]),
         ),
         tables=(response_table(found),),
         pictures=pictures,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.reproduce.claim import Claim
 from asrsim.reproduce.statics import GRAVITY
@@ -46,10 +47,10 @@ class Springs:
     scales: tuple[float, float] = (0.02, 0.02)
     """N m."""
 
-    def torque(self, link: Array, motors: tuple[Array, Array]) -> Array:
-        """(n,) N m on the link."""
+    def torques(self, link: Array, motors: tuple[Array, Array]) -> list[Array]:
+        """(n,) N m of each spring on the link, and of its motor against it."""
         bent = [np.clip(motor - link, -DEFLECTION, DEFLECTION) for motor in motors]
-        return sum((k * np.sinh(a * d) for a, k, d in zip(self.rates, self.scales, bent, strict=True)), np.zeros_like(link))
+        return [k * np.sinh(a * d) for a, k, d in zip(self.rates, self.scales, bent, strict=True)]
 
 
 ALTEREGO = Springs()
@@ -79,21 +80,32 @@ def read_motion(samples: Samples, springs: Sequence[Springs], law: Law, *, until
     """
     step = float(samples.time[1] - samples.time[0])
     links, first, second = (samples.values[name] for name in ("link_position", "motor_1_position", "motor_2_position"))
-    q = links[1:-1]
-    v = (links[2:] - links[:-2]) / (2.0 * step)
-    acceleration = (links[2:] - 2.0 * q + links[:-2]) / step**2
-    inertial = law(q, v, acceleration)
+    v, acceleration = differences(links, step)
+    inertial = law(links[1:-1], v, acceleration)
     free = samples.time[1:-1] < until
     rows, torques = [], []
     for j, spring in enumerate(springs):
-        use = free & (np.abs(v[:, j]) > SLOWEST * np.max(np.abs(v[:, j])))
-        sign = np.sign(v[:, j])
-        # A step in which the velocity changes its sign has friction of both signs.
-        use[1:-1] &= (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
-        rows.append(np.column_stack([inertial[:, j], v[:, j], sign])[use])
-        torques.append(spring.torque(links[:, j], (first[:, j], second[:, j]))[1:-1][use])
+        use = free & sliding(v[:, j])
+        rows.append(np.column_stack([inertial[:, j], v[:, j], np.sign(v[:, j])])[use])
+        torques.append(np.sum(spring.torques(links[:, j], (first[:, j], second[:, j])), axis=0)[1:-1][use])
     found = np.linalg.lstsq(np.vstack(rows), np.concatenate(torques), rcond=None)[0]
     return Motion(masses=float(found[0]), damping=float(found[1]), friction=float(found[2]))
+
+
+def differences(positions: Array, step: float) -> tuple[Array, Array]:
+    """Velocities and accelerations at all but the first and last of `positions` (n, ...)."""
+    ahead, behind = positions[2:], positions[:-2]
+    return (ahead - behind) / (2.0 * step), (ahead - 2.0 * positions[1:-1] + behind) / step**2
+
+
+def sliding(velocity: Array) -> NDArray[np.bool_]:
+    """Rows (n,) in which friction brakes with all it has."""
+    sign = np.sign(velocity)
+    use = np.abs(velocity) > SLOWEST * np.max(np.abs(velocity))
+    # A step in which the velocity changes its sign has friction of both signs.
+    use[1:-1] &= (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
+    use[[0, -1]] = False
+    return np.asarray(use)
 
 
 def level(q: Array, v: Array, acceleration: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from asrsim.robot.findings import Findings
@@ -25,6 +25,11 @@ def words(text: str) -> list[str]:
     return [word for word in re.split(f"[{BLANKS}]+", text) if word]
 
 
+def beyond_a_turn(angles: Sequence[float]) -> bool:
+    """Whether an orientation's angles in rad are degrees, most likely."""
+    return max(map(abs, angles)) > math.tau + 1e-3
+
+
 class AttributeReader:
     """Reads attributes; problems go to `findings`, and a harmless value comes back."""
 
@@ -39,7 +44,13 @@ class AttributeReader:
             return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         zero = (0.0, 0.0, 0.0)
         key = f"{name}.origin"
-        return self.vector(tags[0], "xyz", key, default=zero), self.vector(tags[0], "rpy", key, default=zero)
+        position, angles = self.vector(tags[0], "xyz", key, default=zero), self.vector(tags[0], "rpy", key, default=zero)
+        if beyond_a_turn(angles):
+            self.findings.warn(
+                "turns by more than once round; angles are in rad", code="rpy-in-degrees", line=self.line(tags[0]), key=key,
+                value=tags[0].get("rpy"), hint="90 degrees are 1.5708 rad",
+            )  # fmt: skip
+        return position, angles
 
     def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
         """Attribute as a number; 0 if it is absent or wrong (the wrong is an error, so is a missing required one)."""

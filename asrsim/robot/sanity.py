@@ -55,15 +55,17 @@ def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
 
 def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> None:
     bound = max(HEAVY, DENSITY * size**3)
+    # A single rod of a robot without shapes has no size.
+    what = f"a robot of {size:.2g} m" if size else "a robot"
     if moves and link.mass is not None and link.mass > bound:
         findings.warn(
-            f"a heavy link for a robot of {size:.2g} m (masses are in kg)", code="heavy-link", line=link.line, key=link.name,
+            f"a heavy link for {what} (masses are in kg)", code="heavy-link", line=link.line, key=link.name,
             value=f"{link.mass:g} kg",
         )  # fmt: skip
     away = math.hypot(*link.centre_of_mass)
     if away > AWAY + 2.0 * size:
         findings.warn(
-            f"the centre of mass lies far outside a robot of {size:.2g} m (lengths are in m)",
+            f"the centre of mass lies far outside {what} (lengths are in m)",
             code="far-centre", line=link.line, key=link.name, value=f"{away:g} m from the link's frame",
         )  # fmt: skip
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.detailed_motor import missing_constants
@@ -29,6 +30,8 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
 def mode_fault(block: ActuatorBlock) -> str | None:
     """Why the block's motors cannot be driven as its mode says, or None: voltages and currents are for electric motors."""
     mode = MODES[block.mode]
+    if mode.command == "torque":
+        return None
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode)
     if not lacking:
         return None
@@ -40,15 +43,16 @@ def law_fault(block: ActuatorBlock) -> str | None:
     their own are told of where they are used.
     """
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
-    mode = MODES[block.mode]
-    preset = actuator.typical_preset
-    away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
-    if not mode.spring:
+    if not MODES[block.mode].spring:
         return None
-    for law in (actuator.elastic_torques, actuator.stiffness, actuator.elastic_energy):
+    parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
+    motors: tuple[float, ...] = ()
+    laws: tuple[Any, ...] = actuator.elastic_torques, actuator.stiffness, actuator.elastic_energy
+    for law in laws:
         try:
-            results = [law(q, *actuator.motor_references(0.0, preset), parameters) for q in (-away, 0.0, away)]
+            motors = motors or actuator.motor_references(0.0, actuator.typical_preset)
+            results = [law(q, *motors, parameters) for q in (-away, 0.0, away)]
             numbers = [number for result in results for number in (result if isinstance(result, tuple) else (result,))]
             if not all(map(math.isfinite, numbers)):
                 return f"its {law.__name__.replace('_', ' ')} is not finite"

@@ -1,4 +1,4 @@
-"""What standard URDF calls things: elements and attributes that nobody knows are told of, with the nearest that exists."""
+"""What standard URDF calls things: elements and attributes that nobody knows, or that are repeated, are told of."""
 
 from __future__ import annotations
 
@@ -44,6 +44,8 @@ VOCABULARY: Words = {
     "safety_controller": (("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), ()),
 }
 """Element -> attributes and child elements that the format has."""
+SEVERAL = {"link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor"}
+"""Elements that may stand beside others of their name, or whose repetition is an error of its own."""
 OPAQUE = ("gazebo", "transmission", "sensor")
 """Elements whose insides belong to others."""
 FOREIGN = {
@@ -68,10 +70,15 @@ def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None
     for name in map(str, element.attrib):
         if name not in attributes and name not in foreign and not _namespaced(name):
             _warn(reader, element, "attribute", name, attributes, f"{place}.{name}" if place else name, "'{}'")
+    seen = set()
     for child in elements(element):
         name = child.tag
         inner = name_of(child) or name if kind == "robot" else f"{place}.{name}"
+        if name in seen:
+            message = f"a second <{name}> of one <{kind}>; only the first has an effect"
+            reader.findings.warn(message, code="repeated-element", line=reader.line(child), key=place)
         if name in children:
+            seen |= {name} - SEVERAL
             if name not in OPAQUE:
                 _check(reader, child, name, inner)
         elif name not in foreign and not _namespaced(name) and kind != "geometry":

@@ -21,8 +21,8 @@ from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
 from asrsim.simulation.side_by_side import COMPARED
-from asrsim.summary import Collector, RunSummary, claim_results, make_summary
-from asrsim.summary.claims import check_claims
+from asrsim.summary import Collector, RunSummary, make_summary
+from asrsim.summary.claims import Claims, check_claims, needs_of
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
@@ -83,7 +83,7 @@ def execute(
 
         def open_sinks(info: RunInfo) -> Sequence[Sink]:
             check_claims(scenario.expect, info.joints, file=scenario.path)
-            collector = Collector(info.joints, samples=steps_of(scenario) + 1, claims=scenario.expect)
+            collector = Collector(info.joints, samples=steps_of(scenario) + 1, needs=needs_of(scenario.expect, info.joints))
             writer = stack.enter_context(LogWriter(path, as_run(info, scenario, robot)))
             made.append((writer, collector))
             if started is not None:
@@ -104,9 +104,10 @@ def execute(
         writer.close(result_metadata(run, error, certificate))
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
-        claims = claim_results(scenario.expect, run.info.joints, collector.read, file=scenario.path, checked=True)
+        claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
     log = folder / LOG
-    summary = make_summary(run, collector, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
+    seen = collector.seen(scenario.desired)
+    summary = make_summary(run, seen, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
     if certificate is not None:
         summary = replace(summary, certificate=certificate.as_dict())
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):

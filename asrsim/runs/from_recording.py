@@ -13,13 +13,15 @@ from asrsim.errors import AsrsimError, OutputError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
-from asrsim.robot import load_robot, with_overrides
+from asrsim.robot import load_robot, with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
-from asrsim.scenario.start_file import SCHEMA_FILE, is_foreign, relative_path, write_new
+from asrsim.scenario.start_file import MOUNTED_MODE, SCHEMA_FILE, is_foreign, relative_path, write_new
+from asrsim.scenario.starter_extract import extract
 from asrsim.scenario.starter_fit import fit_text
-from asrsim.scenario.starter_playback import Plan, extract, make_plan
+from asrsim.scenario.starter_mounted import fitting_modes, open_parameters
+from asrsim.scenario.starter_playback import Plan, make_plan
 from asrsim.scenario.starter_recording import STEP, First, Names, first_claims, placeholders, recording_text
 from asrsim.simulation.run import simulate
 
@@ -41,6 +43,8 @@ class Written:
     """The limits of the claims come from a first run; else they are placeholders."""
     message: str = ""
     """Why there was no first comparison."""
+    fit: Path | None = None
+    """File for `asrsim identify`; None where nothing is compared."""
 
 
 def write_from_recording(
@@ -51,6 +55,8 @@ def write_from_recording(
     mapping: Sequence[str] = (),
     rate: float | None = None,
     mode: int | None = None,
+    actuators: Mapping[str, str] | None = None,
+    plugins: Sequence[Path] = (),
     force: bool = False,
     schema: bool = True,
     arguments: Mapping[str, str] | None = None,
@@ -59,16 +65,21 @@ def write_from_recording(
     """Write a scenario that plays the recorded commands and compares with the recorded motion, and a fit file beside it.
 
     Where the playback signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the
-    scenario as `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; the others as for
-    :func:`asrsim.scenario.start_file.write_starter`.
+    scenario as `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; plugins: that the
+    fit file names; the others as for :func:`asrsim.scenario.start_file.write_starter`. Without `mode`, actuators that are
+    given are in that of the recorded command.
 
-    Raises RobotError, RecordingError (unreadable, no common joint, no command), OutputError.
+    Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
     loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
-    if mode is not None:
-        loaded = with_overrides(loaded, modes={"*": mode})
     joints = [joint.name for joint in loaded.moving_joints]
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
+    mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
+    types = {joint: (name, MOUNTED_MODE) for joint, name in (actuators or {}).items()}
+    loaded = with_actuators(loaded, types, {})
+    modes = {"*": mode} if mode is not None else fitting_modes(loaded, recording, mounted)
+    unknown = open_parameters(loaded, modes, mounted)
+    loaded = with_overrides(loaded, modes=modes, parameters=unknown)
     # A mapping file is written down as items: the scenario stands alone.
     mapping = [text for item in mapping for text in (_items(item) if is_file(item) else (item,))]
     plan = make_plan(loaded, recording, step=STEP)
@@ -85,20 +96,31 @@ def write_from_recording(
     fit = out.with_suffix(FIT)
     for path in (out, fit, *(out.parent / name for name in extracted)):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
-    text_with = partial(recording_text, plan, names, mode=mode, mapping=tuple(mapping), rate=rate)
+    text_with = partial(
+        recording_text, plan, names, mode=mode, mounted=mounted, unknown=unknown, mapping=tuple(mapping), rate=rate
+    )
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
     write_new(out, text_with(placeholders(plan)), force=force)
     fits = bool(plan.compared)
     if fits:
-        write_new(fit, fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate), force=force)
+        files_of_user = [relative_path(plugin, out.parent) for plugin in plugins]
+        text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=files_of_user)
+        write_new(fit, text, force=force)
     measured, message = _first_comparison(out, plan)
     if measured:
         write_new(out, text_with(first_claims(plan, measured)), force=True)
     if schema:
         write_new(beside, schema_text(), force=True)
     files = (out, *([fit] if fits else []), *(out.parent / name for name in extracted), *([beside] if schema else []))
-    return Written(files=files, recording=recording, remarks=plan.remarks, compared=bool(measured), message=message)
+    return Written(
+        files=files,
+        recording=recording,
+        remarks=plan.remarks,
+        compared=bool(measured),
+        message=message,
+        fit=fit if fits else None,
+    )
 
 
 def _items(item: str) -> list[str]:

@@ -10,10 +10,12 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import Robot
+from asrsim.robot.attributes import beyond_a_turn
 from asrsim.robot.sanity import block_doubts
 from asrsim.scenario.choices import released_order
 from asrsim.scenario.data import Effects, Scenario
 from asrsim.signals.base import Signal
+from asrsim.signals.combine import Sum
 
 STRONGEST = 30.0
 """m/s^2; Jupiter's gravity is 24.8."""
@@ -26,6 +28,7 @@ LOUDEST = {"commands": 5.0, "sensors": 1.0}
 def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem]:
     """Warnings about a scenario on its robot, as the file has it and as the scenario changes it."""
     yield from _gravity(scenario)
+    yield from _orientations(scenario)
     yield from _effects(scenario)
     yield from _damping(scenario)
     for block in changed.actuators:
@@ -37,7 +40,8 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     ]
     signals += [(f"external_torques.{joint}", signal) for joint, signal in scenario.external_torques.items()]
     for key, signal in signals:
-        yield from _late(scenario, key, signal)
+        for part, one in _parts(key, signal):
+            yield from _late(scenario, part, one)
     yield from _presets(scenario, changed)
     yield from _not_released(scenario, changed)
 
@@ -52,6 +56,20 @@ def _gravity(scenario: Scenario) -> Iterator[Problem]:
         yield Problem(message=message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
 
 
+def _orientations(scenario: Scenario) -> Iterator[Problem]:
+    poses = scenario.task.poses if scenario.task is not None else ()
+    given = [
+        ("base.rpy", scenario.base_rpy),
+        *((f"world.objects.{one.name}.rpy", one.rpy) for one in scenario.world.objects),
+    ]
+    given += [(f"task.poses.{index}.rpy", pose.rpy) for index, pose in enumerate(poses) if pose.rpy is not None]
+    for key, angles in given:
+        if beyond_a_turn(angles):
+            shown = ", ".join(f"{angle:g}" for angle in angles)
+            message = "turns by more than once round; angles are in rad"
+            yield Problem(message=message, key=key, value=shown, hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
+
+
 def _effects(scenario: Scenario) -> Iterator[Problem]:
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for joint, effects in table.items():
@@ -62,6 +80,9 @@ def _beyond_reason(scenario: Scenario, key: str, effects: Effects, loudest: floa
     if effects.delay > LATEST or effects.delay >= scenario.duration:
         late = "as long as the run" if effects.delay >= scenario.duration else f"longer than {LATEST:g} s"
         yield Problem(message=f"is {late} (in s)", key=f"{key}.delay", value=effects.delay, code="long-delay")
+    if effects.rate is not None and effects.rate * scenario.duration < 1.0:
+        message = "has one tick in the whole run: the first value is held to the end (in Hz)"
+        yield Problem(message=message, key=f"{key}.rate", value=effects.rate, code="slow-rate")
     for name, value in (("noise", effects.noise), ("quantum", effects.quantum)):
         if value > loudest:
             message = "is larger than what it disturbs is likely to be (in the signal's SI unit)"
@@ -73,6 +94,15 @@ def _damping(scenario: Scenario) -> Iterator[Problem]:
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' does nothing: damping is 2 ratio sqrt(inertia stiffness)"
             yield Problem(message=message, key=f"link_damping.{joint}", value=damping.ratio, code="ratio-without-inertia")
+
+
+def _parts(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
+    """A signal, or the terms of a sum."""
+    if not isinstance(signal, Sum):
+        yield key, signal
+        return
+    for index, term in enumerate(signal.terms):
+        yield from _parts(f"{key}.sum.{index}", term)
 
 
 def _late(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
@@ -19,6 +19,7 @@ PRISMATIC_STEP = 0.05
 """m."""
 TORQUE = 0.1
 """N m, for references that are torques."""
+HOLDING = "Parameters that stand here hold the arm's own weight; under their defaults it sags or falls."
 STEP_TIME = 0.1
 """s."""
 
@@ -113,6 +114,8 @@ class Starter:
     """Joint -> parameters of given actuators that the robot has already, so that they hold the arm's own weight."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """The same for actuators of the robot file, to be written as a comment."""
+    hangs: bool = False
+    """It starts where its springs hold its weight, which takes no fall."""
     arguments: Mapping[str, str] = field(default_factory=dict)
     """xacro arguments that the robot was read with."""
     packages: Mapping[str, str] = field(default_factory=dict)
@@ -143,6 +146,8 @@ def starter_text(starter: Starter) -> str:
     if moved:
         lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
         lines += [f"  {word(drive.joint.name)}: {number(drive.start)}" for drive in moved]
+    elif starter.hangs:
+        lines += ["", "initial: equilibrium # at rest under its own weight; without this line it falls into its springs"]
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
     return "\n".join(lines) + "\n"
 
@@ -151,19 +156,26 @@ def _actuators(starter: Starter) -> Iterator[str]:
     """The key `actuators`, or a comment on parameters that would hold the arm."""
     if starter.given:
         yield ""
-        yield "actuators:           # instead of plugin blocks in the robot's file"
-        if starter.sized:
-            yield "  # Parameters that stand here hold the arm's own weight; under their defaults it sags or falls."
-    for block in starter.robot.actuators:
-        if block.joint in starter.given:
-            sized = starter.sized.get(block.joint, {})
-            given = f", parameters: {_table(sized)}" if sized else ""
-            yield f"  {word(block.joint)}: {{type: {block.actuator}, mode: {block.mode}{given}}}"
+        yield from mounted_lines(starter.robot, starter.given, starter.sized, why=HOLDING)
     if starter.proposal:
         yield ""
         yield "# As they are, springs or motors do not hold the arm's own weight: joints sag or fall. These hold it:"
         yield "# parameters:"
         yield from (f"#   {word(joint)}: {_table(given)}" for joint, given in starter.proposal.items())
+
+
+def mounted_lines(
+    robot: Robot, given: Collection[str], parameters_of: Mapping[str, Mapping[str, float]], *, why: str
+) -> Iterator[str]:
+    """The key `actuators` with those of the joints `given`, their parameters that are no defaults, and why these are not."""
+    yield "actuators:           # instead of plugin blocks in the robot's file"
+    if any(parameters_of.values()):
+        yield f"  # {why}"
+    for block in robot.actuators:
+        if block.joint in given:
+            own = parameters_of.get(block.joint)
+            parameters = f", parameters: {_table(own)}" if own else ""
+            yield f"  {word(block.joint)}: {{type: {block.actuator}, mode: {block.mode}{parameters}}}"
 
 
 def _table(values: Mapping[str, float]) -> str:

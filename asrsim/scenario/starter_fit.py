@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.detailed_motor import NEEDED
 from asrsim.robot.model import ActuatorBlock, Robot
 from asrsim.scenario.starter import word
 from asrsim.scenario.starter_playback import Plan
@@ -14,8 +15,11 @@ NOT_FITTED = ("max_deflection", "spring_rest_length")
 INERTIA = ("ixx", "iyy", "izz")
 
 
-def fit_text(plan: Plan, scenario: str, recording: str, *, mapping: Sequence[str] = (), rate: float | None = None) -> str:
-    """YAML for `asrsim identify`; scenario, recording: as the file names them from its folder."""
+def fit_text(
+    plan: Plan, scenario: str, recording: str, *, mapping: Sequence[str] = (), rate: float | None = None,
+    plugins: Sequence[str] = (),
+) -> str:  # fmt: skip
+    """YAML for `asrsim identify`; scenario, recording, plugins: as the file names them from its folder."""
     keys = [f"file: {word(recording)}"]
     keys += [f"map: [{', '.join(word(text) for text in mapping)}]"] if mapping else []
     keys += [f"rate: {rate:g}"] if rate else []
@@ -26,6 +30,7 @@ def fit_text(plan: Plan, scenario: str, recording: str, *, mapping: Sequence[str
         f"scenario: {word(scenario)}",
         "experiments:",
         f"  - {{{', '.join(keys)}}}" if len(keys) > 1 else f"  - {word(recording)}",
+        *([f"plugins: [{', '.join(map(word, plugins))}]"] if plugins else []),
         "# validate: [another.csv]     # without one, the last quarter of each recording is held out",
         "free:                         # key: start, or {start: 1, low: 0.5, high: 2}; nothing: the robot's",
         *_free(plan),
@@ -42,8 +47,13 @@ def _free(plan: Plan) -> Iterator[str]:
             yield f"  {word(f'{block.joint}.{name}')}:"
         for name in ("inertia", "damping", "friction_torque") if mode.motor else ():
             yield f"  {word(f'{block.joint}.motor_1_{name}')}:"
-        for name in ("torque_constant", "resistance") if mode.command != "torque" else ():
-            yield f"  {word(f'{block.joint}.motor_1_{name}')}:"
+        for name in NEEDED[mode.command]:
+            key = word(f"{block.joint}.motor_1_{name}")
+            yield f"  # {key}:    # scales all torques: free it where an inertia or gravity is known"
+        gain = word(f"{block.joint}.controller_1_proportional")
+        if mode.controller:
+            # That of a rigid servo is seldom known, those of motors mostly are.
+            yield f"  {gain}:" if not mode.motor else f"  # {gain}:    # where the controller's gains are not known"
         yield f"  {word(f'{block.joint}.damping')}:"
         yield f"  {word(f'{block.joint}.friction')}:"
         link = joint.child
@@ -53,6 +63,8 @@ def _free(plan: Plan) -> Iterator[str]:
             strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
             yield f"  {word(f'{link}.{INERTIA[strongest]}')}:"
             yield f"  # {word(f'{link}.mass')}:            # with gravity; without it only the inertia shows"
+        if not mode.spring:
+            yield f"  # {word(f'{block.joint}.passive_stiffness')}: 100    # a spring of the joint's own, as where it is locked"
         if mode.spring:
             yield f"  # {word(f'{block.joint}.hysteresis_torque')}: 0.05   # N m, springs that lag; with hysteresis_deflection"
         yield f"  # {word(f'{block.joint}.stribeck_friction')}: 0.05   # N m, static above Coulomb's; with stribeck_velocity"

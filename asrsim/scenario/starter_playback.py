@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -90,19 +89,24 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         command = _command(columns, block, remarks, () if strict else FALLBACKS)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
+            if command.quantity == "motor_1_position":
+                second = columns.get((block.joint, "motor_2_position"))
             if second is None and MODES[block.mode].direct and command.quantity in TORQUES[block.mode]:
                 second = columns.get((block.joint, command.quantity.replace("_1_", "_2_")))
             mode = _mode(block, command, second)
             if mode != block.mode:
                 modes[block.joint] = mode
-                remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, which cannot take this command")
+                why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
+                remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
             played.append(_played(block.joint, 0, command, recording, lag))
             if second is not None and len(_references(replace(block, mode=mode))) > 1:
                 played.append(_played(block.joint, 1, second, recording, lag))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque, recording, lag))
     if not strict and not any(one.slot == 0 for one in played):
-        raise _no_command(recording, robot)
+        if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
+            raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
+        remarks.append("no joint has an actuator, and no command was recorded: the robot swings from where it begins")
     changed = with_overrides(robot, modes=modes) if modes else robot
     commands = {one.column.source for one in played}
     return Plan(
@@ -114,42 +118,6 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
         initial=_initial(changed, columns, played, remarks), remarks=tuple(remarks),
     )  # fmt: skip
-
-
-def extract(plan: Plan, name: str) -> dict[str, str]:
-    """File name -> text of the played columns that the signal cannot read from the recording itself, in SI.
-
-    One file a time base; `name`: of the first.
-    """
-    groups: dict[int, list[Played]] = {}
-    for one in plan.played:
-        if not one.direct:
-            groups.setdefault(id(one.column.time), []).append(one)
-    return {file: _table(members) for (file, members) in zip(_names(name, len(groups)), groups.values(), strict=True)}
-
-
-def file_of(plan: Plan, one: Played, name: str) -> str:
-    """Name of the extract in which a column is."""
-    times = list(dict.fromkeys(id(other.column.time) for other in plan.played if not other.direct))
-    return _names(name, len(times))[times.index(id(one.column.time))]
-
-
-def _names(name: str, count: int) -> list[str]:
-    stem, dot, ending = name.rpartition(".")
-    return [name if number == 1 else f"{stem}_{number}{dot}{ending}" for number in range(1, count + 1)]
-
-
-def _table(members: list[Played]) -> str:
-    time = members[0].column.time
-    values = np.column_stack([time, *(one.column.values for one in members)])
-    # A playback must be whole: what is missing is bridged by the samples around it.
-    for i in range(1, values.shape[1]):
-        good = np.isfinite(values[:, i])
-        values[:, i] = np.interp(time, time[good], values[good, i])
-    text = io.StringIO()
-    header = ",".join(["time [s]", *(f'"{one.label}"' for one in members)])
-    np.savetxt(text, values, delimiter=",", header=header, comments="", fmt="%.12g")
-    return text.getvalue()
 
 
 def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
@@ -195,6 +163,10 @@ def _command(
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     """The block's mode if it can take the command, else the nearest one that can."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
+    alone = actuator.motors == 1 and not actuator.adjuster
+    if command.quantity == "motor_1_position" and mode.spring and (alone or second is not None):
+        # Motors whose places are known need no controller: they stand there.
+        return 2
     if command.quantity in TORQUES.get(block.mode, ()):
         return mode.number
     if command.unit in ("V", "A"):
@@ -266,10 +238,16 @@ def _first(column: Column) -> float:
     return float(column.values[np.isfinite(column.values)][0])
 
 
-def _no_command(recording: Recording, robot: Robot) -> RecordingError:
+def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> RecordingError:
+    """idle: joints that have a command in the recording."""
     found = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
                       for c in list(recording.channels.values())[:30])  # fmt: skip
     joint = robot.actuators[0].joint if robot.actuators else "JOINT"
+    if idle:
+        return RecordingError(
+            Problem(message=f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
+                    hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator")
+        )  # fmt: skip
     return RecordingError(
         Problem(message=f"no column is a command that could be played; its columns: {found}", file=recording.path,
                 hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command")

@@ -14,13 +14,15 @@ from asrsim.actuators import MODES
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
-from asrsim.scenario.starter import drive_of, number, robot_lines, word
-from asrsim.scenario.starter_playback import Plan, Played, file_of
+from asrsim.scenario.starter import drive_of, mounted_lines, number, robot_lines, word
+from asrsim.scenario.starter_extract import file_of
+from asrsim.scenario.starter_playback import Plan, Played
 
 STEP = 0.001
 """s."""
 SHARE = 0.1
 """Of the recorded range: the limit of a claim before the first comparison."""
+UNKNOWN = "Limits of motors are wide open, their constants, if any, 1: write what is known."
 
 STILL = 0.02
 """Share of the recorded range below which the simulation rests."""
@@ -58,23 +60,29 @@ class Claim:
 
 
 def recording_text(
-    plan: Plan, names: Names, claims: Sequence[Claim], *, mode: int | None = None, mapping: Sequence[str] = (),
-    rate: float | None = None,
+    plan: Plan, names: Names, claims: Sequence[Claim], *, mode: int | None = None, mounted: Sequence[str] = (),
+    unknown: Mapping[str, Mapping[str, float]] | None = None, mapping: Sequence[str] = (), rate: float | None = None,
 ) -> str:  # fmt: skip
-    """The scenario's YAML. mode, mapping, rate: as they were asked for on the command line, and are written down."""
+    """The scenario's YAML. mode, mapping, rate: as they were asked for on the command line, and are written down; mounted:
+    joints whose actuator the scenario gives; unknown: its parameters there.
+    """
     lines = [f"# yaml-language-server: $schema={names.schema}"] if names.schema else []
     lines += [*_head(plan, names, mapping, rate), "", *robot_lines(names.robot, names.arguments, names.packages)]
     lines += [
         f"duration: {exact(plan.duration)}".ljust(21) + "# s, of the recording",
         f"step: {number(STEP)}".ljust(21) + "# s",
     ]
+    if mounted:
+        lines += mounted_lines(plan.robot, mounted, unknown or {}, why=UNKNOWN)
     modes = {**({"*": mode} if mode is not None else {}), **plan.modes}
-    if modes:
+    modes = {joint: number for joint, number in modes.items() if joint not in mounted}
+    if modes and len(mounted) < len(plan.robot.actuators):
         lines.append("modes: {" + ", ".join(f"{word(joint)}: {value}" for joint, value in modes.items()) + "}")
     if plan.initial:
         lines += ["initial:".ljust(21) + "# rad, m; where the recording begins"]
         lines += [f"  {word(joint)}: {exact(value)}" for joint, value in plan.initial.items()]
-    lines += ["", "references:", *_references(plan, names)]
+    if plan.robot.actuators:
+        lines += ["", "references:", *_references(plan, names)]
     torques = [one for one in plan.played if one.slot is None]
     if torques:
         lines += ["", "external_torques:"]

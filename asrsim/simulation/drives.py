@@ -51,7 +51,7 @@ class Drive:
         """Name of the joint."""
         return self.joint.name
 
-    @property
+    @cached_property
     def elastic(self) -> tuple[float, ...]:
         """Parameters of the spring in the order of its laws."""
         if self.actuator is None:

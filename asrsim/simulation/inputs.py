@@ -36,6 +36,17 @@ class Piece:
 
 
 @dataclass(frozen=True)
+class Cut:
+    """A kick in which inputs jump, or the first of a run."""
+
+    substep: int
+    edges: list[float]
+    """s: where its pieces begin and end."""
+    inputs: Array
+    """What the scenario says in each, (3, joints, pieces)."""
+
+
+@dataclass(frozen=True)
 class Block:
     """Inputs of substeps first..first+n-1."""
 
@@ -71,6 +82,7 @@ class Inputs:
         self.substep = substep
         self.held: dict[tuple[int, int], float] = {}
         """(joint, 0 or 1) -> the reference that stands in place of the scenario's; it makes no jumps."""
+        self._starts: dict[Any, tuple[Array, list[Cut]]] = {}
         self._sensors = tuple(sensors)
         self._wrenches = [wrench_table(wrench, staggered=staggered) for wrench in scenario.wrenches]
         self.staggered = staggered
@@ -104,6 +116,10 @@ class Inputs:
 
     def sample(self, time: Array) -> tuple[Array, Array, Array]:
         """References 1 and 2 and external torques at `time` (n,): each (n, joints)."""
+        return self._with_held(self._scenario_at(time))
+
+    def _scenario_at(self, time: Array) -> Array:
+        """What the scenario's signals say: (3, joints, n)."""
         tables = np.empty((3, len(self._signals[0]), len(time)))
         # Joints share the signals that are given for all.
         known: dict[int, Array] = {}
@@ -115,6 +131,9 @@ class Inputs:
                 if id(signal) not in known:
                     known[id(signal)] = signal.values(time)
                 row[:] = known[id(signal)]
+        return tables
+
+    def _with_held(self, tables: Array) -> tuple[Array, Array, Array]:
         for (joint, slot), value in self.held.items():
             tables[slot][joint] = value
         return tables[0].T, tables[1].T, tables[2].T
@@ -129,8 +148,8 @@ class Inputs:
 
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
-        time = grid(first, count, self.substep)
-        arrays = self.sample(time)
+        tables, cuts = self._plan(first, count)
+        arrays = self._with_held(tables)
         stacked = np.zeros((count, len(arrays[0].T), input_columns(self._sensors)))
         for column, array in enumerate(self._goals(arrays)):
             stacked[:, :, column] = array
@@ -140,11 +159,21 @@ class Inputs:
         wrenches = np.zeros((count, len(self._wrenches), 6))
         for index, table in enumerate(self._wrenches):
             wrenches[:, index] = table(first, count, self.substep)
-        return Block(first, arrays, stacked, wrenches, self._events(first, count))
+        return Block(first, arrays, stacked, wrenches, {cut.substep: self._pieces(cut) for cut in cuts})
 
-    def _events(self, first: int, count: int) -> dict[int, tuple[Piece, ...]]:
+    def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
+        """What the scenario says for a block, and where kicks are cut; kept for the first block of many runs alike."""
+        if first:
+            return self._scenario_at(grid(first, count, self.substep)), self._cuts(first, count)
+        key = count, frozenset(self.held)
+        if key not in self._starts:
+            self._starts = {key: (self._scenario_at(grid(0, count, self.substep)), self._cuts(0, count))}
+        tables, cuts = self._starts[key]
+        return tables.copy(), cuts
+
+    def _cuts(self, first: int, count: int) -> list[Cut]:
         if not self.staggered:
-            return {}
+            return []
         h = self.substep
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
         active = (
@@ -158,28 +187,27 @@ class Inputs:
         times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
         owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
-        events: dict[int, tuple[Piece, ...]] = {}
-        if first == 0:
-            events[0] = self._pieces(0, times[owners == 0])
-        for owner in sorted(set(owners.tolist())):
-            if first <= owner < first + count:
-                events[owner] = self._pieces(owner, times[owners == owner])
-        return events
+        substeps = {owner for owner in owners.tolist() if first <= owner < first + count} | ({0} if first == 0 else set())
+        return [self._cut(substep, times[owners == substep].tolist()) for substep in sorted(substeps)]
 
-    def _pieces(self, step: int, jumps: Array) -> tuple[Piece, ...]:
-        """The kick around substep `step`, cut at `jumps` and at the step's own time; before t = 0 there is none."""
+    def _cut(self, substep: int, jumps: list[float]) -> Cut:
+        """The kick around a substep, cut at `jumps` and at the substep's own time; before t = 0 there is none."""
         h = self.substep
-        now = step * h
-        inner = [jump for jump in jumps.tolist() if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
-        edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if step else set()))
-        edges = [edge for edge in edges if step or edge >= now]
+        now = substep * h
+        inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
+        edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
+        edges = [edge for edge in edges if substep or edge >= now]
         middles = np.array([0.5 * (a + b) for a, b in pairwise(edges)])
-        if not step and len(middles) == 1:
+        if not substep and len(middles) == 1:
             middles = np.array([now])
-        samples = [array.tolist() for array in self._goals(self.sample(middles))]
+        return Cut(substep, edges, self._scenario_at(middles))
+
+    def _pieces(self, cut: Cut) -> tuple[Piece, ...]:
+        edges, now = cut.edges, cut.substep * self.substep
+        samples = [array.tolist() for array in self._goals(self._with_held(cut.inputs.copy()))]
         return tuple(
-            Piece((edges[i + 1] - edges[i]) / h, (samples[0][i], samples[1][i], samples[2][i]), edges[i] == now, step)
-            for i in range(len(middles))
+            Piece((b - a) / self.substep, (samples[0][i], samples[1][i], samples[2][i]), a == now, cut.substep)
+            for i, (a, b) in enumerate(pairwise(edges))
         )
 
 

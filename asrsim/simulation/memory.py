@@ -126,11 +126,15 @@ def _longer(first: Callable[[Any], Any], last: Callable[[Any], Any]) -> Callable
     return longer
 
 
-def flatten(values: Any) -> list[float]:
+def flatten(values: tuple[Any, ...]) -> list[float]:
     """Nested tuples of floats as one list."""
-    if isinstance(values, tuple):
-        return [number for value in values for number in flatten(value)]
-    return [float(values)]
+    found: list[float] = []
+    for value in values:
+        if isinstance(value, tuple):
+            found += flatten(value)
+        else:
+            found.append(float(value))
+    return found
 
 
 def shape_of(values: Any) -> Any:

@@ -116,17 +116,14 @@ class Recorder:
         return twin
 
     def add(self, inputs: Sequence[Array], raw: Array, sides: Mapping[int, Array]) -> Samples | None:
-        """Samples of the rows that `raw` (n, joints, columns) completes, or None where there are none.
+        """Samples of the rows that `raw` (columns, joints, n) completes, or None where there are none.
 
-        inputs: references 1 and 2 and external torques, (n, joints) each; sides: see :class:`asrsim.simulation.inputs.Block`.
+        inputs: references 1 and 2 and external torques, (joints, n) each; sides: see :class:`asrsim.simulation.inputs.Block`.
         """
         held = 0 if self._held is None else self._held.shape[2]
-        n, joints, columns = raw.shape
-        table = np.empty((columns, joints, held + n))
-        table[:, :, held:] = raw.transpose(2, 1, 0)
-        inputs = tuple(array.T for array in inputs)
+        table, n = raw, raw.shape[2]
         if self._held is not None:
-            table[:, :, :held] = self._held
+            table = np.concatenate([self._held, raw], axis=2)
             inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
         self._sides |= sides
         count = max(min(held + n - BEHIND, self.last + 1 - self._next), 0)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import DivergenceError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import Block
@@ -30,6 +29,19 @@ class Sink(Protocol):
         """The next chunk."""
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part of a run as it was stepped: what :meth:`asrsim.simulation.recorder.Recorder.add` takes, and the links' energy."""
+
+    inputs: Sequence[Array]
+    raw: Array
+    sides: Mapping[int, Array]
+    energy: float | None
+    """J, at its end; None where contacts or wrenches do work of their own on the links."""
+    kinetic: float
+    """J, of this."""
+
+
 class Recording:
     """Raw records in, samples out. Nothing is kept but what `keep` asks for."""
 
@@ -46,6 +58,8 @@ class Recording:
         self._prepared, self._engine = prepared, engine
         self._sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
         self.active = bool(keep or self._sinks)
+        self.parts: list[Part] | None = None
+        """What was stepped and not looked at, see :mod:`asrsim.simulation.together`; None: it is at once."""
         self.kept: list[Samples] | None = [] if keep else None
         self._last = last
         self.recorder = self._make_recorder()
@@ -60,11 +74,18 @@ class Recording:
         watched = self.active and not (scenario.world.empty and scenario.fixed_base)
         self.watch: Callable[[int], None] | None = self._world.look if watched else None
         """Told of a substep where the world is looked at, before it."""
-        energy = engine.mechanical_energy()
-        self._alone = energy is not None and not scenario.wrenches
-        self._guard = EnergyGuard(energy or 0.0) if engine.model is not None and self.active else None
+        self.energy = engine.mechanical_energy()
+        """J, of the links at the start."""
+        self._alone = self.energy is not None and not scenario.wrenches
+        # The released order of a step is not passive, and runs springs that it does not resolve: no fault of the user's.
+        self.guarded = engine.model is not None and not prepared.stepping.released
+        self._guard = EnergyGuard(self.energy or 0.0)
         self._raw: list[tuple[tuple[Array, ...], Array]] = []
         self._sides: dict[int, Array] = {}
+
+    def defer(self) -> None:
+        """From now on parts are only kept."""
+        self.active, self.parts = True, []
 
     def take(self, block: Block, start: int, raw: Array) -> None:
         """Raw records (n, joints, columns) of the block's substeps from `start` on."""
@@ -77,15 +98,35 @@ class Recording:
         """Hand on what there is; raises DivergenceError where energy came from nowhere up to `substep`."""
         if not self._raw:
             return
-        inputs = [np.concatenate(arrays) for arrays in zip(*(given for given, _ in self._raw), strict=True)]
-        raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
-        sides, self._sides, self._raw = self._sides, {}, []
-        samples = self.recorder.add(inputs, raw, sides)
+        part = self._part()
+        if self.parts is not None:
+            self.parts.append(part)
+            return
+        samples = self.recorder.add(part.inputs, part.raw, part.sides)
         if samples is not None:
             self._hand_on(samples)
-        error = self._energy_fault(substep) if check else None
-        if error is not None:
-            raise error
+        fault = None
+        if check and self.guarded:
+            meter = self.recorder.meter
+            balance = {"given": meter.given, "residual": meter.residual, "turnover": meter.turnover}
+            fault = self._guard.fault(part.energy, kinetic=part.kinetic, **balance, names=self._engine.joints)
+        if fault is not None:
+            resolution = self._prepared.resolution
+            raise runaway(fault[0], min(substep, self._last) * self._prepared.substep, fault[1], resolution.omega_h)
+
+    def _part(self) -> Part:
+        """What came since the last one."""
+        inputs = [np.concatenate(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
+        raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
+        raw = np.ascontiguousarray(raw.transpose(2, 1, 0))
+        sides, self._sides, self._raw = self._sides, {}, []
+        model, kinetic = self._engine.model, 0.0
+        if not (self.guarded and self._alone and model is not None):
+            return Part(inputs, raw, sides, None, kinetic)
+        positions, velocities = self._engine.read()
+        speeds = np.array(velocities)
+        kinetic = 0.5 * float(speeds @ model.mass_matrix(positions) @ speeds)
+        return Part(inputs, raw, sides, self._engine.mechanical_energy(), kinetic)
 
     def _hand_on(self, samples: Samples) -> None:
         step, every = self._prepared.scenario.step, self._prepared.scenario.log_every
@@ -107,30 +148,6 @@ class Recording:
             elif len(logged.time):
                 sink.write(logged)
 
-    def _energy_fault(self, substep: int) -> DivergenceError | None:
-        """Energy of links or actuators from nowhere; contacts and wrenches do work of their own on the links."""
-        engine, meter, guard, resolution = self._engine, self.recorder.meter, self._guard, self._prepared.resolution
-        if guard is None or self._prepared.stepping.released:
-            # The released order of a step is not passive, and runs springs that it does not resolve: no fault of the user's.
-            return None
-        kinetic = 0.0
-        if self._alone and engine.model is not None:
-            positions, velocities = engine.read()
-            speeds = np.array(velocities)
-            kinetic = 0.5 * float(speeds @ engine.model.mass_matrix(positions) @ speeds)
-        fault = guard.fault(
-            engine.mechanical_energy() if self._alone else None,
-            kinetic=kinetic,
-            given=meter.given,
-            residual=meter.residual,
-            turnover=meter.turnover,
-            names=engine.joints,
-        )
-        if fault is None:
-            return None
-        joint, what = fault
-        return runaway(joint, min(substep, self._last) * self._prepared.substep, what, resolution.omega_h)
-
     def take_over(self, varied: Prepared, engine: Engine) -> None:
         """Go on with other numbers, and maybe another engine."""
         self._prepared, self._engine = varied, engine
@@ -147,10 +164,12 @@ class Recording:
         """A fresh start, with the numbers that were taken over last; the engine is at its start."""
         if not self.active:
             return
+        self._raw, self._sides, self.energy = [], {}, self._engine.mechanical_energy()
+        if self.parts is not None:
+            self.parts = []
+            return
         self.recorder = self._make_recorder()
-        if self._guard is not None:
-            self._guard = EnergyGuard(self._engine.mechanical_energy() or 0.0)
-        self._raw, self._sides = [], {}
+        self._guard = EnergyGuard(self.energy or 0.0)
         self._world.put_back(copy.deepcopy(self._first_world))
 
     def state(self) -> Any:

@@ -139,21 +139,25 @@ def run_to_end(
     return run
 
 
-def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
-    """What a simulation has done so far, as a run."""
-    prepared, recording = simulation.prepared, simulation.recording
+def run_of(
+    simulation: Simulation, status: str, *, wall_time: float, message: str = "", prepared: Prepared | None = None,
+    counts: Counts | None = None,
+) -> Run:  # fmt: skip
+    """What a simulation has done so far, as a run. prepared, counts: of another such run of it."""
+    prepared, recording = prepared or simulation.prepared, simulation.recording
+    counts = counts or recording.recorder.counts
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
         info=prepared.info,
         status=status,
         resolution=prepared.resolution,
-        counts=recording.recorder.counts,
+        counts=counts,
         wall_time=wall_time,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
         samples=join(recording.kept) if recording.kept else None,
         message=message,
-        warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, recording.recorder.counts)),
+        warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, counts)),
         compiled=simulation.compiled,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,45 +41,53 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
 
 
 def claim_results(
-    claims: Sequence[Expectation],
-    joints: Sequence[JointInfo],
-    read: Reader,
-    *,
-    file: Path | None = None,
-    checked: bool = False,
+    claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`.
+    """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`."""
+    return Claims(claims, joints, file=file).results(read)
 
-    checked: :func:`check_claims` has passed them already.
-    """
-    if not claims:
-        return ()
-    from asrsim.recordings import RecordedSeries
 
-    recorded = RecordedSeries(joints, read)
-    results: list[ExpectationResult] = []
-    for claim in claims:
-        try:
-            if claim.body is not None:
-                samples = read((), ())
-                results.append(evaluate_expectation(claim, samples.time, body_columns(samples, claim.body), checked=checked))
-            for joint in _joints_of(claim, joints):
-                one = replace(claim, joint=joint.name)
-                if claim.against is not None:
-                    series = recorded.series(one, joint)
-                    columns = {claim.quantity: series.simulation}
-                    results.append(
-                        evaluate_expectation(
-                            one, series.time, columns, reference=series.recording, prismatic=joint.prismatic, checked=checked
-                        )
-                    )
+class Claims:
+    """Claims about the joints of many runs alike."""
+
+    def __init__(
+        self, claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None = None, checked: bool = False
+    ) -> None:
+        """file: in which faults are placed; checked: :func:`check_claims` has passed them already."""
+        self._joints, self._file, self._checked = tuple(joints), file, checked
+        self._single = [
+            (claim if joint is None else replace(claim, joint=joint.name), joint, _needed(claim, joint) if joint else ((), ()))
+            for claim in claims
+            for joint in (None, *_joints_of(claim, joints))
+            if joint is not None or claim.body is not None
+        ]
+
+    def results(self, read: Reader) -> tuple[ExpectationResult, ...]:
+        """Of the run that `read` reads. Raises ScenarioError."""
+        if not self._single:
+            return ()
+        from asrsim.recordings import RecordedSeries
+
+        recorded = RecordedSeries(self._joints, read)
+        results: list[ExpectationResult] = []
+        for claim, joint, needed in self._single:
+            how: dict[str, Any] = {"checked": self._checked}
+            try:
+                if joint is None:
+                    samples = read((), ())
+                    time, columns = samples.time, body_columns(samples, claim.body or "")
+                elif claim.against is not None:
+                    series = recorded.series(claim, joint)
+                    time, columns = series.time, {claim.quantity: series.simulation}
+                    how |= {"reference": series.recording, "prismatic": joint.prismatic}
                 else:
-                    samples = read(*_needed(claim, joint))
-                    columns = _columns(claim, samples, joint)
-                    results.append(evaluate_expectation(one, samples.time, columns, prismatic=joint.prismatic, checked=checked))
-        except InputError as error:
-            raise ScenarioError([replace(problem, file=problem.file or file) for problem in error.problems]) from error
-    return tuple(results)
+                    samples = read(*needed)
+                    time, columns = samples.time, _columns(claim, samples, joint)
+                    how["prismatic"] = joint.prismatic
+                results.append(evaluate_expectation(claim, time, columns, **how))
+            except InputError as error:
+                raise ScenarioError([replace(fault, file=fault.file or self._file) for fault in error.problems]) from error
+        return tuple(results)
 
 
 def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem]:

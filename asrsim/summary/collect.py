@@ -4,25 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.log.reader import concatenate
-from asrsim.metrics import JointSummary, summarise
+from asrsim.metrics import JointSummary, summaries, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
-from asrsim.summary.claims import needs_of
 
 if TYPE_CHECKING:
-    from asrsim.scenario.data import Expectation
     from asrsim.signals.base import Signal
 
 KEPT = 1_000_000
 """Samples of all joints together that are looked at; a longer run is thinned evenly, its peaks are not."""
 SHAKEN = 10.0
 """Overshoot (a fraction of the step) above which there was no step to speak of: the joint was shaken, not moved."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a summary needs of a run's samples."""
+
+    measures: tuple[JointSummary, ...]
+    """Of each joint."""
+    tip: Mapping[str, float]
+    """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
 
 
 class Collector:
@@ -33,17 +41,19 @@ class Collector:
     bodies: bool
     """It asks for objects' poses and contacts at every step, too: claims are about them."""
 
-    def __init__(self, joints: Sequence[JointInfo], *, samples: int, claims: Sequence[Expectation] = ()) -> None:
-        """joints: those of the run's description. samples: how many will come, or more. claims: see :meth:`read`."""
+    def __init__(
+        self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
+    ) -> None:
+        """joints: those of the run's description. samples: how many will come, or more. needs: see
+        :func:`asrsim.summary.claims.needs_of`."""
         self._joints = tuple(joints)
         self._stride = max(1, -(-samples * len(joints) // KEPT))
         self._peaks = np.full(len(joints), np.nan)
         self._seen = 0
         thinned = samples // self._stride + 1
         self._time = _Rows(thinned)
-        self._positions = [_Rows(thinned) for _ in joints]
-        self._references = [_Rows(thinned) for _ in joints]
-        wanted, self.bodies = needs_of(claims, joints)
+        self._positions, self._references = (_Rows(thinned, len(joints)) for _ in range(2))
+        wanted, self.bodies = needs
         self._whole_time = _Rows(samples if wanted else 0)
         self._whole = {key: _Rows(samples) for key in wanted}
         self._bodies: list[Samples] = []
@@ -51,46 +61,53 @@ class Collector:
 
     def write(self, samples: Samples) -> None:
         """The next steps of the run."""
-        order = [samples.joints.index(joint.name) for joint in self._joints]
+        places = {name: column for column, name in enumerate(samples.joints)}
+        order = [places[joint.name] for joint in self._joints]
         kept = slice((-self._seen) % self._stride, None, self._stride)
         self._seen += len(samples.time)
         self._time.add(samples.time[kept])
-        errors = DERIVED_FUNCTIONS["position_error"](samples, self._joints)
-        for j, column in enumerate(order):
-            position = samples.values["link_position"][:, column]
-            self._positions[j].add(position[kept])
-            self._references[j].add((errors[:, column] + position)[kept])
+        positions = samples.values["link_position"][kept, order].T
+        self._positions.add(positions)
+        self._references.add(DERIVED_FUNCTIONS["position_error"](samples, self._joints)[kept, order].T + positions)
         deflections = np.abs(DERIVED_FUNCTIONS["deflection"](samples, self._joints)[:, order])
         self._peaks = np.fmax(self._peaks, np.fmax.reduce(deflections, axis=0, initial=np.nan))
         if self._whole:
             self._whole_time.add(samples.time)
         for (quantity, joint), rows in self._whole.items():
-            rows.add(samples.values[quantity][:, samples.joints.index(joint)])
+            rows.add(samples.values[quantity][:, places[joint]])
         if TIP in samples.bodies:
             self._tip_errors.add(np.linalg.norm(samples.bodies[TIP][:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1))
         if self.bodies:
             own = {"time": samples.time, "joints": (), "values": {}}
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 
-    def measures(self, desired: Mapping[str, Signal] | None = None) -> tuple[JointSummary, ...]:
-        """A summary of each joint; overshoot and settling count from where its reference begins to move, see `step_start`.
+    def seen(self, desired: Mapping[str, Signal] | None = None) -> Seen:
+        """Summaries; overshoot and settling count from where a joint's reference begins to move, see `step_start`.
 
         desired: motion of joints whose reference is not the position that they should take (a planned or learned input).
         """
+        return Seen(self._measures(desired or {}), self._tip())
+
+    def _measures(self, desired: Mapping[str, Signal]) -> tuple[JointSummary, ...]:
         if not self._seen:
             return tuple(summarise(np.empty(0), {}) for _ in self._joints)
-        time = self._time.values
-        found = []
+        time, positions, references = self._time.values, self._positions.values, self._references.values
         for j, joint in enumerate(self._joints):
-            signal = (desired or {}).get(joint.name, (desired or {}).get("*"))
-            reference = self._references[j].values if signal is None else signal.values(time)
-            summary = _summary(time, self._positions[j].values, reference)
-            found.append(replace(summary, peak_deflection=float(self._peaks[j])))
-        return tuple(found)
+            signal = desired.get(joint.name, desired.get("*"))
+            if signal is not None:
+                references[j] = signal.values(time)
+        finite: Any = np.isfinite(references)
+        known = finite.all(axis=1).tolist()
+        pairs = zip(known, references, positions[:, 0].tolist(), strict=True)
+        steps = [step_start(reference, start) if there else 0 for there, reference, start in pairs]
+        errors = np.where(np.array(known)[:, None], references - positions, np.nan)
+        found = summaries(time, positions, errors, steps, self._peaks)
+        return tuple(
+            replace(one, overshoot=math.nan) if there and one.overshoot > SHAKEN else one
+            for one, there in zip(found, known, strict=True)
+        )
 
-    @property
-    def tip(self) -> dict[str, float]:
-        """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
+    def _tip(self) -> dict[str, float]:
         errors = self._tip_errors.values
         if not len(errors):
             return {}
@@ -112,24 +129,26 @@ class Collector:
 
 
 class _Rows:
-    """Numbers that come in pieces, in one array that is made once."""
+    """Numbers that come in pieces, (n,) or (rows, n), in one array that is made once."""
 
-    def __init__(self, capacity: int) -> None:
-        self._array = np.empty(max(capacity, 1))
+    def __init__(self, capacity: int, *rows: int) -> None:
+        self._array = np.empty((*rows, max(capacity, 1)))
         self._count = 0
 
     def add(self, values: Array) -> None:
-        """Append values (n,)."""
-        end = self._count + len(values)
-        if end > len(self._array):
-            self._array = np.concatenate([self._array, np.empty(max(end - len(self._array), len(self._array)))])
-        self._array[self._count : end] = values
+        """Append values."""
+        end = self._count + values.shape[-1]
+        room = self._array.shape[-1]
+        if end > room:
+            more = np.empty((*self._array.shape[:-1], max(end - room, room)))
+            self._array = np.concatenate([self._array, more], axis=-1)
+        self._array[..., self._count : end] = values
         self._count = end
 
     @property
     def values(self) -> Array:
-        """All of them, (n,)."""
-        return self._array[: self._count]
+        """All of them."""
+        return self._array[..., : self._count]
 
 
 def joint_measures(
@@ -139,15 +158,7 @@ def joint_measures(
     collector = Collector(joints, samples=samples)
     for chunk in chunks:
         collector.write(chunk)
-    return collector.measures(desired)
-
-
-def _summary(time: Array, position: Array, reference: Array) -> JointSummary:
-    if not np.isfinite(reference).all():
-        return summarise(time, {"link_position": position})
-    start = step_start(reference, float(position[0]))
-    found = summarise(time, {"link_position": position, "position_error": reference - position}, step=start)
-    return found if not found.overshoot > SHAKEN else replace(found, overshoot=math.nan)
+    return collector.seen(desired).measures
 
 
 def step_start(reference: Array, initial: float) -> int | None:
@@ -156,8 +167,8 @@ def step_start(reference: Array, initial: float) -> int | None:
     None where it goes to and fro, still moves in the last tenth, or never leaves the joint's initial position: such a motion
     has no overshoot and does not settle.
     """
-    changes = np.diff(reference)
-    floor = 1e-9 * max(1.0, float(np.max(np.abs(reference))))
+    changes = reference[1:] - reference[:-1]
+    floor = 1e-9 * max(1.0, float(np.abs(reference).max()))
     moves = np.flatnonzero(np.abs(changes) > floor)
     if not len(moves):
         return 0 if abs(float(reference[0]) - initial) > floor else None

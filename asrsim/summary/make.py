@@ -13,7 +13,7 @@ from asrsim.summary.data import JointReport, RunSummary
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
     from asrsim.simulation.run import Run
-    from asrsim.summary.collect import Collector
+    from asrsim.summary.collect import Seen
 
 NEAR = 1e-2
 """rad or m within which a joint rests on a stop, or at its reference."""
@@ -21,16 +21,15 @@ NEAR = 1e-2
 
 def make_summary(
     run: Run,
-    collector: Collector,
+    seen: Seen,
     *,
     samples: int,
     claims: tuple[ExpectationResult, ...] = (),
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run. collector: saw its steps; samples: how many were logged."""
+    """Summary of a run. seen: of its steps; samples: how many were logged."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    measures = collector.measures(scenario.desired)
     # Counts come in the order of the robot's moving joints, the description in that of the arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
@@ -46,7 +45,7 @@ def make_summary(
             deflection=int(counts.deflection[index[joint.name]]),
             stop=int(counts.stop[index[joint.name]]),
         )
-        for joint, measure in zip(info.joints, measures, strict=True)
+        for joint, measure in zip(info.joints, seen.measures, strict=True)
     )
     return RunSummary(
         scenario=scenario.name,
@@ -71,7 +70,7 @@ def make_summary(
         seed=scenario.seed,
         joints=joints,
         claims=claims,
-        tip=collector.tip,
+        tip=seen.tip,
         warnings=(*run.warnings, *_on_stops(run, joints)),
         files=dict(files or {}),
         replaced=replaced,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,6 @@ LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
 TIP = ("largest", "rms", "last")
 PROBES = 4096
 """Runs among which the extreme ones are sought."""
-OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
-"""Keys under which every run finds its own substeps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +56,7 @@ class Case:
 
     def robot_of(self, values: Mapping[str, Any]) -> Robot | None:
         """The robot at a point; None: another file has to be read."""
-        if any(key.partition(".")[0] == "robot" for key in self.plan.texts.values()):
+        if self.plan.reads_robot:
             return None
         changes = self.plan.robot_changes(values)
         return varied_robot(self.robot, changes) if changes else self.robot
@@ -76,10 +75,15 @@ class Payload:
     columns: tuple[tuple[str, str], ...]
     """(name, kind) of a row: int, float, bool, text or floats."""
 
-    @property
+    @cached_property
+    def kinds(self) -> dict[str, str]:
+        """Column -> kind."""
+        return dict(self.columns)
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Of the columns."""
-        return tuple(name for name, _ in self.columns)
+        return tuple(self.kinds)
 
 
 def make_payload(study: Study) -> Payload:
@@ -198,7 +202,7 @@ def _probe(study: Study, case: Case) -> Prepared:
 
 def _common(study: Study, case: Case, scenario: Scenario) -> dict[str, int]:
     """Substeps for all runs alike, enough for the most demanding; `asrsim run` with these `--set` has the same bits."""
-    if any(text.partition(".")[0] in OWN_RESOLUTION for text in case.plan.texts.values()):
+    if case.plan.own_resolution:
         return {}
     most = {"substeps": 0, "motor_substeps": 0}
     for run in extreme_runs(study, case.variant):

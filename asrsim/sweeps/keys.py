@@ -16,6 +16,9 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.keys import SCENARIO
 from asrsim.scenario.overrides import split_path
 
+OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
+"""Keys of the scenario under which every run finds its own substeps, by its own numbers."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -29,6 +32,16 @@ class Plan:
     """Key -> (joint or link, name) of the robot itself, which no key of a scenario sets."""
     texts: Mapping[str, str]
     """Key -> the key that `--set` takes; keys of a robot are not here."""
+
+    @property
+    def reads_robot(self) -> bool:
+        """Whether another robot's file is read."""
+        return any(text.partition(".")[0] == "robot" for text in self.texts.values())
+
+    @property
+    def own_resolution(self) -> bool:
+        """Whether every run finds its own substeps."""
+        return any(text.partition(".")[0] in OWN_RESOLUTION for text in self.texts.values())
 
     def changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
         """What `vary` takes for a point; a joint's own entry wins over one for all."""
@@ -79,10 +92,11 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
             inertials[key] = pairs
     if problems:
         raise InputError(problems)
-    # What is at rest under its load, or planned with the robot's numbers, has to be worked out anew.
-    still = not scenario.initial_equilibrium and scenario.task is None
     parameters: dict[str, tuple[tuple[str, str], ...]] = {}
     references: dict[str, tuple[tuple[str, str], ...]] = {}
+    plan = Plan(parameters, references, inertials, texts)
+    # What is at rest under its load, planned with the robot's numbers, or stepped by them, has to be worked out anew.
+    still = not scenario.initial_equilibrium and scenario.task is None and not plan.own_resolution
     for key, text in texts.items():
         parts = split_path(text)
         if not (still and numeric[key] and len(parts) == 3):
@@ -97,7 +111,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
             problems.append(_moves_nothing(key, parts[1]))
     if problems:
         raise InputError(problems)
-    return Plan(parameters, references, inertials, texts)
+    return plan
 
 
 def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str | None]:

@@ -15,7 +15,8 @@ from asrsim.quantities import unit_of
 from asrsim.runs.lock import owned
 from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
 from asrsim.sweeps.read import is_study, make_study, read_study
-from asrsim.sweeps.runner import Runner, lost
+from asrsim.sweeps.rows import lost
+from asrsim.sweeps.runner import Runner
 from asrsim.sweeps.shipping import Shipped
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study

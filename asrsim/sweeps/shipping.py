@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from asrsim.sweeps.cases import Payload
-from asrsim.sweeps.runner import Row, Runner
+from asrsim.sweeps.rows import Row
+from asrsim.sweeps.runner import Runner
 
 
 class Shipped:
@@ -23,10 +25,17 @@ class Shipped:
 
     def __call__(self, run: int) -> Row:
         """The row of a run."""
+        return self._unpacked_runner()(run)
+
+    def several(self, items: Iterable[tuple[int, int]]) -> Iterator[tuple[int, Row]]:
+        """Rows of runs, each with the number that comes with it."""
+        return self._unpacked_runner().several(items)
+
+    def _unpacked_runner(self) -> Runner:
         if self._runner is None:
             self._folder = TemporaryDirectory(prefix="asrsim-sweep-")
             self._runner = Runner(self._unpacked(Path(self._folder.name)), share=self._share)
-        return self._runner(run)
+        return self._runner
 
     def close(self) -> None:
         """Release engines and files."""

@@ -19,10 +19,10 @@ import numpy as np
 from asrsim.errors import InputError, OutputError, Problem
 from asrsim.outfile import is_ours, make_folder, write_text
 from asrsim.samples import Array
-from asrsim.sweeps.runner import Row
+from asrsim.sweeps.kept import MANIFEST, read_manifest, read_rows, schema_of
+from asrsim.sweeps.rows import Row
 
 ROWS = "rows.parquet"
-MANIFEST = "study.json"
 GROUP = 20_000
 """Rows of a group of the whole file, and the most of a part."""
 PATIENCE = 3.0
@@ -34,7 +34,7 @@ class Store:
 
     def __init__(self, folder: Path, columns: Sequence[tuple[str, str]], total: int) -> None:
         self.folder, self.total = folder, total
-        self._columns = tuple(columns)
+        self._schema = schema_of(columns)
         self._waiting: list[Row] = []
         self._written = clock.monotonic()
         self.done = np.zeros(total, bool)
@@ -98,29 +98,22 @@ class Store:
             yield pc.take(table, pa.array(places))
 
     def _between(self, path: Path, first: int, last: int) -> Any:
-        import pyarrow.parquet as pq
-
-        return pq.read_table(path, filters=[("run", ">=", first), ("run", "<=", last)])
+        return read_rows(path, self._schema, filters=[("run", ">=", first), ("run", "<=", last)])
 
     def _files(self) -> list[Path]:
         whole = self.folder / ROWS
         return [*([whole] if whole.exists() else []), *parts_of(self.folder)]
 
     def _runs(self, path: Path) -> Array:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            return np.asarray(pq.read_table(path, columns=["run"])["run"].to_numpy())
-        except (OSError, pa.ArrowInvalid) as error:
-            hint = "Take it away: its runs are then done again"
-            problem = Problem(message=f"cannot be read: {error}", file=path, hint=hint, code="sweep-part")
-            raise InputError(problem) from None
+        runs = np.asarray(read_rows(path, self._schema, columns=["run"])["run"].to_numpy())
+        if len(runs) and not 0 <= runs.min() <= runs.max() < self.total:
+            raise InputError(Problem(message=f"has rows of runs beyond the study's {self.total}", file=path, code="sweep-part"))
+        return runs
 
     def _table(self, rows: Sequence[Row]) -> Any:
         import pyarrow as pa
 
-        return pa.table([list(column) for column in zip(*rows, strict=True)], schema=schema_of(self._columns))
+        return pa.table([list(column) for column in zip(*rows, strict=True)], schema=self._schema)
 
     def _save(self, path: Path, tables: Iterator[Any]) -> None:
         import pyarrow.parquet as pq
@@ -128,7 +121,7 @@ class Store:
         aside = path.with_name(f".{path.name}.new")
         try:
             with aside.open("wb") as stream:
-                with pq.ParquetWriter(stream, schema_of(self._columns), compression="zstd") as writer:
+                with pq.ParquetWriter(stream, self._schema, compression="zstd", write_page_checksum=True) as writer:
                     for table in tables:
                         writer.write_table(table)
                 stream.flush()
@@ -140,16 +133,6 @@ class Store:
             count = int(self.done.sum()) - len(self._waiting)
             message = f"{path}: cannot be written: {error.strerror or error}; {count} rows are kept, --resume does the others"
             raise OutputError(message) from error
-
-
-def schema_of(columns: Sequence[tuple[str, str]]) -> Any:
-    """Arrow's schema of the columns."""
-    import pyarrow as pa
-
-    kinds = {
-        "int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string(), "floats": pa.list_(pa.float32()),
-    }  # fmt: skip
-    return pa.schema([(name, kinds[kind]) for name, kind in columns])
 
 
 def parts_of(folder: Path) -> list[Path]:
@@ -188,12 +171,9 @@ def open_store(
 
 
 def _check_same(known: Path, manifest: Mapping[str, Any]) -> None:
-    try:
-        before = json.loads(known.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(Problem(message=f"cannot be read: {error}", file=known, code="sweep-folder")) from None
+    before = read_manifest(known.parent)
     now = json.loads(json.dumps(manifest, default=str))
-    differing = [key for key in ("digest", "inputs", "versions", "columns") if before.get(key) != now.get(key)]
+    differing = [key for key in ("digest", "inputs", "versions", "columns") if before[key] != now[key]]
     if differing:
         what = {
             "digest": "its study varies other things", "inputs": "its scenario, robot or other files have changed",

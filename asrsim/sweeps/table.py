@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,8 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
-from asrsim.sweeps.store import MANIFEST, ROWS, parts_of
+from asrsim.sweeps.kept import read_manifest, read_rows, schema_of
+from asrsim.sweeps.store import ROWS, parts_of
 
 BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")
 
@@ -42,12 +42,7 @@ class Table:
         """keep: what lives as long as the table (a temporary folder). Raises InputError where there is no study."""
         self.folder = Path(folder)
         self._keep = keep
-        try:
-            self.manifest: dict[str, Any] = json.loads((self.folder / MANIFEST).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            hint = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
-            problem = Problem(message="holds no study (study.json)", file=self.folder, hint=hint, code="no-study")
-            raise InputError(problem) from None
+        self.manifest = read_manifest(self.folder)
         whole = self.folder / ROWS
         self.files = ([whole] if whole.exists() else []) + parts_of(self.folder)
         self._columns: dict[str, Array] = {}
@@ -56,6 +51,10 @@ class Table:
     def columns(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(name for name, _ in self.manifest["columns"])
+
+    @property
+    def _schema(self) -> Any:
+        return schema_of(self.manifest["columns"])
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -93,14 +92,12 @@ class Table:
         return self._columns[name]
 
     def _raw(self, name: str) -> Array:
-        import pyarrow.parquet as pq
-
         if name not in self.columns:
             hint = did_you_mean(name, self.columns)
             raise InputError(Problem(message="no column has this name", key=name, hint=hint, code="unknown-column"))
         if not self.files:
             return np.empty(0, np.int64 if self.kinds[name] == "int" else float)
-        parts = [pq.read_table(path, columns=[name])[name] for path in self.files]
+        parts = [read_rows(path, self._schema, columns=[name])[name] for path in self.files]
         # float64 first: a part in which a number is missing everywhere would else be of objects.
         if self.kinds[name] == "float" or (self.kinds[name] == "int" and name not in BOOKKEEPING):
             return np.concatenate([part.cast("float64").to_numpy(zero_copy_only=False).astype(float) for part in parts])
@@ -117,12 +114,8 @@ class Table:
         """A pyarrow.Table, likewise."""
         import pyarrow as pa
         import pyarrow.compute as pc
-        import pyarrow.parquet as pq
 
-        from asrsim.sweeps.store import schema_of
-
-        schema = schema_of([(name, kind) for name, kind in self.manifest["columns"]])
-        tables = [pq.read_table(path) for path in self.files] or [schema.empty_table()]
+        tables = [read_rows(path, self._schema) for path in self.files] or [self._schema.empty_table()]
         return pc.take(pa.concat_tables(tables), pa.array(self._order))
 
     def unit(self, name: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,7 +17,8 @@ MOST = 500
 
 Task = Callable[[Any], Any]
 """What is done on an item. It can be pickled, and what it makes ready in a worker it may keep for the next item; results do
-not depend on where items are done, nor on their order. Its method `close`, if it has one, is called where it is done with."""
+not depend on where items are done, nor on their order. Its method `close`, if it has one, is called where it is done with, and
+`several`, if it has one, does many: it takes (number, item) one by one, and gives (number, result) in any order."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +62,15 @@ class Here:
         self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
     ) -> Iterator[list[tuple[int, Any]]]:
         """See :class:`Executor`."""
-        for number, item in enumerate(items):
-            if stop is not None and stop():
-                break
-            yield [(number, task(item))]
+
+        def until_stopped() -> Iterator[tuple[int, Any]]:
+            for numbered in enumerate(items):
+                if stop is not None and stop():
+                    return
+                yield numbered
+
+        for done in several(task, until_stopped()):
+            yield [done]
         close(task)
 
 
@@ -99,6 +105,13 @@ def use_one_thread(environment: MutableMapping[str, str]) -> None:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def several(task: Task, items: Iterable[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
+    """A task done on (number, item) as they are asked for; (number, result) as they come."""
+    if hasattr(task, "several"):
+        return iter(task.several(items))
+    return ((number, task(item)) for number, item in items)
 
 
 def close(task: Task | None) -> None:

@@ -10,11 +10,12 @@ import signal
 import sys
 import threading
 import time as clock
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from typing import Any
 
 from asrsim.errors import SimulationError
-from asrsim.workers import Task, close
+from asrsim.workers import Task, close, several
 
 BATCH = 0.1
 """s after which results are sent, so that short items do not cost a message each."""
@@ -73,10 +74,14 @@ def _work(inbox: queue.SimpleQueue[Any], out: Connection, note: mmap.mmap) -> No
 
 
 def _do(task: Task, items: list[tuple[int, Any]], out: Connection, note: mmap.mmap) -> None:
+    def noted() -> Iterator[tuple[int, Any]]:
+        for number, item in items:
+            note[:] = number.to_bytes(8, "little")
+            yield number, item
+
     done, began = [], clock.perf_counter()
-    for number, item in items:
-        note[:] = number.to_bytes(8, "little")
-        done.append((number, task(item)))
+    for result in several(task, noted()):
+        done.append(result)
         if clock.perf_counter() - began > BATCH:
             out.send(("results", done, clock.perf_counter() - began))
             done, began = [], clock.perf_counter()

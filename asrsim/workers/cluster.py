@@ -16,7 +16,7 @@ from typing import Any
 
 from asrsim.errors import AsrsimError, InputError, Problem, SimulationError
 from asrsim.versions import numeric_versions
-from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled
+from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
 
 PATIENCE = 10.0
 """s that a scheduler, and the first worker, have to answer."""
@@ -155,7 +155,7 @@ def do_items(sent: bytes, items: list[tuple[int, Any]]) -> tuple[list[tuple[int,
             _load(plugin)
         _OWN.task, _OWN.sent = pickle.loads(task), sent
     began = clock.perf_counter()
-    return [(number, _OWN.task(item)) for number, item in items], clock.perf_counter() - began
+    return list(several(_OWN.task, items)), clock.perf_counter() - began
 
 
 def _load(plugin: tuple[str, bytes]) -> None:

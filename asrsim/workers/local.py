@@ -124,7 +124,8 @@ class Processes:
             while left and not (stop is not None and stop()):
                 for worker in self._workers:
                     if worker.idle and waiting:
-                        size = pace.size(len(waiting), 4 * self._count)
+                        # One that was in a dead worker's hand goes alone: then it is clear whose fault it is.
+                        size = 1 if waiting[0] in self._deaths else pace.size(len(waiting), 4 * self._count)
                         worker.give(sent, [(number, items[number]) for number in (waiting.popleft() for _ in range(size))])
                 ready = wait([worker.out for worker in self._workers], timeout=0.2)
                 for worker in [worker for worker in self._workers if worker.out in ready]:
@@ -163,7 +164,7 @@ class Processes:
                 self._stillborn = 0
 
     def _bury(self, worker: _Worker, waiting: deque[int], left: set[int]) -> list[tuple[int, Any]]:
-        """Replace a dead worker; its items go back to the front, but one over which too many died is lost."""
+        """Replace a dead worker; its items go back to the front, the one in its hand first, unless too many died over it."""
         in_hand = worker.in_hand
         worker.end()
         self._workers.remove(worker)
@@ -175,8 +176,10 @@ class Processes:
                 raise SimulationError(f"workers die before they begin to work ({worker.end_of_it})")
         elif in_hand in again:
             self._deaths[in_hand] += 1
-            if self._deaths[in_hand] >= DEATHS:
-                again.remove(in_hand)
+            again.remove(in_hand)
+            if self._deaths[in_hand] < DEATHS:
+                again.insert(0, in_hand)
+            else:
                 lost.append((in_hand, Lost(f"{DEATHS} workers died in this run, the last by {worker.end_of_it}")))
         waiting.extendleft(reversed(again))
         self._workers.append(_Worker(self._greeting))

@@ -1,0 +1,61 @@
+"""Misfit along each parameter: whether its interval looks as slopes at the estimate say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.layout import Entry
+from asrsim.identification.residuals import Residuals
+from asrsim.samples import Array
+
+HALF, FINE = 3, 30
+"""Places to each side, simulated, a deviation from each other, and by slopes."""
+WIDEST = 0.5
+"""Of the vector's units, to each side."""
+UNTOLD = 0.1
+"""The same of what has no deviation."""
+TURN = 2.0
+"""Change of another entry, at most, that may follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Of one parameter; misfits are chi squared above the best, if residuals are white."""
+
+    alone: tuple[Array, Array]
+    """Values in its unit, and misfit where the others stay, by slopes."""
+    followed: tuple[Array, Array] | None
+    """The same where the others follow by their correlation, simulated; None where nothing is known of them."""
+
+
+def profiles(residuals: Residuals, x: Array, found: Uncertainty) -> Iterator[Profile]:
+    """Of every entry at the estimate x."""
+    best = residuals(x)
+    least, unit = float(best @ best), max(found.variance, 1e-300)
+
+    def misfit(there: Array) -> float:
+        left = residuals(there)
+        return min((float(left @ left) - least) / unit, 1e6)
+
+    for i, entry in enumerate(residuals.layout.entries):
+        variance = float(found.covariance[i, i])
+        width = min(HALF * float(np.sqrt(variance)), WIDEST) if variance > 0.0 else UNTOLD
+        moves = np.linspace(-width, width, 2 * FINE + 1)
+        slope = found.jacobian[:, i]
+        alone = _values(entry, x[i] + moves), moves**2 * float(slope @ slope) / unit
+        follow = found.covariance[i] / variance if variance > 0.0 else None
+        if follow is None or width * np.abs(follow).max() > TURN:
+            yield Profile(alone, None)
+            continue
+        few = np.linspace(-width, width, 2 * HALF + 1)
+        yield Profile(
+            alone, (_values(entry, x[i] + few), np.array([misfit(x + move * follow) if move else 0.0 for move in few]))
+        )
+
+
+def _values(entry: Entry, places: Array) -> Array:
+    return np.array([entry.value(float(place)) for place in places])

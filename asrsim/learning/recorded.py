@@ -1,0 +1,98 @@
+"""What a recording of the robot tells of a trial: link positions on the motion's clock, and what is odd about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.learning.plant import Plant
+from asrsim.recordings.align import LagChoice, align, resample
+from asrsim.recordings.checks import suspicions, wrong_unit
+from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.matching import match_joints
+from asrsim.samples import Array
+
+MISSING = 0.02
+"""Share of the motion that may be missing at its ends; the end values stand there."""
+BRIDGED = 0.1
+"""s, the longest gap within the motion that is bridged by a straight line."""
+GIVEN = ("command line", "map file")
+"""Origins of columns of which the user said what they are: what looks odd about them is said and taken."""
+OFF, BETTER = 0.05, 0.5
+"""s that a clock is off, beyond a robot's delay, and share of the error that moving it leaves, for a word about it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """A trial on the robot."""
+
+    outputs: Array = field(repr=False)
+    """(n, joints) link positions at the plant's times."""
+    clock: str
+    """How the recording's clock was moved."""
+    findings: tuple[Problem, ...]
+    """What people should know: of the file, its clock, its gaps, columns that look odd."""
+
+
+def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
+    """The trial that a recording holds.
+
+    lag: how its clock is moved onto the motion's. Raises InputError for one that does not last, lacks a joint, or has columns
+    whose units or signs cannot be those of the motion, unless the user said what they are.
+    """
+    pairing, findings = match_joints(plant.joints, recording)
+    named = {joint: name for name, joint in pairing.items()}
+    columns = [recording.column(named.get(joint, joint), "link_position") for joint in plant.joints]
+    moving = int(np.argmax(np.ptp(plant.reference, axis=0)))
+    motion, told = (plant.time, plant.reference[:, moving]), (columns[moving].time, columns[moving].values)
+    name = f"{plant.joints[moving]}.link_position"
+    chosen = align(*motion, *told, choice=lag, name=name)
+    outputs = np.column_stack([resample(column.time - chosen.lag, column.values, plant.time) for column in columns])
+    findings += [*recording.findings, *chosen.findings, *_bridge(outputs, plant, recording, columns, chosen.lag)]
+    wrong: list[Problem] = []
+    for joint, column, wanted, values in zip(plant.joints, columns, plant.reference.T, outputs.T, strict=True):
+        unit = wrong_unit(column, joint, prismatic=plant.unit(joint) == "m")
+        wrong += [] if unit is None else [unit]
+        odd = [replace(one, key=column.source) for one in suspicions(wanted, values, column, joint, than="the desired motion")]
+        (findings if column.origin in GIVEN else wrong).extend(odd)
+    if wrong:
+        raise RecordingError(replace(problem, file=recording.path) for problem in wrong)
+    if lag in ("off", "start"):
+        better = align(*motion, *told, choice="auto", name=name)
+        there = resample(columns[moving].time - better.lag, columns[moving].values, plant.time)
+        left, before = (np.sqrt(np.nanmean((motion[1] - values) ** 2)) for values in (there, outputs[:, moving]))
+        if abs(better.lag - chosen.lag) > OFF and left < BETTER * before:
+            message = f"would fit the desired motion {before / left:.2g} times as well, were its clock {better.said}"
+            hint = f"If the recording began at another time than the motion, take it again with --lag {better.lag:.3g}"
+            findings.append(Problem(message=message, file=recording.path, hint=hint, code="lag"))
+    return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings))
+
+
+def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequence[Column], lag: float) -> list[Problem]:
+    """Fill what is missing of outputs (n, joints), in place, and say so. Raises InputError where that is too much."""
+    missing = ~np.isfinite(outputs)
+    if not missing.any():
+        return []
+    step = float(plant.time[1] - plant.time[0])
+    longest = 0.0
+    for column, gap in zip(outputs.T, missing.T, strict=True):
+        known = np.flatnonzero(~gap)
+        ends = len(gap) if not len(known) else max(known[0], len(gap) - 1 - known[-1])
+        inside = 0.0 if len(known) < 2 else step * float(np.diff(known).max() - 1)
+        if ends > MISSING * len(gap) or inside > BRIDGED:
+            where = f"{columns[0].time[0] - lag:.3g} to {columns[0].time[-1] - lag:.3g} s"
+            message = (
+                f"must hold the link positions over the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on "
+                f"the motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
+            )
+            hint = f"Record the whole motion, with no gap beyond {BRIDGED:g} s; --lag says by how much its clock is late"
+            raise InputError(Problem(message=message, file=recording.path, hint=hint, code="recording-too-short"))
+        column[gap] = np.interp(plant.time[gap], plant.time[known], column[known])
+        longest = max(longest, inside)
+    if longest == 0.0:
+        return []
+    message = f"has gaps of up to {longest:.2g} s, which are bridged by straight lines"
+    return [Problem(message=message, file=recording.path, code="gaps")]

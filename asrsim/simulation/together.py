@@ -1,0 +1,101 @@
+"""Short runs of one kind, stepped one after the other and looked at together: NumPy's calls on the arrays of one take as long
+as on those of twenty."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from asrsim.samples import Samples
+from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.recorder import Counts, Recorder, recorded_quantities
+from asrsim.simulation.recording import Part
+from asrsim.simulation.run import Run, run_of
+from asrsim.simulation.simulation import CHUNK_NUMBERS, Simulation
+
+
+@dataclass(frozen=True)
+class Track:
+    """A run that is stepped, and not looked at yet."""
+
+    simulation: Simulation
+    """That has gone on to other runs since."""
+    prepared: Prepared
+    parts: Sequence[Part]
+    energy: float
+    """J, of the links at the start."""
+    wall_time: float
+    """s."""
+
+    @property
+    def kind(self) -> tuple[tuple[str, ...], ...]:
+        """Runs of one simulation with equal ones can be looked at together."""
+        return tuple(map(recorded_quantities, self.prepared.drives))
+
+
+def name_in(run: int, joint: str) -> str:
+    """Name of a joint among those of all runs."""
+    return f"{run}:{joint}" if run else joint
+
+
+def fit_together(prepared: Prepared, substeps: int) -> int:
+    """Runs of so many substeps that are looked at together while their numbers fit into the processor's cache; 1: none."""
+    scenario = prepared.scenario
+    if not (scenario.world.empty and scenario.fixed_base) or scenario.task is not None:
+        # What is looked at while the engine is there is nothing for afterwards.
+        return 1
+    return max(1, CHUNK_NUMBERS // (substeps * len(prepared.drives)))
+
+
+def deferred(prepared: Prepared, *, expected_substeps: int) -> Simulation:
+    """A simulation whose runs are looked at later."""
+    simulation = Simulation(prepared, expected_substeps=expected_substeps)
+    simulation.recording.defer()
+    return simulation
+
+
+def track(simulation: Simulation) -> Track:
+    """Step a simulation that is :func:`deferred` and just reset to its end. Raises DivergenceError."""
+    began = clock.perf_counter()
+    while simulation.substep < simulation.total:
+        simulation.advance_to(simulation.next_chunk(simulation.total))
+    simulation.flush()
+    recording = simulation.recording
+    return Track(simulation, simulation.prepared, recording.parts or (), recording.energy or 0.0, clock.perf_counter() - began)
+
+
+def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:
+    """Each track as a run, in their order; None where energy came from nowhere. write: takes the samples of all, of every step.
+
+    All numbers are those of a run alone, to the bit: every law and sum is one joint's, and the joints of all runs stand side
+    by side (see :func:`name_in`) as those of one robot would.
+    """
+    simulation = tracks[0].simulation
+    first, width = tracks[0].prepared, len(tracks[0].prepared.drives)
+    drives = [drive for one in tracks for drive in one.prepared.drives]
+    recorder = Recorder(drives, first.stepping, substep=first.substep, every=first.resolution.substeps, last=simulation.last)
+    names = tuple(name_in(i, drive.name) for i in range(len(tracks)) for drive in first.drives)
+    guards = [(EnergyGuard(one.energy), slice(i * width, (i + 1) * width)) for i, one in enumerate(tracks)]
+    sane = [True] * len(tracks)
+    for parts in zip(*(one.parts for one in tracks), strict=True):
+        samples = recorder.add(
+            [np.concatenate(arrays) for arrays in zip(*(part.inputs for part in parts), strict=True)],
+            np.concatenate([part.raw for part in parts], axis=1),
+            {k: np.concatenate([part.sides[k] for part in parts], axis=1) for k in parts[0].sides},
+        )
+        if samples is not None:
+            write(replace(samples, joints=names))
+        for i, (guard, mine) in enumerate(guards if simulation.recording.guarded else ()):
+            balance = {name: getattr(recorder.meter, name)[mine] for name in ("given", "residual", "turnover")}
+            fault = guard.fault(parts[i].energy, kinetic=parts[i].kinetic, **balance, names=simulation.joints)
+            sane[i] &= fault is None
+    runs: list[Run | None] = []
+    for one, (_, mine), fine in zip(tracks, guards, sane, strict=True):
+        counts = Counts(**{name: count if name == "substeps" else count[mine] for name, count in vars(recorder.counts).items()})
+        run = run_of(simulation, "complete", wall_time=one.wall_time, prepared=one.prepared, counts=counts)
+        runs.append(run if fine else None)
+    return runs
