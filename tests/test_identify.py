@@ -16,10 +16,12 @@ from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.identification import make_task, read_task
+from asrsim.identification.data import Command
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, foreign
 from asrsim.identification.noise import autoregression, fine_noise, glitches, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
+from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
 from asrsim.identification.track import physical
@@ -443,3 +445,20 @@ def test_smooth_motions_lose_no_sample_and_glitches_are_found_wherever_they_are(
             found = np.flatnonzero(glitches(spoilt))
             assert place in found
             assert np.abs(found - place).max() <= 3
+
+
+@pytest.mark.parametrize("hold", [True, False])
+@pytest.mark.parametrize("delay", [0.0, 0.0123])
+def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: float) -> None:
+    """Large jumps are told of, at their samples; beside them the played command has the recorded values."""
+    time = np.arange(0.0, 1.0, 0.01)
+    values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)
+    command = Command(joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad")
+    played = Played(command=command, step=1e-3, delay=delay, gain=2.0, offset=0.1)
+    assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay, 0.61 + delay])
+    assert played.jumps(0.4, 0.5).size == 0
+    asked = np.array([0.105, 0.295, 0.315, 0.505, 0.595, 0.615, 0.905]) + delay
+    at = values[np.searchsorted(time, asked - delay, side="right") - 1] if hold else np.interp(asked - delay, time, values)
+    assert played.values(asked) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
+    beside = played.values(np.array([0.31 + delay - 1e-5, 0.31 + delay + 1e-5]))
+    assert np.diff(beside) == pytest.approx([2.0], abs=0.05)
