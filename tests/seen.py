@@ -42,11 +42,17 @@ def figure_lines(figure: Figure) -> list[str]:
     lines = [f"figure {_numbers(figure.get_size_inches())}", *(f"  text {text.get_text()!r}" for text in figure.texts)]
     if figure._suptitle is not None:
         lines.append(f"  title {figure._suptitle.get_text()!r}")
+    lines += [f"  legend {[text.get_text() for text in legend.get_texts()]}" for legend in figure.legends]
     for axes in figure.axes:
         lines.append(
             f"  axes {axes.get_title()!r} x {axes.get_xlabel()!r} {axes.get_xscale()} {_numbers(axes.get_xlim())}"
             f" y {axes.get_ylabel()!r} {axes.get_yscale()} {_numbers(axes.get_ylim())}"
         )
+        edge, word = axes.spines["bottom"], (axes.get_xticklabels() or [axes.xaxis.label])[0]
+        style = (
+            f"{edge.get_linewidth():g} {to_hex(edge.get_edgecolor())} words {word.get_fontsize():g} {to_hex(word.get_color())}"
+        )
+        lines.append(f"    edge {style} label {axes.yaxis.label.get_fontsize():g} title {axes.title.get_fontsize():g}")
         legend = axes.get_legend()
         if legend is not None:
             lines.append(f"    legend {[text.get_text() for text in legend.get_texts()]}")
@@ -61,6 +67,8 @@ def _artist(artist: Any) -> str:
     if kind == "Line2D":
         x, y = np.asarray(artist.get_xdata(), float), np.asarray(artist.get_ydata(), float)
         style = f"{to_hex(artist.get_color(), keep_alpha=True)} {artist.get_linewidth():g} {artist.get_linestyle()}"
+        # Dashes of one's own have the name of the usual ones.
+        style += f" {_numbers(artist._unscaled_dash_pattern[1])}" if artist.is_dashed() else ""
         return f"line {gid} {style} {artist.get_marker()} z {artist.get_zorder():g} x {_extent(x)} y {_extent(y)}"
     if kind in ("Text", "Annotation"):
         return f"text {artist.get_text()!r} {to_hex(artist.get_color())}" if artist.get_text() else ""

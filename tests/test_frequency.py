@@ -9,7 +9,7 @@ from scipy.stats import binom
 
 from asrsim.errors import RecordingError
 from asrsim.metrics.excitation import excited_band
-from asrsim.metrics.frequency import FrequencyResponse, frequency_response
+from asrsim.metrics.frequency import FrequencyResponse, _bandwidth, frequency_response
 from asrsim.metrics.local import local_rational
 from asrsim.metrics.periodic import by_periods
 from asrsim.metrics.spectra import welch
@@ -365,3 +365,13 @@ def test_too_short_and_unresolved() -> None:
         frequency_response(TIME, u, u, band=(2000.0, 3000.0))
     with pytest.raises(RecordingError, match="no method"):
         frequency_response(TIME, u, u, method="magic")
+
+
+def test_the_low_end_of_a_gain_is_a_median_of_three_at_least():
+    """One bin that leaks moves neither the bandwidth nor the height from which on a peak is a resonance."""
+    f = np.arange(1.0, 9.0)
+    smooth = np.array([1.0, 1.0, 1.0, 0.98, 0.9, 0.8, 0.6, 0.3])
+    for place in range(3):
+        leaking = smooth.copy()
+        leaking[place] = 1.4
+        assert _bandwidth(f, leaking) == _bandwidth(f, smooth) == pytest.approx(6.46, abs=0.01)

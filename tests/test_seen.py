@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 from seen import differences, figure_lines, page_lines, picture_lines, steady
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RECORDED = Path(__file__).parent / "seen"
 RICH = """\

@@ -265,3 +265,33 @@ def test_a_held_sample_is_not_late_by_the_rounding_of_a_clock():
     times = np.array([0.0, 100.2 - 100.0, 0.4])
     assert times[1] > 0.2
     assert interpolate(np.array([0.2, 0.1999]), times, np.array([1.0, 2.0, 3.0]), "hold").tolist() == [2.0, 1.0]
+
+
+KINDS = {
+    "constant": 0.3, "step": {"step": {"at": 0.7, "to": 1}}, "ramp": {"ramp": {"start": 0.2, "duration": 1, "to": 2}},
+    "sinusoid": {"sinusoid": {"amplitude": 1, "frequency": 2, "phase": 0.4, "start": 0.3}},
+    "chirp": {"chirp": {"amplitude": 1, "from": 1, "to": 4, "duration": 1.5, "start": 0.1}},
+    "minimum_jerk": {"minimum_jerk": {"start": 0.4, "duration": 1, "to": 1}},
+    "pulse_train": {"pulse_train": {"high": 1, "low": -1, "width": 0.13, "period": 0.41, "start": 0.2}},
+    "waypoints": {"waypoints": {"points": [[0.2, 0], [0.9, 1], [1.4, 0.5]]}},
+    "held waypoints": {"waypoints": {"points": [[0.2, 0], [0.9, 1], [1.4, 0.5]], "interpolation": "hold"}},
+    "playback": {"playback": {"file": "a.csv", "column": "q"}},
+    "held playback": {"playback": {"file": "a.csv", "column": "q", "interpolation": "hold"}},
+    "sum": {"sum": [{"step": {"at": 0.5, "to": 1}}, {"pulse_train": {"high": 1, "width": 0.1, "period": 0.3}}]},
+    "delay": {"delay": {"by": 0.123, "of": {"step": {"at": 0.5, "to": 1}}}},
+    "scale": {"scale": {"by": -3, "of": {"step": {"at": 0.5, "to": 1}}}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_jumps_are_told_of_where_values_jump_and_nowhere_else(kind, tmp_path):
+    (tmp_path / "a.csv").write_text("time,q\n" + "".join(f"{t},{q}\n" for t, q in [(0.1, 0), (0.6, 1), (0.9, 0.2), (1.3, 2)]))
+    signal = parse_signal(KINDS[kind], base=tmp_path)
+    times = np.linspace(0.0, 2.0, 20001)
+    jumps = signal.jumps(0.0, 2.0)
+    assert np.all((jumps >= 0.0) & (jumps <= 2.0) & (np.diff(jumps, prepend=-1.0) > 0.0))
+    heights = np.abs(signal.values(jumps + 1e-5) - signal.values(jumps - 1e-5))
+    assert np.all(heights > 0.05)
+    told = np.searchsorted(jumps, times[1:], side="right") > np.searchsorted(jumps, times[:-1], side="right")
+    moved = np.abs(np.diff(signal.values(times)))
+    assert np.all(moved[~told] < 0.01)

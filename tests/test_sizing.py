@@ -30,13 +30,16 @@ def judged(scenario, **options):
     return sizing(scenario, apply_to_robot(scenario, robot), **options)
 
 
-@pytest.mark.parametrize("preset", [0.3, 0.45])
+@pytest.mark.parametrize(("preset", "mode"), [(0.3, 3), (0.45, 6)])
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
-def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuator, preset):
-    """Ideal motors, strong link damping: the run ends at rest, and the sag is what was foretold."""
+def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuator, preset, mode):
+    """Ideal motors, or weak controllers, which droop: the run, strongly damped, ends at rest, and sags as it was foretold."""
+    weak = {"controller_{}_proportional": 6.0, "motor_{}_friction_torque": 0.0}
+    motors = (1,) if actuator == "sea" else (1, 2)
     scenario = scenario_of(
         write_plain_arm(tmp_path, lengths=(0.2, 0.15), masses=(0.3, 0.2)),
-        actuators={"*": {"type": actuator, "mode": 3}},
+        actuators={"*": {"type": actuator, "mode": mode}},
+        parameters={"*": {name.format(i): value for name, value in weak.items() for i in motors}},
         references={"*": {"equilibrium_position": 0.5, **({} if actuator == "sea" else {"stiffness_preset": preset})}},
         link_damping={"*": {"constant": 0.05}},
         duration=12.0,

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -114,3 +115,16 @@ def test_json_in_a_script_reads_back() -> None:
     data = {"<!--<script>": ["</script>", "&lt;", "é\u2028"]}
     assert json.loads(script_json(data)) == data
     assert "<" not in script_json(data)
+
+
+def test_a_run_s_bar_shows_simulated_seconds_a_second(monkeypatch):
+    from asrsim.cli import progress
+
+    told = []
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: 10.0)
+    bar = progress.RunProgress("a", 5.0, show=True)
+    bar.start()
+    bar._show, bar._bar = True, SimpleNamespace(update=lambda task, **fields: told.append(fields), stop=lambda: None)
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: 14.0)
+    bar.update(2.0)
+    assert told == [{"completed": 2.0, "speed": "0.5 x real time"}]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -186,5 +187,5 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike",
         "dim",
     )
-    for path in files:
-        say(f"  {path}")
+    if files:
+        say(f"wrote {files[0].parent}{os.sep}: {', '.join(path.name for path in files)}")

@@ -19,6 +19,8 @@ HELD_OUT = 1.3
 
 SHAKEN = 2.0
 """Deviations of what the commands' noise and the estimates' uncertainty make of a prediction."""
+EXPLAINED = 0.9
+"""Share of a channel's variance from which on a fit explains it."""
 HELD = "the held-out error is"
 
 
@@ -121,6 +123,17 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
     if not trained:
         reasons.append("nothing was fitted")
     return reasons
+
+
+def foreign(fits: Sequence[ChannelFit]) -> list[str]:
+    """Channels of which the fit explains nothing while it explains others: they may be of something else."""
+    lost = [one for one in fits if one.explained < 0.0]
+    if not lost or not any(one.explained > EXPLAINED for one in fits):
+        return []
+    return [
+        f"{key} is not followed at all: another quantity, sign or zero? (--map COLUMN=JOINT.QUANTITY, or COLUMN=ignore)"
+        for key in dict.fromkeys(one.key for one in lost)
+    ]
 
 
 def still_joints(tracks: Sequence[Track]) -> Mapping[str, str]:

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations as combinations_of
 
 import numpy as np
 
 from asrsim.identification.intervals import Uncertainty
-from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.told import UNKNOWN, Told
 from asrsim.samples import Array
 
-UNKNOWN = 0.3
-"""Relative half width of an interval from which on a direction is not told."""
 NOTHING = 1.0
 """The same from which on its estimate is noise."""
 CHANCE = 6.0
 """Chi squared that noise alone gives to a few directions."""
-FAR = 2.3
-"""Relative change, in logarithms, beyond which nobody would believe what is not told."""
 NICE, NICER = 1.5, 2e-3
 """How many times wider, and by how much more, the interval of a simpler form may be."""
+NEARLY = 0.02
+"""By which a power may be off a whole number."""
 SWAY = 0.7
 """Relative change along an unknown direction, at most, under which a combination is looked at again."""
 
@@ -42,17 +42,6 @@ class Combination:
         return f"{self.text} = {self.value:.4g} +- {100.0 * self.margin:.2g} %"
 
 
-def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Jacobian (m, n) by relative changes of the values, and the values (n,); sizes stand for values near 0."""
-    values = layout.values(x)
-    scale = np.array([_scale(entry, float(v)) for v, entry in zip(values, layout.entries, strict=True)])
-    return jacobian * (scale / layout.slopes(x)), values
-
-
-def _scale(entry: Entry, value: float) -> float:
-    return value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
-
-
 def combinations(
     layout: Layout, x: Array, found: Uncertainty, free: Sequence[int], residuals: Callable[[Array], Array] | None = None
 ) -> list[Combination]:
@@ -70,8 +59,10 @@ def combinations(
         parts = told.parts(direction)
         if len(parts) < 2:
             continue
-        pivot = parts[0]
-        for other in parts[1:]:
+        for pivot, other in combinations_of(parts, 2):
+            # What pairs tell already, by way of others, is not told again.
+            if _joined(pairs, free[pivot], free[other]):
+                continue
             # Constant along the direction: d log(other) + power d log(pivot) = 0.
             one = _pair(told, other, pivot, -float(direction[other] / direction[pivot]), places)
             if one is not None:
@@ -80,72 +71,23 @@ def combinations(
         groups = [group for group in groups if group not in joined] + [set(parts).union(*joined)]
     result: list[Combination] = []
     for group in groups:
-        mine = [one for one in pairs if set(one.keys) <= {free[i] for i in group}]
-        if {i for one in mine for i in one.keys} != {free[i] for i in group}:
-            # Where pairs do not tell all of them, larger products may.
-            mine = list(_products(told, sorted(group), places)) or mine
-        result += mine
+        result += (one for one in pairs if set(one.keys) <= {free[i] for i in group})
+        # Beyond pairs, products of more are told by one of each that hang together.
+        alone: list[int] = []
+        for i in sorted(group):
+            if not any(_joined(pairs, free[i], free[other]) for other in alone):
+                alone.append(i)
+        result += _products(told, alone, places)
     return result
 
 
-class Told:
-    """What is told of relative changes of some entries, and which directions of them are not."""
-
-    def __init__(self, layout: Layout, x: Array, found: Uncertainty, free: Sequence[int], limit: float = UNKNOWN) -> None:
-        self.layout, self.found, self.free = layout, found, list(free)
-        scaled, self.values = relative(layout, x, found.jacobian)
-        self.scaled = scaled[:, self.free]
-        """(m, k) Jacobian by relative changes."""
-        self.units = relative(layout, x, np.ones((1, len(x))))[0][0][self.free]
-        """(k,) change of the vector by a relative change."""
-        # The triangle of its factors has the same directions, and is small.
-        self._triangle = np.linalg.qr(self.scaled, mode="r")
-        _, singular, self._vectors = np.linalg.svd(self._triangle)
-        self._sizes = np.full(len(self.free), 1e-100)
-        self._sizes[: len(singular)] = np.maximum(singular, 1e-100)
-        self.noise = 1.96 * float(np.sqrt(found.variance))
-        off = self.noise / self._sizes
-        self._known = off <= limit
-        self.directions = self._vectors[~self._known]
-        """(u, k) that stay unknown."""
-        self.extent = np.minimum(off[~self._known], FAR)
-        """(u,) relative half widths along these."""
-        self.alone = np.sqrt(np.sum((self._vectors * off[:, None]) ** 2, axis=0))
-        """(k,) relative half widths of the entries, each alone."""
-
-    def parts(self, direction: Array) -> list[int]:
-        """Entries without which an unknown direction would be known, the largest first."""
-        rest = direction.copy()
-        for i in np.argsort(np.abs(direction)):
-            without = rest.copy()
-            without[i] = 0.0
-            if float(np.linalg.norm(self._triangle @ without)) * UNKNOWN <= self.noise * float(np.linalg.norm(without)):
-                rest = without
-        return [int(i) for i in np.argsort(-np.abs(rest)) if rest[i] != 0.0 and self.alone[i] > UNKNOWN]
-
-    def fitted(self, x: Array, base: Array, residuals: Callable[[Array], Array], rounds: int = 3) -> Array:
-        """x moved along what is known only, to where residuals are as `base` (m,) was."""
-        low, high = self.layout.bounds
-        inside = self._vectors[self._known]
-        inverse = (inside.T / self._sizes[self._known] ** 2) @ inside
-        for _ in range(rounds):
-            step = inverse @ (self.scaled.T @ (residuals(x) - base)) * self.units
-            x = x.copy()
-            x[self.free] -= step
-            x = np.clip(x, low, high)
-        return x
-
-    def margin(self, exponents: Array) -> float:
-        """Relative half width of the 95 % interval of a product of powers."""
-        inside = self._vectors[self._known]
-        projected = inside @ exponents
-        sizes = self._sizes[self._known]
-        ordinary = self.found.variance * float(np.sum((projected / sizes) ** 2))
-        moves = np.zeros((1, self.found.scores.shape[1]))
-        moves[0, self.free] = (inside.T @ (projected / sizes**2)) * self.units
-        deviation, quantile = self.found.deviations(np.array([ordinary]), moves)
-        # What of it is unknown is so as far as that direction is.
-        return float(np.hypot(deviation[0] * quantile[0], np.linalg.norm(self.extent * (self.directions @ exponents))))
+def _joined(pairs: Sequence[Combination], first: int, second: int) -> bool:
+    """Whether entries hang together by pairs."""
+    reached, grown = {first}, True
+    while grown:
+        more = {i for one in pairs if reached & set(one.keys) for i in one.keys} - reached
+        reached, grown = reached | more, bool(more)
+    return second in reached
 
 
 def _swayed(told: Told, x: Array, residuals: Callable[[Array], Array]) -> list[Array]:
@@ -153,8 +95,7 @@ def _swayed(told: Told, x: Array, residuals: Callable[[Array], Array]) -> list[A
     base, found = residuals(x), []
     for direction, extent in zip(told.directions, told.extent.tolist(), strict=True):
         for sway in (-min(extent, SWAY), min(extent, SWAY)):
-            there = x.copy()
-            there[told.free] += sway * direction / np.abs(direction).max() * told.units
+            there = told.moved(x, sway * direction / np.abs(direction).max())
             found.append(told.layout.values(told.fitted(there, base, residuals)))
     return found
 
@@ -195,13 +136,21 @@ def _products(told: Told, lost: Sequence[int], places: Sequence[Array]) -> Itera
     _, size, vectors = np.linalg.svd(told.directions[:, list(lost)])
     for vector in vectors[int(np.sum(size > 0.15)) :]:
         powers = np.zeros(len(told.free))
-        powers[list(lost)] = vector / vector[int(np.argmax(np.abs(vector)))]
+        powers[list(lost)] = _whole(vector / vector[int(np.argmax(np.abs(vector)))])
         margin = float(np.hypot(told.margin(powers), _sway(told, powers, places)))
         if margin < UNKNOWN:
             parts = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in lost if abs(powers[i]) > 0.005]
             text = " * ".join(name if abs(p - 1.0) < 0.005 else f"{name}^{p:.2g}" for name, p in parts)
             value = float(np.exp(np.sum(powers[list(lost)] * np.log(values))))
             yield Combination(text, value, margin, tuple(told.free[i] for i in lost))
+
+
+def _whole(powers: Array) -> Array:
+    """The same in whole numbers, where small ones will do."""
+    for factor in (1.0, 2.0, 3.0, 4.0):
+        if float(np.max(np.abs(factor * powers - np.round(factor * powers)))) < NEARLY:
+            return np.round(factor * powers)
+    return powers
 
 
 def settled(residuals: Residuals, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:

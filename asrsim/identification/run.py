@@ -14,7 +14,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
 from asrsim.identification.intervals import correlations, uncertainty, whitened
-from asrsim.identification.judge import HELD, channel_fits, coarse_joints, still_joints, verdict, with_unsure
+from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import settled
@@ -186,7 +186,7 @@ def _judged(
         )  # fmt: skip
         misfit = verdict(fits)
     plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
-    causes = missing_causes(plain, trained, start) if misfit else []
+    causes = [*foreign(fits), *missing_causes(plain, trained, start)] if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
     if status == "complete":

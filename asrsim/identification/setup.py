@@ -63,8 +63,8 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
         tracks.append(track)
     for parameter in free:
         joint, _, rest = parameter.key.partition(".")
-        for track in tracks if rest == "link_position.offset" else ():
-            track.trust_scenario(joint)
+        for track in tracks if rest.endswith("_position.offset") else ():
+            track.trust_scenario(joint, rest.removesuffix(".offset"))
     free += _unknown_starts(tracks, free, known)
     layout = make_layout(free, ties, [one.name for one in data], [_starts(track) for track in tracks])
     # Own values of recordings that are only predicted would be guesses: clocks and starts keep theirs.

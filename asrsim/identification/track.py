@@ -51,8 +51,11 @@ class Track:
         """What is compared."""
         return self.data.channels
 
-    def trust_scenario(self, joint: str) -> None:
-        """The link begins where the scenario says: what the recording shows is an offset."""
+    def trust_scenario(self, joint: str, quantity: str) -> None:
+        """The link, or the joint's motors, begin where the scenario says: what the recording shows is an offset."""
+        if quantity != "link_position":
+            self.motors.pop(joint, None)
+            return
         j = self.evaluation.joints.index(joint)
         self.positions[j] = self.prepared.initial_positions[j]
         self.uncertain = [key for key in self.uncertain if key != f"{joint}.initial_position"]

@@ -12,8 +12,9 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
-from asrsim.identification.nulls import UNKNOWN, Combination, combinations, relative
+from asrsim.identification.nulls import Combination, combinations
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.told import UNKNOWN, relative
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -128,7 +129,7 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
         middle = parameter.start * math.exp(x)
         return middle * math.exp(-min(width, 50.0)), middle * math.exp(min(width, 50.0))
     middle = entry.start + parameter.size * x
-    return middle - parameter.size * width, middle + parameter.size * width
+    return max(middle - parameter.size * width, parameter.low), min(middle + parameter.size * width, parameter.high)
 
 
 def _joint(entry: Entry, tracks: Sequence[Track]) -> str:

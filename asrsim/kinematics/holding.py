@@ -1,7 +1,7 @@
 """Where each joint comes to rest under the arm's own weight, as its springs and motors hold it.
 
-The rest is sought with motors where references put them and no stronger than their largest torque; what their controllers
-droop by under load is left out.
+The rest is sought with motors where references put them, less what their controllers droop by under load, and no stronger than
+their largest torque. Friction and electrical limits of motors are left out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
-"""rad beyond which it is said to fall."""
+"""Sag beyond which it is said to fall, as a share of the joint's scale."""
+SLIDING = 0.2
+"""m of a sliding joint that are like 1 rad of a turning one: what a link of this length does."""
 OFF = 0.1
 """rad or m from its reference at which a joint on a stop does not belong there; of a short travel, the share."""
 STEPS = 400
@@ -47,13 +49,15 @@ class Holding:
     """A motor gives way: it would need more than its largest torque."""
     time: float
     """s, of that instant."""
-    travel: float
-    """rad or m between the joint's stops."""
+    scale: float
+    """rad or m, against which a sag of this joint is great or small: a short travel, 1 rad, or `SLIDING`."""
+    droop: float = 0.0
+    """rad or m of the sag that is the motors', whose controllers give way in proportion to the load."""
 
     @property
     def falls(self) -> bool:
         """It does not merely sag."""
-        return self.on_stop or self.sag > FALL
+        return self.on_stop or self.sag > FALL * self.scale
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
@@ -120,6 +124,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
         before = moved
     limited = {name: row for springs in groups for name, row in springs.limited(positions).items()}
+    droops = {name: row for springs in groups for name, row in zip(springs.names, springs.droops.mean(axis=0), strict=True)}
     found = []
     for name in goals:
         off = np.abs(positions[name] - wanted[name])
@@ -130,14 +135,16 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(limited[name][worst]), time=float(time[worst]), travel=high - low,
+                limited=bool(limited[name][worst]), time=float(time[worst]),
+                scale=min(SLIDING if robot.joint(name).kind == "prismatic" else 1.0, high - low),
+                droop=float(abs(droops[name][worst])),
             )
         )  # fmt: skip
     return tuple(found)
 
 
 class _Springs:
-    """The springs of all joints (j) with one actuator, motors held where they are asked to stand at (n,) instants."""
+    """The springs of all joints (j) with one actuator, motors held near where they are asked to stand at (n,) instants."""
 
     def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, Array]]) -> None:
         actuator = ACTUATORS.get(blocks[0].actuator)
@@ -156,23 +163,33 @@ class _Springs:
             ]
         )
         """(motors, j, 1) N m."""
+        self._gains = np.array([[[_gain(block, i)] for block in blocks] for i in range(1, actuator.motors + 1)])
+        """(motors, j, 1) N m/rad of the controllers."""
+        self.droops = np.zeros((actuator.motors, *self._goals[0].shape))
+        """(motors, j, n) rad by which motors stay behind."""
         self.weight = self.low = self.high = np.zeros((len(blocks), 1))
         """How fast gravity's torques may change with posture, N m/rad, and the joints' stops, rad or m."""
 
     def _torques(self, position: Array) -> Array:
         """(motors, j, n) N m."""
-        return self._law(position, *self._goals, self._parameters)
+        places = [goal - droop for goal, droop in zip(self._goals, self.droops, strict=False)]
+        return self._law(position, *places, *self._goals[len(places) :], self._parameters)
+
+    def _slopes(self, position: Array) -> tuple[Array, Array]:
+        """Torques, and stiffnesses with motors held where they are, (motors, j, n)."""
+        here, near = (self._torques(position + off)[: len(self._limits)] for off in (0.0, 1e-4))
+        here, near = np.clip(here, -self._limits, self._limits), np.clip(near, -self._limits, self._limits)
+        return here, np.maximum((here - near) / 1e-4, 0.0)
 
     def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
         """Let the joints give way to their loads by shares (n,) of a step; returns what they moved, (j, n) rad or m. A motor
         gives way at its largest torque."""
         position = np.stack([positions[name] for name in self.names])
-        here, near = self._torques(position), self._torques(position + 1e-4)
-        motors = len(self._limits)
-        for torques in (here, near):
-            torques[:motors] = np.clip(torques[:motors], -self._limits, self._limits)
-        torque = here.sum(axis=0)
-        stiffness = np.maximum((torque - near.sum(axis=0)) / 1e-4, 0.0)
+        torques, slopes = self._slopes(position)
+        # The motors first, the link where it is; then the link, behind spring and controller in series.
+        self.droops += (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
+        torques, slopes = self._slopes(position)
+        torque, stiffness = torques.sum(axis=0), (slopes / (1.0 + slopes / self._gains)).sum(axis=0)
         load = np.stack([loads[name] for name in self.names])
         step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
         after = np.clip(position + share * step, self.low, self.high)
@@ -183,6 +200,14 @@ class _Springs:
         """Joint -> (n,) whether some motor gives way."""
         torques = self._torques(np.stack([positions[name] for name in self.names]))[: len(self._limits)]
         return dict(zip(self.names, np.any(np.abs(torques) > self._limits, axis=0), strict=True))
+
+
+def _gain(block: ActuatorBlock, index: int) -> float:
+    """N m/rad by which a motor's controller holds it; inf where it does not droop: ideal motors, integral action."""
+    values = block.values()
+    mode = MODES[block.mode]
+    stiff = not (mode.motor and mode.controller) or values[f"controller_{index}_integral"] > 0.0
+    return math.inf if stiff else max(values[f"controller_{index}_proportional"], 1e-6)
 
 
 def _stops(robot: Robot, name: str) -> tuple[float, float]:

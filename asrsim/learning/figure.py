@@ -70,6 +70,7 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
         ax.semilogy(numbers, largest, ".", linestyle="--", color=style.variant_colour(column), label=f"largest |e|, {joint}")
     ax.axhspan(0.0, settings.tolerance, color=style.GREEN, alpha=0.13, linewidth=0, label="tolerance")
     ax.set(xlabel="iteration", ylabel=f"error ({problem.unit})")
+    ax.set_title("error over the iterations", loc="left")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -185,7 +185,7 @@ def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPane
 
 
 def _limit_handles(shown: Collection[str]) -> list[Any]:
-    return [limit_handle()] if "limit" in shown else []
+    return [limit_handle(own=kind == "own limit") for kind in ("limit", "own limit") if kind in shown]
 
 
 def _empty(axes: Axes) -> None:
@@ -220,7 +220,7 @@ def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: 
     """Robot, scenario, variant, subject and page in one line at the top left."""
     robots = ", ".join(dict.fromkeys(run.info.robot for run in runs))
     scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
-    words = [shorten(robots, 40), *(shorten(name, 40) for name in scenarios if name and len(scenarios) == 1)]
+    words = [shorten(name, 40) for name in dict.fromkeys((robots, *(scenarios if len(scenarios) == 1 else ()))) if name]
     if len(runs) == 1 and runs[0].label not in ("default", ""):
         words.append(style.plain(runs[0].label))
     if runs[0].status not in ("complete",):

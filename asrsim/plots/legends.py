@@ -42,11 +42,12 @@ def legend(
         axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place, handlelength=3.0 if several else 2.2)
 
 
-def limit_handle() -> Any:
-    """The legend's entry of limits."""
+def limit_handle(*, own: bool = False) -> Any:
+    """The legend's entry of limits; own: of those that differ from run to run, in the runs' colours."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], color=style.LIMIT, linewidth=0.9, linestyle=LIMIT_LINE, label="limits")
+    return Line2D([], [], color=style.BLACK if own else style.LIMIT, linewidth=0.9, linestyle=LIMIT_LINE,
+                  label="limits of each" if own else "limits")  # fmt: skip
 
 
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))

@@ -171,13 +171,15 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
     )  # fmt: skip
     low, high = axes.get_ylim()
     seen = [(n, limit) for n, limit in limits if ((limit.values >= low) & (limit.values <= high)).any()]
+    kinds: dict[str, None] = {}
     for number, limit in _distinct(seen):
         own = several and sum(_equal(limit, other) for _, other in seen) < len(runs)
+        kinds["own limit" if own else "limit"] = None
         axes.plot(
             limit.time, limit.values, color=style.variant_colour(number) if own else style.LIMIT, linewidth=0.9,
             linestyle=LIMIT_LINE, zorder=1.2, gid=f"{joint}.{panel.key}.limit.{number}",
         )  # fmt: skip
-    return (*dict.fromkeys(name for name, _, _ in drawn), *(["limit"] if seen else []))
+    return (*dict.fromkeys(name for name, _, _ in drawn), *kinds)
 
 
 def _distinct(curves: Sequence[tuple[int, Curve]]) -> list[tuple[int, Curve]]:

@@ -25,6 +25,9 @@ MOUNTED_MODE = 6
 ROUNDS = 6
 """Of parameters that hold the arm, and presets that follow from them."""
 
+VISIBLE = 1e-3
+"""rad or m by which a joint sags that is worth a start at equilibrium."""
+
 SCHEMA_FILE = "asrsim.schema.json"
 
 
@@ -69,7 +72,7 @@ def write_starter(
     elif found.weak:
         notes = problems_of_weight(found, starter.robot)
         starter = replace(starter, proposal=found.proposal)
-    text = starter_text(starter)
+    text = starter_text(replace(starter, hangs=_hangs(starter, loaded, out.parent)))
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
@@ -93,6 +96,17 @@ def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> Start
         starter = replace(starter, robot=stronger, sized={**starter.sized, **sized})
         found = sizing(_first(starter, robot, folder), starter.robot, sag=ENOUGH)
     return starter
+
+
+def _hangs(starter: Starter, robot: Robot, folder: Path) -> bool:
+    """Whether actuators that the scenario gives hold the whole arm, and give way a little."""
+    from asrsim.kinematics.sizing import sizing
+
+    if not starter.given:
+        return False
+    found = sizing(_first(starter, robot, folder), starter.robot, propose=False)
+    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
+    return held and not found.weak and any(one.sag > VISIBLE for one in found.joints)
 
 
 def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:

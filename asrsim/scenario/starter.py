@@ -114,6 +114,8 @@ class Starter:
     """Joint -> parameters of given actuators that the robot has already, so that they hold the arm's own weight."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """The same for actuators of the robot file, to be written as a comment."""
+    hangs: bool = False
+    """It starts where its springs hold its weight, which takes no fall."""
     arguments: Mapping[str, str] = field(default_factory=dict)
     """xacro arguments that the robot was read with."""
     packages: Mapping[str, str] = field(default_factory=dict)
@@ -144,6 +146,8 @@ def starter_text(starter: Starter) -> str:
     if moved:
         lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
         lines += [f"  {word(drive.joint.name)}: {number(drive.start)}" for drive in moved]
+    elif starter.hangs:
+        lines += ["", "initial: equilibrium # at rest under its own weight; without this line it falls into its springs"]
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
     return "\n".join(lines) + "\n"
 
@@ -197,9 +201,10 @@ def drive_of(robot: Robot, block: ActuatorBlock) -> Drive:
     bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
     start = min(max(0.0, low), high)
-    if start + size <= high:
+    # A motion that ends on a stop shows the stop.
+    if start + size < high:
         target = start + size
-    elif start - size >= low:
+    elif start - size > low:
         target = start - size
     else:
         target = 0.5 * (low + high)

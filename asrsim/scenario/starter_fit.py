@@ -63,6 +63,8 @@ def _free(plan: Plan) -> Iterator[str]:
             strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
             yield f"  {word(f'{link}.{INERTIA[strongest]}')}:"
             yield f"  # {word(f'{link}.mass')}:            # with gravity; without it only the inertia shows"
+        if not mode.spring:
+            yield f"  # {word(f'{block.joint}.passive_stiffness')}: 100    # a spring of the joint's own, as where it is locked"
         if mode.spring:
             yield f"  # {word(f'{block.joint}.hysteresis_torque')}: 0.05   # N m, springs that lag; with hysteresis_deflection"
         yield f"  # {word(f'{block.joint}.stribeck_friction')}: 0.05   # N m, static above Coulomb's; with stribeck_velocity"

@@ -21,10 +21,16 @@ if TYPE_CHECKING:
 
 MOST = 6
 """Results in a picture: others by name."""
+SHARE = 0.1
+"""Of the runs, that have a result which is drawn unasked before others."""
 CELL = 4.4, 3.1
 """inches of a panel."""
 LINES = 8
 """Lines in a panel, at most."""
+POINTS = 40
+"""Points of a line that are drawn as such."""
+OUTLIER = 3.0
+"""Times as wide as the middle 96 % of a heat map's values, from where on its colours leave the rest out."""
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = (), formats: Sequence[str] = ("png",)) -> list[Path]:
@@ -46,7 +52,9 @@ def chosen_results(table: Table, results: Sequence[str]) -> list[str]:
             raise InputError(problem)
         if table.quantiles(name) is None:
             raise InputError(Problem(message="no run has a value of it", key=name, code="result"))
-    return list(results) or told(table)[:MOST]
+    # What hardly any run has comes last.
+    often = [name for name in told(table) if np.isfinite(table[name]).mean() >= SHARE]
+    return list(results) or [*often, *(name for name in told(table) if name not in often)][:MOST]
 
 
 def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
@@ -103,7 +111,13 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
     if table.manifest["drawn"] or not listed:
         key = moved[0].key if moved else numeric_keys(table)[0]
         shown = np.linspace(0, len(table) - 1, min(len(table), 5000)).astype(int)
-        axes.plot(table[key][shown], table[result][shown], ".", markersize=3, alpha=0.5)
+        variants = table["variant"].astype(str)[shown]
+        for variant in dict.fromkeys(variants.tolist()):
+            mine = shown[variants == variant]
+            axes.plot(table[key][mine], table[result][mine], ".", markersize=3, alpha=0.5, label=variant)
+        if len(table.manifest["variants"]) > 1:
+            axes.legend(fontsize="x-small", markerscale=3.0)
+        _whole_width(table, key, axes)
         axes.set(xlabel=key, ylabel=_label(table, result))
         return
     listed.sort(key=lambda key: -len(np.unique(table[key])))
@@ -119,10 +133,7 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
         for i, variant in enumerate(table["variant"])
     ]
     names = list(dict.fromkeys(labels))
-    # All of the key, also where a result is undefined.
-    low, high = float(table[over].min()), float(table[over].max())
-    if high > low:
-        axes.set_xlim(low - 0.03 * (high - low), high + 0.03 * (high - low))
+    _whole_width(table, over, axes)
     # Values in their order have colours in theirs.
     from matplotlib import colormaps
 
@@ -130,11 +141,20 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
     for name, shade in zip(names[:LINES], shades, strict=True):
         mine = np.array([label == name for label in labels])
         order = np.argsort(table[over][mine], kind="stable")
-        axes.plot(table[over][mine][order], table[result][mine][order], ".-", color=shade, label=name)
+        # A lonely value between undefined ones is a point; a hundred points are no thick line.
+        size = 6.0 if len(order) <= POINTS else 2.5
+        axes.plot(table[over][mine][order], table[result][mine][order], ".-", color=shade, label=name, markersize=size)
     if len(names) > 1:
         title = f"{LINES} of {len(names)}" if len(names) > LINES else None
         axes.legend(fontsize="x-small", title=title, title_fontsize="x-small")
     axes.set(xlabel=over, ylabel=_label(table, result))
+
+
+def _whole_width(table: Table, key: str, axes: Axes) -> None:
+    """All of a key, also where a result is undefined."""
+    low, high = float(table[key].min()), float(table[key].max())
+    if high > low:
+        axes.set_xlim(low - 0.03 * (high - low), high + 0.03 * (high - low))
 
 
 def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> None:
@@ -147,8 +167,12 @@ def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> Non
     np.add.at(sums, (j[there], i[there]), values[there])
     np.add.at(counts, (j[there], i[there]), 1.0)
     mean = np.where(counts > 0, sums / np.maximum(counts, 1.0), np.nan)
-    mesh = axes.pcolormesh(x, y, mean, shading="nearest", cmap="viridis", rasterized=True)
-    axes.figure.colorbar(mesh, ax=axes, label=_label(table, result))
+    least, low, high, most = np.nanquantile(mean, (0.0, 0.02, 0.98, 1.0))
+    # One cell far off would take all colours.
+    bottom, top = (end if abs(end - edge) <= OUTLIER * (high - low) else edge for end, edge in ((least, low), (most, high)))
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get((least < bottom, most > top), "both")
+    mesh = axes.pcolormesh(x, y, mean, shading="nearest", cmap="viridis", rasterized=True, vmin=bottom, vmax=top)
+    axes.figure.colorbar(mesh, ax=axes, label=_label(table, result), extend=extend)
     axes.set(xlabel=first, ylabel=second)
 
 
@@ -157,9 +181,10 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
 
     values = table[result]
     there = values[np.isfinite(values)]
-    axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))))
-    for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
-        axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style)
+    axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))), edgecolor="white", linewidth=0.5)
+    for share, style, label in ((0.5, "-", "median"), (0.05, ":", "5 and 95 %"), (0.95, ":", None)):
+        axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style, label=label)
+    axes.legend(fontsize="x-small", frameon=True, framealpha=0.8)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     lacking = len(values) - len(there)
     axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
@@ -168,12 +193,12 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
 def _tornado(table: Table, result: str, axes: Axes) -> None:
     found = influences(table, result)[:10][::-1]
     middle = float(np.nanmean(table[result]))
-    for place, one in enumerate(found):
-        axes.barh(
-            place, one.low - middle, left=middle, height=0.6, color="C0", label="key in its lowest fifth" if not place else None
-        )
-        axes.barh(place, one.high - middle, left=middle, height=0.6, color="C1", label="in its highest" if not place else None)
-    sobol = [f"{one.key}\nS = {one.first:.2f}, total {one.total:.2f}" for one in found]
+    # One above the other: where both ends of a key move a result the same way, neither hides the other.
+    places = np.arange(len(found))
+    for up, end, label in ((0.15, "low", "key in its lowest fifth"), (-0.15, "high", "in its highest")):
+        moved = [getattr(one, end) - middle for one in found]
+        axes.barh(places + up, moved, left=middle, height=0.3, color=f"C{int(up < 0.0)}", label=label)
+    sobol = [f"{one.key}\nS = {round(one.first, 2) + 0.0:.2f}, total {round(one.total, 2) + 0.0:.2f}" for one in found]
     labels = [text if np.isfinite(one.total) else one.key for text, one in zip(sobol, found, strict=True)]
     axes.set_yticks(range(len(found)), labels, fontsize="x-small")
     axes.axvline(middle, color="black", linewidth=0.8)

@@ -68,16 +68,18 @@ def influences(table: Table, result: str) -> list[Influence]:
 
 
 def sobol(table: Table, result: str) -> dict[str, tuple[float, float]]:
-    """Key -> first-order and total index, of the design `saltelli` in which every run has the result; else nothing."""
-    if table.manifest["design"] != "saltelli" or table.missing or table.manifest["grid"] or len(table.manifest["variants"]) > 1:
+    """Key -> first-order and total index, of the design `saltelli` in which every run has the result; else nothing. Of several
+    variants the mean of theirs."""
+    if table.manifest["design"] != "saltelli" or table.missing or table.manifest["grid"]:
         return {}
     from scipy.stats import sobol_indices
 
     keys = [group[0] for group in table.manifest["drawn"]]
     n, d = int(table.manifest["samples"]), len(keys)
     values = table[result]
-    if not np.isfinite(values).all() or np.ptp(values) == 0.0:
+    blocks = values.reshape(-1, d + 2, n)
+    if not np.isfinite(values).all() or not np.ptp(blocks, axis=(1, 2)).all():
         return {}
-    blocks = values.reshape(d + 2, 1, n)
-    found = sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=n)
-    return {key: (float(found.first_order.ravel()[j]), float(found.total_order.ravel()[j])) for j, key in enumerate(keys)}
+    found = sobol_indices(func={"f_A": blocks[:, 0], "f_B": blocks[:, 1], "f_AB": blocks[:, 2:].transpose(1, 0, 2)}, n=n)
+    means = [np.reshape(order, (-1, d)).mean(axis=0).tolist() for order in (found.first_order, found.total_order)]
+    return dict(zip(keys, zip(*means, strict=True), strict=True))
