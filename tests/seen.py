@@ -42,11 +42,17 @@ def figure_lines(figure: Figure) -> list[str]:
     lines = [f"figure {_numbers(figure.get_size_inches())}", *(f"  text {text.get_text()!r}" for text in figure.texts)]
     if figure._suptitle is not None:
         lines.append(f"  title {figure._suptitle.get_text()!r}")
+    lines += [f"  legend {[text.get_text() for text in legend.get_texts()]}" for legend in figure.legends]
     for axes in figure.axes:
         lines.append(
             f"  axes {axes.get_title()!r} x {axes.get_xlabel()!r} {axes.get_xscale()} {_numbers(axes.get_xlim())}"
             f" y {axes.get_ylabel()!r} {axes.get_yscale()} {_numbers(axes.get_ylim())}"
         )
+        edge, word = axes.spines["bottom"], (axes.get_xticklabels() or [axes.xaxis.label])[0]
+        style = (
+            f"{edge.get_linewidth():g} {to_hex(edge.get_edgecolor())} words {word.get_fontsize():g} {to_hex(word.get_color())}"
+        )
+        lines.append(f"    edge {style} label {axes.yaxis.label.get_fontsize():g} title {axes.title.get_fontsize():g}")
         legend = axes.get_legend()
         if legend is not None:
             lines.append(f"    legend {[text.get_text() for text in legend.get_texts()]}")

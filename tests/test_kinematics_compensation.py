@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from robots import write_plain_arm
 
-from asrsim.actuators import AwasII, Bavs, QbMove, Sea
+from asrsim.actuators import ACTUATORS, AwasII, Bavs, QbMove, Sea
 from asrsim.kinematics import JointDrive, equilibrium_for_load, resting_motors
-from asrsim.kinematics.compensation import LoadError
+from asrsim.kinematics.compensation import LoadError, drive_of
+from asrsim.robot import load_robot
+from asrsim.robot.mounting import with_actuators
 
 CASES = {
     "sea": (Sea, (200.0, 0.8), 0.0, (-120.0, -0.0785, 0.0, 3.0, 159.0)),
@@ -129,3 +132,21 @@ def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
         references = drive.actuator.motor_references(equilibrium, preset)
         for motor in range(drive.actuator.motors):
             assert motors[motor] == pytest.approx(references[motor] - torques[motor] / drive.proportional[motor], abs=1e-9)
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "awas_ii", "bavs"])
+@pytest.mark.parametrize("mode", [3, 5, 6])
+def test_a_drive_has_the_numbers_of_its_block(actuator, mode, tmp_path):
+    """Every value of a block differs from every other, and each is where its name says."""
+    kind = ACTUATORS.get(actuator)
+    parameters = {one.name: 0.001 * (7 + i) for i, one in enumerate(kind.all_parameters()) if not one.optional}
+    write_plain_arm(tmp_path, lengths=(0.3,), masses=(0.8,))
+    robot = with_actuators(load_robot(tmp_path / "arm.urdf"), {"joint_1": (actuator, mode)}, {"joint_1": parameters})
+    drive = drive_of(robot.actuators[0])
+    moving = range(1, kind.motors + 1) if mode > 3 else ()
+    assert drive.spring == tuple(parameters[one.name] for one in kind.parameters)
+    for name, values in (("max_torque", drive.max_torque), ("inertia", drive.motor_inertia), ("damping", drive.motor_damping),
+                         ("friction_torque", drive.motor_friction), ("max_velocity", drive.max_velocity)):  # fmt: skip
+        assert values == tuple(parameters[f"motor_{i}_{name}"] for i in moving)
+    for name in ("proportional", "integral", "derivative"):
+        assert getattr(drive, name) == tuple(parameters[f"controller_{i}_{name}"] for i in moving)

@@ -6,6 +6,7 @@ import math
 import random
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -302,3 +303,19 @@ def test_quantiles_of_lateness():
     for share in (0.5, 0.99):
         assert late.quantile(share) == pytest.approx(np.quantile(values, share), rel=0.07)
     assert late.worst == values.max()
+
+
+def test_the_status_line_says_how_the_run_stands(monkeypatch, capsys):
+    from asrsim.cli import live_status
+
+    figures = {"busy": 1.0, "late_p50": 0.002, "late_p99": 0.03, "commands": 7, "clamped": {"a": 2}, "dropped": {}, "lost": 0}
+    session = SimpleNamespace(figures=lambda: figures, simulation=SimpleNamespace(time=3.0), paused=False)
+    monkeypatch.setattr(live_status.clock, "perf_counter", lambda: 10.0)
+    line = live_status.StatusLine(show=True)
+    line.show(session)
+    assert capsys.readouterr().err == ""
+    line._shows = True
+    monkeypatch.setattr(live_status.clock, "perf_counter", lambda: 14.0)
+    line.show(session)
+    expected = "     3.00 s  0.75 x real time  load  25 %  late 2.00 ms, p99 30.00 ms  7 commands, 2 clamped"
+    assert capsys.readouterr().err.rpartition("\x1b[K")[2] == expected
