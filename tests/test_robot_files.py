@@ -157,6 +157,24 @@ def test_structure_warnings(read: Callable[..., Robot]) -> None:
     }  # fmt: skip
 
 
+def test_a_floating_root_says_that_the_robot_may_float(read: Callable[..., Robot]) -> None:
+    """A root of neither mass nor shape, and nothing else on it; any other floating joint would be lost in silence."""
+    floating = joint("root", "world", "a", "", "floating") + GOOD.replace(link("a", ""), link("a"))
+    found = read(robot(link("world", "") + floating))
+    assert [one.name for one in found.links] == ["a", "b"]
+    assert [one.name for one in found.joints] == ["j"]
+    assert ("floating-root", "root") in {(problem.code, problem.key) for problem in found.warnings}
+    plugin = '<gazebo><plugin name="p" filename="libsea_plugin.so"><joint>root</joint></plugin></gazebo>'
+    for other in (
+        link("world") + floating,
+        link("world", '<collision><geometry><sphere radius="1"/></geometry></collision>') + floating,
+        link("world", "") + floating + joint("k", "world", "c") + link("c"),
+        link("world", "") + floating + plugin,
+        link("top") + joint("t", "top", "world", "", "fixed") + link("world", "") + floating,
+    ):
+        assert "joint-type" in fails(read, robot(other))
+
+
 def test_axis_is_normalised_and_frames_are_kept(read: Callable[..., Robot]) -> None:
     text = robot(
         link("a", "") + joint("j", "a", "b", f'<axis xyz="0 3 4"/>{LIMIT}<origin xyz="1 2 3" rpy="0.1 0 0"/>') + link("b")

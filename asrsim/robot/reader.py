@@ -15,7 +15,7 @@ from asrsim.robot.packages import packages_of
 from asrsim.robot.passive import PassiveReader
 from asrsim.robot.sanity import check_sanity
 from asrsim.robot.structure import StructureReader
-from asrsim.robot.tree import check_masses, check_movable, check_tree
+from asrsim.robot.tree import check_masses, check_movable, check_tree, without_floating_root
 from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
@@ -75,7 +75,10 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
     joints = structure.joints(root, links)
     _check_size(findings, joints)
     # A joint that could not be read would make its links look like roots.
-    if len(joints) == len(elements(root, "joint")) and not findings.errors:
+    complete = len(joints) == len(elements(root, "joint"))
+    driven = {(element.text or "").strip() for element in root.iter("joint")}
+    links, joints = without_floating_root(findings, links, joints, driven)
+    if complete and not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors
     check_masses(findings, links, joints)

@@ -16,11 +16,6 @@ from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-FREEDOMS = {
-    "floating": "A robot that floats as a whole: leave this joint out and set `base: {fixed: false}` in the scenario",
-    "planar": "Two prismatic joints and a revolute one do the same",
-}
-"""Joint types of several degrees of freedom, and a cure: PyBullet welds the first and has no dynamics of the second."""
 UNIT = 1e-6
 """How far an axis may be from length 1 without a word: numbers of seven digits pass."""
 LONGEST_NAME = 255
@@ -175,10 +170,6 @@ class StructureReader(AttributeReader):
         limits = self._limits(element, name, kind)
         damping, friction = self._dynamics(element, name)
         mimic = self._mimic(element, name)
-        if kind in FREEDOMS:
-            self.findings.error(
-                f"{kind} joints cannot be simulated", code="joint-type", line=line, key=name, hint=FREEDOMS[kind]
-            )
         if kind not in JOINT_KINDS or parent is None or child is None:
             return None
         lower, upper, effort, velocity = limits

@@ -2,10 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Joint, Link, Robot
+
+FREEDOMS = {
+    "floating": "A robot that floats as a whole: leave this joint out and set `base: {fixed: false}` in the scenario",
+    "planar": "Two prismatic joints and a revolute one do the same",
+}
+"""Joint types of several degrees of freedom, and a cure: PyBullet welds the first and has no dynamics of the second."""
+
+
+def without_floating_root(
+    findings: Findings, links: tuple[Link, ...], joints: tuple[Joint, ...], driven: Collection[str]
+) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
+    """Links and joints but for a root of neither mass nor shape with the floating joint under it, which say no more than that
+    the robot may float: the scenario decides that. Errors for other joints of several degrees of freedom. driven: joints that
+    plugins name."""
+    children = {joint.child for joint in joints}
+    for joint in joints:
+        above = next(link for link in links if link.name == joint.parent)
+        empty = not (above.mass or above.collisions or above.visuals)
+        alone = sum(other.parent == above.name for other in joints) == 1
+        if joint.kind == "floating" and above.name not in children and empty and alone and joint.name not in driven:
+            findings.warn(
+                f"the robot floats on this joint: it is left out, with link '{above.name}'", code="floating-root",
+                line=joint.line, key=joint.name, hint="`base: {fixed: false}` in the scenario lets the robot float",
+            )  # fmt: skip
+            links, joints = tuple(link for link in links if link is not above), tuple(one for one in joints if one is not joint)
+        elif joint.kind in FREEDOMS:
+            findings.error(
+                f"{joint.kind} joints cannot be simulated", code="joint-type", line=joint.line, key=joint.name,
+                hint=FREEDOMS[joint.kind],
+            )  # fmt: skip
+    return links, joints
 
 
 def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
