@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +17,15 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.identification import make_task, read_task
 from asrsim.identification.data import Command
+from asrsim.identification.inverse import is_driven_by_torque
+from asrsim.identification.judge import ChannelFit, foreign
 from asrsim.identification.noise import autoregression, fine_noise, glitches, quantum_of, swings, whiten
-from asrsim.identification.nulls import _shown
+from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
+from asrsim.identification.regression import regressed
+from asrsim.identification.setup import set_up
 from asrsim.identification.track import physical
-from asrsim.robot import load_robot
+from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 
 pytestmark = pytest.mark.once
@@ -41,7 +47,8 @@ def lab(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fitted(lab):
-    return identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    free = ["joint_1.spring_stiffness", "joint_1.damping"]
+    return identify(lab / "lab.yaml", [lab / "a.csv"], free=free, profiled=True)
 
 
 def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
@@ -53,6 +60,59 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
         assert one.value == pytest.approx(value, rel=0.02)
     assert fitted.fits, fitted.misfit
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
+
+
+def test_profiles_rise_as_the_intervals_say(fitted):
+    for one, profile in zip(fitted.estimates, fitted.profiles, strict=True):
+        values, misfit = profile.followed
+        assert np.interp([one.low, one.high], values, misfit) == pytest.approx([3.9, 3.9], rel=0.15)
+
+
+def test_a_start_far_off_comes_near_by_regression(lab):
+    with ExitStack() as stack:
+        setup = set_up(make_task(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness=4e5"]), stack)
+        (there,) = setup.layout.values(regressed(setup.tracks, setup.layout, np.zeros(1)))
+    assert there == pytest.approx(4.0, rel=0.2)
+
+
+def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):
+    robot = with_overrides(load_robot(lab / "lab.urdf"), modes={"*": 0})
+    command = SimpleNamespace(joint="joint_1", quantity="reference_1")
+    channel = SimpleNamespace(joint="joint_1", quantity="link_position")
+    data = SimpleNamespace(modes={}, commands=[command], channels=[channel])
+    assert is_driven_by_torque(data, robot, ["joint_1.damping"])
+    assert not is_driven_by_torque(data, robot, ["joint_1.passive_stiffness"])
+
+
+@pytest.mark.slow
+def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path):
+    numbers = {**GUESS, "mode": 6}
+    true, guess = write(tmp_path, "true", numbers, f"{{equilibrium_position: {CHIRP}}}", 0.3), write(tmp_path, "lab", numbers)
+    for path in (true, guess):
+        path.write_text(path.read_text() + "compiled: false\n")
+    record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"))
+    table = np.loadtxt(tmp_path / "a.csv", delimiter=",", skiprows=1)
+    table[:, -1] += 0.2
+    header = (tmp_path / "a.csv").read_text().partition("\n")[0]
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    for free, moved in (("joint_1.damping", True), ("joint_1.motor_1_position.offset", False)):
+        with ExitStack() as stack:
+            (track,) = set_up(make_task(guess, [tmp_path / "a.csv"], free=[free]), stack).tracks
+            assert bool(track.motors) == moved
+
+
+def test_a_channel_that_nothing_follows_is_named():
+    numbers = {"recording": "a", "unit": "rad", "noise": 1.0, "before": 1.0, "after": 1.0, "held_before": 1.0}
+    numbers |= {"held_after": 1.0, "correlation": 0.9}
+    good, lost = (ChannelFit(key=key, explained=share, **numbers) for key, share in (("j.q", 0.99), ("j.tau", -0.4)))
+    assert foreign([good]) == foreign([lost]) == []
+    (text,) = foreign([good, lost])
+    assert text.startswith("j.tau is not followed")
+
+
+def test_a_product_of_powers_has_whole_ones():
+    assert _whole(np.array([0.498, 1.0, -0.5])).tolist() == [1.0, 2.0, -1.0]
+    assert _whole(np.array([0.37, 1.0])).tolist() == [0.37, 1.0]
 
 
 def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):

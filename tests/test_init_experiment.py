@@ -336,3 +336,23 @@ class TestShared:
         (scenario,) = load_scenario(tmp_path / "s.yaml")
         assert set(scenario.references["axis"]) == {"link_torque" if mapping else "link_position"}
         assert made.compared
+
+
+def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"a command of shoulder, which has no actuator.*--actuator shoulder=NAME"):
+        make(tmp_path, lab(tmp_path), "plain_arm")
+    for unit, mode in (("rad", 6), ("V", 7)):
+        experiment = lab(tmp_path, header="time,q1,u,current")
+        mapping = ["q1=shoulder.link_position", f"u=shoulder.reference_1 [{unit}]"]
+        made, scenario = make(tmp_path, experiment, "plain_arm", actuators={"*": "sea"}, mapping=mapping, force=True)
+        mounted = scenario.actuators["shoulder"]
+        assert (mounted.type, mounted.mode) == ("sea", mode)
+        assert mounted.parameters.get("motor_1_torque_constant") == (1.0 if mode > 6 else None)
+        assert made.fit is not None
+        assert ("# shoulder.motor_1_torque_constant" in made.fit.read_text()) == (mode > 6)
+
+
+def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:
+    lab(tmp_path, header="time,q1,motor1,current")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv")
+    assert scenario.modes == {"joint_1": 2}

@@ -18,6 +18,7 @@ from test_edited_files import edits
 import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.sweeps import Table, make_study
+from asrsim.sweeps import runner as runner_module
 from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import lost
 from asrsim.sweeps.runner import Runner
@@ -177,6 +178,19 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
         assert {key: row[key] for key in fresh} == fresh
         assert row["status"] == "complete"
     runner.close()
+
+
+def test_runs_that_are_looked_at_together_have_the_rows_of_runs_alone(monkeypatch):
+    over = {"parameters.*.spring_a_1": [6.0, 7.0, -1.0, 9.0], "joint_1.damping": [0.0, 0.01], "link_1.mass": [0.3, 0.4]}
+    payload = make_payload(study_of(over, signals=["joint_2.link_position", "joint_1.deflection"], rate=200.0))
+    together: list[int] = []
+    whole = runner_module.finish
+    monkeypatch.setattr(runner_module, "finish", lambda tracks, write: together.append(len(tracks)) or whole(tracks, write))
+    rows = dict(Runner(payload).several((run, run) for run in range(16)))
+    assert (sum(together), max(together)) == (12, 4)
+    alone = Runner(payload)
+    assert without_time(rows.values()) == without_time(alone(run) for run in range(16))
+    assert [row[payload.names.index("status")] for _, row in sorted(rows.items())].count("failed") == 4
 
 
 def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):

@@ -257,7 +257,9 @@ def _of_link(drive: Drive, link: Motion, command: Array | None, springs: Sequenc
         push = command if drive.mode.number == 0 else drive.values["controller_1_proportional"] * (command - link.place)
     needed = inertial + (joint.damping + drive.link_brake) * link.velocity + joint.friction * link.sign
     needed = needed + joint.spring_stiffness * (link.place - joint.spring_reference)
-    return (needed - push) / _size(push if np.any(push) else inertial)
+    # Where all torques scale with what is free, neither side alone may be the measure: the other would go.
+    measure = np.sqrt(_size(push) * _size(inertial)) if np.any(push) else _size(inertial)
+    return np.asarray((needed - push) / measure)
 
 
 def _size(torques: Array) -> float:

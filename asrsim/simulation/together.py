@@ -97,5 +97,6 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     for one, (_, mine), fine in zip(tracks, guards, sane, strict=True):
         counts = Counts(**{name: count if name == "substeps" else count[mine] for name, count in vars(recorder.counts).items()})
         run = run_of(simulation, "complete", wall_time=one.wall_time, prepared=one.prepared, counts=counts)
-        runs.append(run if fine else None)
+        # The simulation itself may stand anywhere by now.
+        runs.append(replace(run, simulated_time=simulation.last * first.substep) if fine else None)
     return runs

@@ -91,19 +91,19 @@ class Study:
         """Axes that are drawn, but those of the fit."""
         return tuple(axis for axis in self.axes if isinstance(axis.law, Distribution))
 
-    @property
+    @cached_property
     def dimensions(self) -> int:
         """Independent numbers of a draw."""
         return len(self.drawn) + (len(self.joint.keys) if self.joint else 0)
 
-    @property
+    @cached_property
     def draws(self) -> int:
         """Draws at every point of the grid."""
         if not self.dimensions:
             return 1
         return self.samples * (self.dimensions + 2) if self.design == "saltelli" else self.samples
 
-    @property
+    @cached_property
     def grid(self) -> tuple[int, ...]:
         """Values of each listed axis."""
         return tuple(len(axis.law) for axis in self.listed if isinstance(axis.law, Values))

@@ -187,13 +187,18 @@
 
   // Plots are drawn when they come near the window: a robot of many joints has hundreds.
   const near = new IntersectionObserver((entries) => {
-    for (const entry of entries) {
-      if (!entry.isIntersecting || entry.target.dataset.drawn || !entry.target.clientWidth) continue;
-      entry.target.dataset.drawn = "1";
-      near.unobserve(entry.target);
-      draw(entry.target, entry.target.plot);
-    }
+    for (const entry of entries) if (entry.isIntersecting) drawOnce(entry.target);
   }, { rootMargin: "600px" });
+
+  function drawOnce(body) {
+    if (body.dataset.drawn || !body.clientWidth) return;
+    body.dataset.drawn = "1";
+    near.unobserve(body);
+    draw(body, body.plot);
+  }
+
+  // On paper nothing comes near.
+  window.addEventListener("beforeprint", () => document.querySelectorAll(".plot .body").forEach(drawOnce));
 
   for (const part of document.querySelectorAll("details.joint")) {
     const plots = part.dataset.objects ? data.objects : data.joints[Number(part.dataset.joint)].plots;
