@@ -457,3 +457,10 @@ def test_what_cannot_have_been_measured_is_no_number(tmp_path: Path, value: str,
     values = recording.column("elbow", "link_position").values
     assert np.flatnonzero(np.isnan(values)).tolist() == [7]
     assert "1 of 20 samples" in finding(recording.findings, "no-measurement").message
+
+
+def test_stamps_that_differ_by_nothing_are_one(tmp_path: Path) -> None:
+    lines = ["time,elbow.position", "0,0.1", "1e-320,0.2", *(f"{0.01 * i},{0.1 * i}" for i in range(1, 20))]
+    recording = read_recording(write(tmp_path / "a.csv", lines), joints=["elbow"])
+    assert recording.time[:3] == pytest.approx([0.0, 0.01, 0.02])
+    assert "duplicate" in " ".join(sorted(codes(recording.findings)))

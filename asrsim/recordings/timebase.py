@@ -19,6 +19,8 @@ _DAY = 86400.0
 _COUNTED_DAYS = {"MATLAB": (719529.0, 690_000.0, 780_000.0), "Excel": (25569.0, 20_000.0, 70_000.0)}
 """Programs that count days: the number of 1970-01-01, and of dates that recordings have."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+NEAREST = 1e-9
+"""s: stamps nearer to each other are one; slopes between them would leave the range of numbers."""
 
 
 def lines_text(lines: NDArray[np.int64] | list[int]) -> str:
@@ -130,7 +132,7 @@ def clean_time(
         )
     _one_base(t, w, path=path, name=name, noun=noun)
     top = np.maximum.accumulate(t)
-    fresh = np.concatenate(([True], t[1:] > top[:-1]))
+    fresh = np.concatenate(([True], t[1:] > top[:-1] + NEAREST))
     duplicate = ~fresh & (t == top)
     backward = ~fresh & ~duplicate
     # A repeat of an older stamp within a backward stretch counts as backward, which it is.
