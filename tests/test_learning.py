@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from asrsim.errors import InputError, ScenarioError
 from asrsim.learning import LearningProblem, LearningSettings, learn, parse_settings, updated, write_inputs, zero_phase
+from asrsim.learning.law import FixedGain
+from asrsim.learning.trial import Trial
 from asrsim.signals import parse_signal
 
 STEP = 1e-3
@@ -259,3 +262,19 @@ def test_every_flipped_bit_of_a_state_is_named_or_harmless(tmp_path):
                 said = str(error)
                 raise
         assert "state.npz" in said
+
+
+GROWTH = {"a creep": ([1.0, 1.05, 1.08], False), "growth": ([1.0, 1.05, 1.2], True), "up and down": ([1.0, 1.2, 1.1], False),
+          "once": ([1.0, 1.2], False), "after the best": ([2.0, 1.0, 1.05, 1.2], True)}  # fmt: skip
+
+
+@pytest.mark.parametrize(("worst", "ends"), GROWTH.values(), ids=GROWTH)
+def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(worst, ends):
+    problem = SimpleNamespace(reference=np.zeros((2, 1)), joints=("one",), units=(), step=1.0, times=np.arange(2.0))
+    trials = [
+        Trial(number=number, largest=(error,), norm=error, rms=(error,), seconds=0.0, inputs=np.zeros((2, 1)),
+              outputs=np.full((2, 1), error), ratio=None, predicted=None)
+        for number, error in enumerate(worst)
+    ]  # fmt: skip
+    found = FixedGain(problem, LearningSettings(gains=(0.5,))).verdict(trials, 2)
+    assert (found is not None) == ends

@@ -16,6 +16,8 @@ SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
 """Shares of the training part, one after the other: swings stay within half a period of each other."""
 REACH = 0.3
 """Of the first steps: a third of a parameter's size."""
+NEARER = 0.5
+"""Share of the start's cost that one from regression may have: where noise is most of it, its bias would lead astray."""
 FITS = 1.25
 """Deviations, in those of the noise's fine structure, up to which a fit needs no other start."""
 WHITE = 0.3
@@ -185,7 +187,7 @@ def _nearest(residuals: Residuals, start: Array) -> tuple[str, Array]:
     """The user's start, or that from regression, whichever is nearer to the beginning of what was recorded."""
     told = regressed(residuals.tracks, residuals.layout, start)
     residuals.share = SHORT[0]
-    nearer = told is not None and cost_of(residuals(told), "huber") < cost_of(residuals(start), "huber")
+    nearer = told is not None and cost_of(residuals(told), "huber") < NEARER * cost_of(residuals(start), "huber")
     residuals.share = 1.0
     return ("a start from regression", told) if told is not None and nearer else ("the start", start)
 
