@@ -104,9 +104,11 @@ ALTEREGO = Path(__file__).parents[2] / "shared" / "robots" / "alterego" / "alter
 @pytest.mark.slow
 @pytest.mark.skipif(not ALTEREGO.exists(), reason="needs the AlterEgo robot")
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_the_kick_stands_of_alterego_rest_where_gazebo_has_them(stepping: str) -> None:
+def test_the_kick_stands_of_alterego_swing_about_where_gazebo_has_them(stepping: str) -> None:
+    """At -0.25 rad, where Gazebo's solver, which damps them, lets them rest; in the URDF they have no damping."""
     result = simulate(asrsim.make_scenario(ALTEREGO, duration=1.0, stepping=stepping))
     assert result.samples is not None
     stands = [j for j, name in enumerate(result.samples.joints) if re.fullmatch(r"base_link_to_\w+_kick_stand", name)]
     assert len(stands) == 2
-    np.testing.assert_allclose(result.samples.values["link_position"][-1, stands], -0.255, atol=0.01)
+    places = result.samples.values["link_position"][:, stands]
+    np.testing.assert_allclose((places.min(axis=0) + places.max(axis=0)) / 2.0, -0.25, atol=0.005)
