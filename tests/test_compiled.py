@@ -57,12 +57,6 @@ class Tabled(Actuator):
 """
 
 
-@pytest.fixture(autouse=True)
-def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """One for the whole session: kernels are compiled once."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
 def make_robot(
     folder: Path, actuators: tuple[str | None, ...], mode: int, damping: float = 0.0, effort: float = 100.0, chain: bool = True
 ) -> Robot:
