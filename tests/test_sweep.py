@@ -7,7 +7,6 @@ import os
 import random
 import shlex
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -327,29 +326,30 @@ def kill_study(samples: int):
     return make_payload(study_of({"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples))
 
 
-def assert_survives(payload, kills: int, pause: float) -> None:
-    rows, killed, generator = [], 0, random.Random(1)
+def assert_survives(payload, kills: int) -> None:
+    """A worker is killed whenever so many rows have come, spread by chance over the study."""
+    rows, generator, count = [], random.Random(1), len(payload.study)
+    due = sorted(generator.sample(range(count * 9 // 10), kills))
     with Processes(2) as workers:
-        last = time.monotonic()
-        for some in workers.results(Runner(payload), range(len(payload.study))):
+        for some in workers.results(Runner(payload), range(count)):
             rows += [row for _, row in some]
-            if killed < kills and time.monotonic() - last > pause:
+            if due and len(rows) > due[0]:
                 os.kill(generator.choice(workers.pids), signal.SIGKILL)
-                killed, last = killed + 1, time.monotonic()
-    assert killed == kills
-    assert sorted(row[0] for row in rows) == list(range(len(payload.study)))
+                due.pop(0)
+    assert not due
+    assert sorted(row[0] for row in rows) == list(range(count))
     runner = Runner(payload)
     expected = [runner(run) for run in range(len(payload.study))]
     assert without_time(rows) == without_time(expected)
 
 
 def test_killed_workers_are_replaced():
-    assert_survives(kill_study(60), kills=2, pause=0.1)
+    assert_survives(kill_study(60), 2)
 
 
 @pytest.mark.slow
 def test_twenty_killed_workers_in_a_study_of_500():
-    assert_survives(kill_study(500), kills=20, pause=0.3)
+    assert_survives(kill_study(500), 20)
 
 
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
