@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_robots import random_urdf
 from robots import PLAIN_ARM, write_plain_arm
 
 import asrsim
 from asrsim.kinematics.sizing import holding_findings, sizing
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
+from asrsim.scenario.start_file import write_starter
 
 pytestmark = pytest.mark.once
 
@@ -212,3 +214,19 @@ def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     assert set(proposal) == {"joint_1", "joint_2"}
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
     assert proposal["joint_1"]["motor_1_max_torque"] > 50
+
+
+@pytest.mark.parametrize("seed", [40, 55, 56])
+def test_what_init_writes_begins_at_rest_and_gets_where_it_is_asked(tmp_path, seed):
+    """Sliders under their weight, without any damping: nothing moves before the step, and in the mean they then are within
+    0.06 m of where they are sent, which would be little of a radian."""
+    source = np.random.default_rng([seed, 17])
+    moving, fixed = int(source.integers(1, 5)), int(source.integers(0, 5))
+    robot, out = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
+    robot.write_text(random_urdf(seed, moving=moving, fixed=fixed, massless_root=True), encoding="utf-8")
+    write_starter(robot, out, actuators={"*": str(source.choice(["sea", "qbmove", "bavs", "awas_ii"]))}, schema=False)
+    for scenario in asrsim.load_scenario(out, overrides=["engine=mujoco", "duration=8"]):
+        found = asrsim.run(scenario)
+        assert np.abs(found.run.samples.values["link_velocity"][:100]).max() < 1e-6
+        for joint in found.summary.joints:
+            assert abs(joint.measures.steady_state_error) < (0.06 if joint.prismatic else 0.3)

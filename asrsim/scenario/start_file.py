@@ -68,11 +68,11 @@ def write_starter(
     found = sizing(_first(starter, loaded, out.parent), starter.robot)
     notes: tuple[Problem, ...] = ()
     if found.proposal and given:
-        starter = _sized(starter, found, loaded, out.parent)
+        starter, found = _sized(starter, found, loaded, out.parent)
     elif found.weak:
         notes = problems_of_weight(found, starter.robot)
         starter = replace(starter, proposal=found.proposal)
-    text = starter_text(replace(starter, hangs=_hangs(starter, loaded, out.parent)))
+    text = starter_text(replace(starter, hangs=_hangs(starter, found)))
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
@@ -84,8 +84,9 @@ def write_starter(
     return (out, beside), notes
 
 
-def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> Starter:
-    """The starter with parameters that hold the arm. Its presets follow from them, so they are judged with these again."""
+def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:
+    """The starter with parameters that hold the arm, and how. Its presets follow from them, so they are judged with these
+    again."""
     from asrsim.kinematics.sizing import ENOUGH, sizing
 
     for _ in range(ROUNDS):
@@ -95,18 +96,13 @@ def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> Start
         stronger = with_overrides(starter.robot, parameters=found.proposal)
         starter = replace(starter, robot=stronger, sized={**starter.sized, **sized})
         found = sizing(_first(starter, robot, folder), starter.robot, sag=ENOUGH)
-    return starter
+    return starter, found
 
 
-def _hangs(starter: Starter, robot: Robot, folder: Path) -> bool:
+def _hangs(starter: Starter, found: Sizing) -> bool:
     """Whether actuators that the scenario gives hold the whole arm, and give way a little."""
-    from asrsim.kinematics.sizing import sizing
-
-    if not starter.given:
-        return False
-    found = sizing(_first(starter, robot, folder), starter.robot, propose=False)
     held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
-    return held and not found.weak and any(one.sag > VISIBLE for one in found.joints)
+    return bool(starter.given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints)
 
 
 def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
