@@ -98,7 +98,7 @@ class Recording:
         """Hand on what there is; raises DivergenceError where energy came from nowhere up to `substep`."""
         if not self._raw:
             return
-        part = self._part()
+        part = self._part(weighed=check)
         if self.parts is not None:
             self.parts.append(part)
             return
@@ -114,14 +114,14 @@ class Recording:
             resolution = self._prepared.resolution
             raise runaway(fault[0], min(substep, self._last) * self._prepared.substep, fault[1], resolution.omega_h)
 
-    def _part(self) -> Part:
-        """What came since the last one."""
+    def _part(self, *, weighed: bool) -> Part:
+        """What came since the last one; weighed: with the links' energy, which a motion that is no longer finite has not."""
         inputs = [np.concatenate(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
         raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
         raw = np.ascontiguousarray(raw.transpose(2, 1, 0))
         sides, self._sides, self._raw = self._sides, {}, []
         model, kinetic = self._engine.model, 0.0
-        if not (self.guarded and self._alone and model is not None):
+        if not (weighed and self.guarded and self._alone and model is not None):
             return Part(inputs, raw, sides, None, kinetic)
         positions, velocities = self._engine.read()
         speeds = np.array(velocities)
