@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.engines.base import Engine
 from asrsim.samples import Array
 from asrsim.simulation.damping import make_damping_law
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block, Piece
 from asrsim.simulation.stretches import UNDEFINED, NoValueError, push_links
 from asrsim.simulation.substep import (
@@ -46,7 +46,7 @@ class Splits:
     def __init__(
         self,
         engine: Engine,
-        drives: Sequence[Drive],
+        drives: Sequence[SteppedJoint],
         joints: Any,
         memories: Sequence[Memory],
         *,
@@ -66,7 +66,7 @@ class Splits:
         self._now, self._before = weights
         self.take_drives(drives)
 
-    def take_drives(self, drives: Sequence[Drive]) -> None:
+    def take_drives(self, drives: Sequence[SteppedJoint]) -> None:
         """Other numbers for the same kinds of joints."""
         self.drives = tuple(drives)
         self._cut_constants: dict[float, list[Any]] = {}
