@@ -9,6 +9,7 @@ import pytest
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
 from asrsim.actuators.modes import Mode
+from asrsim.simulation.steppings import STEPPINGS
 from validation.models import Body, chain, column, run
 
 ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}
@@ -42,14 +43,14 @@ def coupled() -> None:
     ACTUATORS.add(Coupled.name, Coupled, replace=True)
 
 
-def start(actuator: str, mode: Mode, **parameters: float) -> dict[str, Any]:
+def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: float) -> dict[str, Any]:
     """How far links and motors of an arm of two joints move in 50 ms, and what the first one's motor stands off by."""
     second = 0.0 if not mode.mapped else PRESET if ACTUATORS.get(actuator).adjuster else 0.1
     values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
     robot = chain(*[Body(actuator=actuator, **ARM)] * 2)
     result = run(
-        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, parameters=parameters,
-        references=dict(zip(mode.references, values, strict=False)),
+        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, stepping=stepping,
+        parameters=parameters, references=dict(zip(mode.references, values, strict=False)),
     )  # fmt: skip
     names = [name for name in ("link_position", "motor_1_position", "motor_2_position") if name in result.samples.values]
     return {name: max(float(np.ptp(column(result, name, j))) for j in (0, 1)) for name in names} | {
@@ -60,9 +61,10 @@ def start(actuator: str, mode: Mode, **parameters: float) -> dict[str, Any]:
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("integral", [0.0, 30.0])
-def test_nothing_moves(actuator: str, mode: Mode, integral: float) -> None:
+@pytest.mark.parametrize("stepping", STEPPINGS.names())
+def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
     gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
-    moved = start(actuator, mode, **gains)
+    moved = start(actuator, mode, stepping, **gains)
     droop = moved.pop("droop")
     assert max(moved.values()) < 1e-8
     # The arm leans on what holds it, but for an integral action on the link itself.

@@ -130,7 +130,10 @@ class SteppedJoint:
     def _kind(self) -> tuple[Advance, tuple[float, ...]]:
         drive = self.drive
         if self.stepping.released:
-            return toolbox.make_toolbox_advance(self.actuator, self.mode)
+            advance, idle = toolbox.make_toolbox_advance(self.actuator, self.mode)
+            asked = self.motor_positions or self.motor_velocities
+            start = self.integrals if len(idle) == 1 else [x for motor in self._motors() for x in motor] if asked else ()
+            return advance, (*start, *idle[len(start) :])[: len(idle)]
         if drive is None:
             return kernels.advance_passive, ()
         if drive.mode.number == 0:
@@ -145,19 +148,22 @@ class SteppedJoint:
         if not drive.mode.motor:
             ideal = kernels.make_advance_ideal(law)
             return (kernels.make_hysteretic_ideal(ideal) if bristles else ideal), bristles
-        positions = self.motor_positions or (self.initial_position,) * springs
-        velocities = self.motor_velocities or (0.0,) * springs
-        # Integrals are in units of the command: V or A of electric motors.
-        units = [electric.gain or 1.0 for electric in drive.electric]
-        integrals = [torque / unit for torque, unit in zip(self.integrals or (0.0,) * springs, units, strict=True)]
-        # Position, velocity, where Dahl's bristles stick, the controller's integral.
-        motors = zip(positions, velocities, positions, integrals, strict=True)
-        state = tuple(number for motor in motors for number in motor) + bristles
+        state = tuple(number for motor in self._motors()[:springs] for number in motor) + bristles
         if springs == 1:
             one = kernels.make_advance_one_motor(law, drive.motor_kick)
             return (kernels.make_hysteretic_one_motor(one) if bristles else one), state
         two = kernels.make_advance_two_motors(law, drive.motor_kick)
         return (kernels.make_hysteretic_two_motors(two) if bristles else two), state
+
+    def _motors(self) -> list[tuple[float, ...]]:
+        """Of each motor at the start: position, velocity, where Dahl's bristles stick, the controller's integral."""
+        assert self.drive is not None
+        positions = self.motor_positions or (self.initial_position,) * 2
+        velocities = (*(self.motor_velocities or ()), 0.0, 0.0)
+        # Integrals are in units of the command: V or A of electric motors.
+        units = [electric.gain or 1.0 for electric in self.drive.electric]
+        integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), 0.0, 0.0]
+        return list(zip(positions, velocities, positions, integrals, strict=False))
 
     def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
         """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""

@@ -74,8 +74,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         integrals: tuple[float, ...] = ()
         if drive.drive and drive.drive.mode.controller:
             if drive.dynamic_motors:
-                resting = resting_motors(drive.drive, place, goals[j])
-                positions = resting[: drive.dynamic_motors]
+                positions = resting = resting_motors(drive.drive, place, goals[j])
                 integrals = resting_integrals(drive.drive, place, resting)
             elif _holds(drive):
                 load = float(np.asarray(model.bias(q, still))[j] - external[j]) - link_torque(drive, place, goals[j])
