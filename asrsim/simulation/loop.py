@@ -121,10 +121,10 @@ class Loop:
         steps = []
         for places in members.values():
             drive, substeps = self.drives[places[0]], self._motor_substeps[places[0]]
+            advance = make_substepped(drive.advance, substeps, hysteretic=drive.hysteresis is not None)
             steps.append(
                 make_group(
-                    tuple(places), make_substepped(drive.advance, substeps) if substeps > 1 else drive.advance,
-                    self._memories[places[0]], unpack, now=self._now, before=self._before,
+                    tuple(places), advance, self._memories[places[0]], unpack, now=self._now, before=self._before,
                     sensing=self._sensings[places[0]], damping=make_damping_law(drive), cut=cut,
                 )
             )  # fmt: skip
