@@ -44,9 +44,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors: list[Problem] = []
     warnings: list[Problem] = []
     if not robot.moving_joints:
-        return [
-            Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
-        ], []
+        return [nothing_moves(robot)], []
     try:
         changed = apply_to_robot(scenario, robot)
     except InputError as error:
@@ -67,6 +65,11 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
 
         warnings.extend(holding_findings(scenario, changed, propose=propose))
     return errors, warnings
+
+
+def nothing_moves(robot: Robot) -> Problem:
+    """What is said of a robot without a joint that moves."""
+    return Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
 
 
 def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
