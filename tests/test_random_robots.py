@@ -89,6 +89,18 @@ def test_what_the_toolbox_does_not_have_at_second_order(tmp_path: Path, seed: in
     check(random_run(seed, moving=3, fixed=fixed, extras=True), tmp_path, INSTALLED[:1], order=1.5)
 
 
+@pytest.mark.parametrize(("seed", "fixed"), [(101, True), (123, False)])
+def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+    """What motors give goes into springs, links, heat and losses, with everything that a joint may have."""
+    run = random_run(seed, moving=3, fixed=fixed, extras=True, friction=True)
+    base = asrsim.make_scenario(run.write(tmp_path), engine=INSTALLED[0], compiled=False, **run.keys())
+    first = simulate(base)
+    finer = replace(base, substeps=4 * first.resolution.substeps, motor_substeps=first.resolution.motor_substeps)
+    left = [np.nanmax(np.abs(result.samples.values["energy_residual"])) for result in (first, simulate(finer))]
+    assert left[0] < 1e-3
+    assert np.log2(left[0] / left[1]) / 2.0 > 1.7
+
+
 def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
     check(random_run(301, friction=True), tmp_path, INSTALLED[:1], order=0.8)
 
