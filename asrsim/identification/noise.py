@@ -71,9 +71,11 @@ def swings(residuals: Array) -> bool:
     if n < 4 * AROUND or not np.any(residuals):
         return False
     centred = residuals - residuals.mean()
-    flat = whiten(centred, np.array([lag_correlation(centred)]))
+    first = lag_correlation(centred)
+    flat = whiten(centred, np.array([first]))
     power = np.abs(np.fft.rfft(flat))[1:] ** 2
-    white = all(abs(lag_correlation(flat, lag)) < 3.0 / np.sqrt(n) for lag in (1, 2, 3))
+    # A swing, too, makes neighbours correlate.
+    white = abs(first) < 0.3 and all(abs(lag_correlation(flat, lag)) < 0.1 + 3.0 / np.sqrt(n) for lag in (1, 2, 3))
     padded = np.pad(power, AROUND, mode="reflect")
     around = power if white else np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     # Of white noise powers are exponential: their median is log 2 of their mean.
