@@ -17,7 +17,7 @@ from asrsim.actuators.hysteresis import dahl_energies
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group, spring_groups
+from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group
 
 POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
 """Columns of the raw record (:data:`asrsim.simulation.substep.RAW`)."""
@@ -41,10 +41,11 @@ def _change(values: Array) -> Array:
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
-    def __init__(self, drives: Sequence[SteppedJoint], substep: float) -> None:
+    def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float) -> None:
+        """groups: those of the joints that have springs."""
         self.drives = tuple(drives)
         self.substep = substep
-        self._springs = [_Springs(group, substep) for group in spring_groups(drives)]
+        self._springs = [_Springs(group, substep) for group in groups]
         joints = len(self.drives)
         self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])

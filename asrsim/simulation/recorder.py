@@ -74,7 +74,11 @@ class Recorder:
     Inside, arrays are (joints, n): every joint's numbers lie side by side.
     """
 
-    def __init__(self, drives: Sequence[SteppedJoint], stepping: Stepping, *, substep: float, every: int, last: int) -> None:
+    def __init__(
+        self, drives: Sequence[SteppedJoint], quantities: Sequence[tuple[str, ...]], stepping: Stepping, *, substep: float,
+        every: int, last: int,
+    ) -> None:  # fmt: skip
+        """quantities: of each joint, see :func:`recorded_quantities`."""
         self.drives = tuple(drives)
         self.stepping = stepping
         self.substep = substep
@@ -82,7 +86,8 @@ class Recorder:
         """Substeps between rows of the samples: a step."""
         self.last = last
         """Last substep that is logged."""
-        self.meter = EnergyMeter(drives, substep)
+        groups = spring_groups(drives)
+        self.meter = EnergyMeter(drives, groups, substep)
         n = len(drives)
         self.counts = Counts(
             effort=np.zeros(n, int),
@@ -96,11 +101,12 @@ class Recorder:
         self._held_inputs: tuple[Array, ...] = ()
         self._sides: dict[int, Array] = {}
         self._next = 0
-        quantities = [recorded_quantities(drive) for drive in drives]
-        names = tuple(dict.fromkeys(name for recorded in quantities for name in recorded))
-        self._lacking = {name: [j for j in range(n) if name not in quantities[j]] for name in names}
+        kinds = dict.fromkeys(quantities)
+        names = dict.fromkeys(name for kind in kinds for name in kind)
+        lacking = {kind: [name for name in names if name not in kind] for kind in kinds}
+        self._lacking = {name: [j for j in range(n) if name in lacking[quantities[j]]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
-        self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
+        self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
         self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
         self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])

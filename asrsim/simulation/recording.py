@@ -14,7 +14,7 @@ from asrsim.samples import Array, RunInfo, Samples
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import Recorder
+from asrsim.simulation.recorder import Recorder, recorded_quantities
 from asrsim.simulation.world import WorldRecorder
 
 if TYPE_CHECKING:
@@ -116,8 +116,8 @@ class Recording:
 
     def _part(self, *, weighed: bool) -> Part:
         """What came since the last one; weighed: with the links' energy, which a motion that is no longer finite has not."""
-        inputs = [np.concatenate(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
-        raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
+        inputs = [_joined(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
+        raw = _joined([part for _, part in self._raw])
         raw = np.ascontiguousarray(raw.transpose(2, 1, 0))
         sides, self._sides, self._raw = self._sides, {}, []
         model, kinetic = self._engine.model, 0.0
@@ -158,7 +158,10 @@ class Recording:
     def _make_recorder(self) -> Recorder:
         prepared = self._prepared
         substeps = prepared.resolution.substeps
-        return Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=self._last)
+        return Recorder(
+            prepared.drives, [recorded_quantities(drive) for drive in prepared.drives], prepared.stepping,
+            substep=prepared.substep, every=substeps, last=self._last,
+        )  # fmt: skip
 
     def renew(self) -> None:
         """A fresh start, with the numbers that were taken over last; the engine is at its start."""
@@ -183,6 +186,10 @@ class Recording:
         if state is not None:
             self.recorder, self._guard, self._raw, self._sides, world = copy.deepcopy(state)
             self._world.put_back(world)
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _part(samples: Samples, rows: slice) -> Samples:

@@ -28,13 +28,10 @@ class Track:
     parts: Sequence[Part]
     energy: float
     """J, of the links at the start."""
+    quantities: tuple[tuple[str, ...], ...]
+    """Of each joint; runs of one simulation with equal ones can be looked at together."""
     wall_time: float
     """s."""
-
-    @property
-    def kind(self) -> tuple[tuple[str, ...], ...]:
-        """Runs of one simulation with equal ones can be looked at together."""
-        return tuple(map(recorded_quantities, self.prepared.drives))
 
 
 def name_in(run: int, joint: str) -> str:
@@ -64,8 +61,11 @@ def track(simulation: Simulation) -> Track:
     while simulation.substep < simulation.total:
         simulation.advance_to(simulation.next_chunk(simulation.total))
     simulation.flush()
-    recording = simulation.recording
-    return Track(simulation, simulation.prepared, recording.parts or (), recording.energy or 0.0, clock.perf_counter() - began)
+    recording, prepared = simulation.recording, simulation.prepared
+    return Track(
+        simulation, prepared, recording.parts or (), recording.energy or 0.0,
+        tuple(map(recorded_quantities, prepared.drives)), clock.perf_counter() - began,
+    )  # fmt: skip
 
 
 def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:
@@ -76,8 +76,10 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     """
     simulation = tracks[0].simulation
     first, width = tracks[0].prepared, len(tracks[0].prepared.drives)
-    drives = [drive for one in tracks for drive in one.prepared.drives]
-    recorder = Recorder(drives, first.stepping, substep=first.substep, every=first.resolution.substeps, last=simulation.last)
+    recorder = Recorder(
+        [drive for one in tracks for drive in one.prepared.drives], tracks[0].quantities * len(tracks), first.stepping,
+        substep=first.substep, every=first.resolution.substeps, last=simulation.last,
+    )  # fmt: skip
     names = tuple(name_in(i, drive.name) for i in range(len(tracks)) for drive in first.drives)
     guards = [(EnergyGuard(one.energy), slice(i * width, (i + 1) * width)) for i, one in enumerate(tracks)]
     sane = [True] * len(tracks)
