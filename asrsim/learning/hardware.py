@@ -83,7 +83,7 @@ def _next_input(
     again = content in taken[-1:]
     if content in taken[:-1]:
         message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
-        raise InputError(Problem(message=message, file=path, code="recording-taken"))
+        raise InputError(message, file=path, code="recording-taken")
     recording = read_recording(path, mapping=mapping, joints=plant.joints)
     with learning_model(plant) as model:
         prepared = prepare_learning(plant, model)
@@ -94,7 +94,7 @@ def _next_input(
         law = _law(prepared, told)
         if len(trials) != len(taken):
             message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
-            raise InputError(Problem(message=message, file=folder / STATE, hint=hint, code="state"))
+            raise InputError(message, file=folder / STATE, hint=hint, code="state")
         if again:
             taken.pop()
         played = trials.pop().inputs if again else _pending(folder, prepared, trials)
@@ -146,9 +146,7 @@ def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
     columns = [read_csv_series(place, joint, None)[1] for joint in prepared.plant.joints]
     if len(columns[0]) != len(prepared.problem.time):
         message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
-        raise InputError(
-            Problem(message=message, file=place, hint="Choose another folder with --out", code="input-of-another-run")
-        )
+        raise InputError(message, file=place, hint="Choose another folder with --out", code="input-of-another-run")
     return np.column_stack(columns)
 
 
@@ -157,7 +155,7 @@ def _digest(path: Path) -> str:
     try:
         return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
     except OSError as error:
-        raise InputError(Problem(message=f"cannot be read: {error.strerror}", file=path, code="no-file")) from None
+        raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
 
 
 def _taken(folder: Path) -> list[str]:
@@ -168,7 +166,7 @@ def _taken(folder: Path) -> list[str]:
         return []
     except (OSError, ValueError, KeyError, TypeError) as error:
         hint = "Delete it with hardware.npz to begin anew"
-        raise InputError(Problem(message="is no record of trials", file=folder / NUMBERS, hint=hint, code="state")) from error
+        raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
 
 
 def _write_numbers(

@@ -152,18 +152,14 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
     from asrsim.scenario import apply_to_robot, checked_robot
 
     if not scenario.learning:
-        raise ScenarioError(
-            Problem(message="the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
-        )
+        raise ScenarioError("the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
     robot, _ = checked_robot(scenario, robot)
     applied = apply_to_robot(scenario, robot)
     trajectory = scenario.learning.get("trajectory") or {}
     if not trajectory:
         names = tuple(scenario.learning.get("trajectories") or ())
         message = "has several trajectories: one is learned at a time"
-        raise ScenarioError(
-            Problem(message=message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
-        )
+        raise ScenarioError(message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
     unfit = [block for block in blocks if block.mode not in INVERTED_MODES]
     if unfit:

@@ -89,7 +89,7 @@ def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequenc
                 f"the motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
             )
             hint = f"Record the whole motion, with no gap beyond {BRIDGED:g} s; --lag says by how much its clock is late"
-            raise InputError(Problem(message=message, file=recording.path, hint=hint, code="recording-too-short"))
+            raise InputError(message, file=recording.path, hint=hint, code="recording-too-short")
         column[gap] = np.interp(plant.time[gap], plant.time[known], column[known])
         longest = max(longest, inside)
     if longest == 0.0:

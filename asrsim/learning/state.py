@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.samples import Array
 
@@ -98,7 +98,7 @@ def _plain(trial: dict[str, Any]) -> bool:
 
 def _no_state(path: Path, why: str) -> InputError:
     message = f"is no state of a learning run, or is damaged ({why})"
-    return InputError(Problem(message=message, file=path, hint="Delete it to begin anew", code="state"))
+    return InputError(message, file=path, hint="Delete it to begin anew", code="state")
 
 
 def load_state(path: Path, mark: str) -> list[Trial]:
@@ -108,12 +108,10 @@ def load_state(path: Path, mark: str) -> list[Trial]:
     head, inputs, outputs = _stored(path)
     if head.get("format") != FORMAT or head.get("fingerprint") != mark:
         raise InputError(
-            Problem(
-                message="belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
-                file=path,
-                hint="Delete it, or leave out --resume, to begin anew",
-                code="state-of-another-run",
-            )
+            "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
+            file=path,
+            hint="Delete it, or leave out --resume, to begin anew",
+            code="state-of-another-run",
         )
     try:
         return [

@@ -233,4 +233,4 @@ def _text(claim: Expectation, measured: float, unit: str, holds: bool) -> str:
 
 
 def _error(claim: Expectation, message: str, **more: Any) -> ScenarioError:
-    return ScenarioError(Problem(message=message, line=claim.line, key="expect", code="bad-expectation", **more))
+    return ScenarioError(message, line=claim.line, key="expect", code="bad-expectation", **more)

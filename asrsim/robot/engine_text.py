@@ -170,5 +170,5 @@ def _in_short_lines(root: Any, robot: Robot) -> str:
     for line in text.splitlines():
         if len(line.encode()) > LONGEST_LINE:
             message = f"an element is longer than {LONGEST_LINE} bytes, which PyBullet cannot read"
-            raise RobotError(Problem(message=message, file=robot.path, value=line, code="long-element"))
+            raise RobotError(message, file=robot.path, value=line, code="long-element")
     return text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from asrsim.errors import InputError, OutputError, Problem
+from asrsim.errors import InputError, OutputError
 from asrsim.outfile import make_folder, write_text
 
 PLACES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[2] / "examples")
@@ -17,11 +17,9 @@ def examples_folder() -> Path:
         if (place / "scenarios").is_dir():
             return place
     raise InputError(
-        Problem(
-            message="the example scenarios are missing from this installation",
-            hint="Install asrsim anew, or run from a checkout of its repository",
-            code="no-examples",
-        )
+        "the example scenarios are missing from this installation",
+        hint="Install asrsim anew, or run from a checkout of its repository",
+        code="no-examples",
     )
 
 

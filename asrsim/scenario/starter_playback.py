@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.errors import InputError, RecordingError
 from asrsim.recordings.checks import wrong_unit
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
@@ -245,10 +245,10 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
     joint = robot.actuators[0].joint if robot.actuators else "JOINT"
     if idle:
         return RecordingError(
-            Problem(message=f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
-                    hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator")
+            f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
+            hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
     return RecordingError(
-        Problem(message=f"no column is a command that could be played; its columns: {found}", file=recording.path,
-                hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command")
+        f"no column is a command that could be played; its columns: {found}", file=recording.path,
+        hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command",
     )  # fmt: skip
