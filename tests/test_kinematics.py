@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from robots import drive_with
 
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
-from asrsim.kinematics import ClikSettings, JointDrive, PoseTrajectory, closest, follow, plan
+from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
 from asrsim.kinematics.clik import bounded_step
 from asrsim.kinematics.reach import ORIENTATION_WEIGHT
 from asrsim.kinematics.trajectory import minimum_jerk
@@ -66,7 +67,7 @@ def line(*poses):
 
 
 def qbmove(joint, mode=3, **changes):
-    return JointDrive(joint=joint, actuator=QbMove, mode=mode, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
+    return drive_with(QbMove, mode=mode, joint=joint, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
 
 
 def test_the_loop_tracks_the_closed_form_solution():
@@ -239,7 +240,7 @@ def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
         for index, drive in enumerate(drives):
             references = planned.references[drive.joint]
             motors = QbMove.motor_references(references["equilibrium_position"][row], references["stiffness_preset"][row])
-            assert sum(QbMove.elastic_torques(q[index], *motors, drive.spring)) == pytest.approx(loads[index], abs=1e-11)
+            assert sum(QbMove.elastic_torques(q[index], *motors, drive.elastic)) == pytest.approx(loads[index], abs=1e-11)
     assert np.abs(planned.equilibria - planned.path.positions).max() > 0.1
 
 

@@ -12,11 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from random_arms import differing_draw, random_arm
+from robots import drive_with
 
 from asrsim.actuators import QbMove
 from asrsim.actuators.vectorised import references_over_arrays
 from asrsim.errors import InputError, ScenarioError
-from asrsim.kinematics import JointDrive, plan_references
+from asrsim.kinematics import plan_references
 from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.kinematics.inverse import Losses
 from asrsim.learning import learn
@@ -177,7 +178,7 @@ def test_losses_are_those_of_the_joint(tmp_path):
 def test_what_springs_can_hold_is_told_for_both_directions(side):
     """Two unequal springs: k sinh(a d) with both deflected to their limit."""
     spring = (6.0, 0.02, 4.0, 0.05, 0.5)
-    drive = JointDrive(joint="one", actuator=QbMove, mode=3, spring=spring)
+    drive = drive_with(QbMove, mode=3, joint="one", spring=spring)
     time, still = np.linspace(0.0, 1.0, 101), np.zeros(101)
     found = drive_backwards(drive, time, still, still, still + 0.05 * side, still + 0.1)
     most = side * (0.02 * np.sinh(3.0) + 0.05 * np.sinh(2.0))

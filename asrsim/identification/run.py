@@ -70,7 +70,7 @@ def _identify(
     teller = Teller(progress, stop)
     counter = Counter(tell=teller.tick)
     teller.counter = counter
-    weights = [[Weights(max(c.noise, c.quantum / np.sqrt(12.0))) for c in track.channels] for track in setup.tracks]
+    weights = [[Weights(c.floor) for c in track.channels] for track in setup.tracks]
     residuals = Residuals(setup.fitted, layout, weights, setup.ends, counter)
     start = np.zeros(len(layout))
     for i, entry in enumerate(layout.entries):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asrsim.kinematics.clik import ClikSettings, JointPath, follow
-from asrsim.kinematics.compensation import JointDrive, drive_of, equilibrium_for_load, resting_motors
+from asrsim.kinematics.compensation import equilibrium_for_load
 from asrsim.kinematics.engine_model import EngineModel, model_of
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.plan import PlannedReferences, plan
@@ -15,19 +15,16 @@ __all__ = [
     "INTERPOLATIONS",
     "ClikSettings",
     "EngineModel",
-    "JointDrive",
     "JointPath",
     "KinematicModel",
     "PlannedReferences",
     "PoseTrajectory",
     "Reach",
     "closest",
-    "drive_of",
     "equilibrium_for_load",
     "follow",
     "model_of",
     "plan",
     "plan_references",
     "plan_task",
-    "resting_motors",
 ]

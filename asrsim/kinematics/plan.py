@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
-from asrsim.kinematics.compensation import JointDrive, LoadError, equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError, equilibrium_for_load
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
@@ -56,7 +56,7 @@ class PlannedReferences:
 def plan(
     task: CartesianTask,
     model: KinematicModel,
-    drives: Sequence[JointDrive],
+    drives: Sequence[Drive],
     initial: Mapping[str, float],
     duration: float,
     *,
@@ -93,7 +93,7 @@ def plan(
         index = model.joints.index(drive.joint)
         preset = _preset(task, drive, presets or {}, time)
         equilibria = path.positions[:, index].copy()
-        if task.gravity_compensation and MODES[drive.mode].spring:
+        if task.gravity_compensation and drive.mode.spring:
             equilibria = _compensated(task, model, drive, path, index, preset)
         columns.append(equilibria)
         references[drive.joint] = _references(drive, equilibria, preset)
@@ -105,7 +105,7 @@ def plan(
     )
 
 
-def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[JointDrive]) -> NDArrayBool:
+def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[Drive]) -> NDArrayBool:
     """Which of the model's joints the task may move; problems with names, all at once."""
     driven = tuple(drive.joint for drive in drives)
     problems = []
@@ -120,14 +120,14 @@ def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[JointDr
     ]
     problems += [
         Problem(
-            message=f"a Cartesian task drives positions, which mode {drive.mode} does not take",
+            message=f"a Cartesian task drives positions, which mode {drive.mode.number} does not take",
             key=f"modes.{drive.joint}",
-            value=drive.mode,
+            value=drive.mode.number,
             choices=tuple(str(mode) for mode in PLANNED_MODES),
             code="mode-not-planned",
         )
         for drive in drives
-        if drive.mode not in PLANNED_MODES
+        if drive.mode.number not in PLANNED_MODES
     ]
     if problems:
         raise ScenarioError(problems)
@@ -197,9 +197,7 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
     return Problem(message=message, key="task.poses", code="unreachable")
 
 
-def _compensated(
-    task: CartesianTask, model: KinematicModel, drive: JointDrive, path: JointPath, index: int, preset: Array
-) -> Array:
+def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: Array) -> Array:
     equilibria = np.empty(len(path.time))
     guess: float | None = None
     for row, (time, positions) in enumerate(zip(path.time, path.positions, strict=True)):
@@ -221,16 +219,16 @@ def _compensated(
     return equilibria
 
 
-def _preset(task: CartesianTask, drive: JointDrive, presets: Mapping[str, Signal], time: Array) -> Array:
+def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
     """(n,) second references over time."""
     if drive.joint in presets:
         return presets[drive.joint].values(time)
     return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
 
 
-def _references(drive: JointDrive, equilibria: Array, preset: Array) -> dict[str, Array]:
+def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
     """The mode's references at the given equilibria."""
-    mode = MODES[drive.mode]
+    mode = drive.mode
     if len(mode.references) == 1:
         return {mode.references[0]: equilibria}
     if mode.mapped:

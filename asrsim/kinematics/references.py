@@ -9,8 +9,8 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.compensation import drive_of
 from asrsim.kinematics.plan import PlannedReferences, plan
+from asrsim.robot import drive_of
 from asrsim.scenario.data import for_joint
 from asrsim.signals.sampled import Sampled
 
@@ -105,9 +105,9 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
     drives = [drive_of(block) for block in robot.actuators]
     presets: dict[str, Signal] = {}
     for drive in drives:
-        names = MODES[drive.mode].references
+        names = drive.mode.references
         given = scenario.references_of(drive.joint)
-        if MODES[drive.mode].mapped and names[1] in given:
+        if drive.mode.mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
     initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
     with model_of(scenario, robot) as model:

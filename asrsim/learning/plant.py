@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.errors import DivergenceError, Problem, ScenarioError
-from asrsim.kinematics.compensation import JointDrive, drive_of
 from asrsim.kinematics.soft_arm import INVERTED_MODES
+from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.constant import Constant
@@ -41,7 +42,7 @@ class Plant:
     """(n,) s, the steps of the simulation."""
     reference: Array = field(repr=False)
     """(n, joints) rad."""
-    drives: tuple[JointDrive, ...] = field(repr=False)
+    drives: tuple[Drive, ...] = field(repr=False)
     presets: Mapping[str, Array] = field(default_factory=dict, repr=False)
     """Joint -> (n,) second reference that was chosen before learning; it stands in `scenario` too."""
 
@@ -52,7 +53,7 @@ class Plant:
             if joint in presets:
                 sampled[joint] = np.interp(self.time, time, presets[joint])
                 signal = Sampled(times=self.time, samples=sampled[joint])
-                references[joint] = {**self.scenario.references_of(joint), MODES[drive.mode].references[1]: signal}
+                references[joint] = {**self.scenario.references_of(joint), drive.mode.references[1]: signal}
         return replace(self, scenario=replace(self.scenario, references=references), presets=sampled)
 
     def table(self, inputs: Array) -> tuple[tuple[str, ...], Array]:
@@ -60,7 +61,7 @@ class Plant:
         headings = [f"{joint} [{self.unit(joint)}]" for joint in self.joints]
         for joint in self.presets:
             drive = self.drives[self.joints.index(joint)]
-            headings.append(f"{joint}.{MODES[drive.mode].references[1]} [{drive.actuator.reference_2_unit}]")
+            headings.append(f"{joint}.{drive.mode.references[1]} [{drive.actuator.reference_2_unit}]")
         return tuple(headings), np.column_stack([inputs, *self.presets.values()])
 
     def __getstate__(self) -> dict[str, Any]:
@@ -74,7 +75,7 @@ class Plant:
     def _played(self, inputs: Array) -> dict[str, dict[str, Signal]]:
         """First references that play `inputs` (n, joints), by joint."""
         return {
-            joint: {MODES[drive.mode].references[0]: Sampled(times=self.time, samples=np.ascontiguousarray(column))}
+            joint: {drive.mode.references[0]: Sampled(times=self.time, samples=np.ascontiguousarray(column))}
             for joint, drive, column in zip(self.joints, self.drives, inputs.T, strict=True)
         }
 

@@ -130,7 +130,7 @@ _MOTION = (
     '<select class="speed" aria-label="speed"><option value="0.1">0.1 x</option><option value="0.25">0.25 x</option>'
     '<option value="1" selected>1 x</option><option value="4">4 x</option></select>'
     '<select class="run" aria-label="run"></select></div>'
-    '<p class="note">Drag to turn, wheel to come nearer, Shift and drag to move, double-click to go back.</p></div>'
+    '<p class="note">Drag to turn, wheel to come nearer, Shift or right button to move, double-click to go back.</p></div>'
 )
 
 

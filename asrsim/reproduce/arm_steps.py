@@ -86,7 +86,8 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
 
 def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
     """That the link settles on the reference; where its springs are too weak for that, that friction is what holds it off."""
-    from asrsim.kinematics.compensation import drive_of, equilibrium_for_load
+    from asrsim.kinematics.compensation import equilibrium_for_load
+    from asrsim.robot import drive_of
 
     block = next(block for block in result.run.robot.actuators if block.joint == joint)
     series = result[joint]

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
 from asrsim.robot.blocks import default_value
@@ -110,3 +111,8 @@ def _key(key: str) -> str:
     """`parameters.JOINT.NAME` as the scenario has it: `actuators.JOINT.parameters.NAME`."""
     joint, _, name = key.removeprefix("parameters.").rpartition(".")
     return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")
+
+
+def drive_of(block: ActuatorBlock) -> Drive:
+    """The drive of an actuator block, with the parameters that it resolved."""
+    return Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[block.mode], values=block.values())

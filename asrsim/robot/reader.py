@@ -87,7 +87,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
         check_movable(findings, robot)
     findings.raise_errors()
     check_sanity(findings, robot)
-    if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
+    if not blocks and robot.moving_joints and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn(
             "no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name,
             hint="`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint",

@@ -17,7 +17,7 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive, make_drives
+from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.steppings import STEPPINGS
 
 OUTPUTS = (
@@ -84,7 +84,7 @@ def _simplest(step: float, rounding: float) -> float:
     return step
 
 
-def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion, *, resting: bool) -> dict[str, Array]:
+def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, resting: bool) -> dict[str, Array]:
     constants: dict[float, Any] = {}
     half = drive.constants(0.5 * steps[0]) if resting else None
     look = drive.constants(0.0) if resting else None
@@ -113,7 +113,7 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion, *, resting:
     return {name: table[:, index] for index, name in enumerate(OUTPUTS)}
 
 
-def _outputs(drive: Drive, q: float, before: Sequence[float], record: Sequence[float]) -> tuple[float, ...]:
+def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], record: Sequence[float]) -> tuple[float, ...]:
     """Torques, stiffness and motors of one row, as the released code publishes them where it does."""
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.substep import BASE, INERTIA, RATIO
 
 COUPLED = 0.1
@@ -62,7 +62,7 @@ def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, exp
     return Response(weight, coupled, np.asarray(response, dtype=float), np.asarray(spread, dtype=float))
 
 
-def make_damping_law(drive: Drive) -> Callable[[Any, Any, float, tuple[float, ...]], float] | None:
+def make_damping_law(drive: SteppedJoint) -> Callable[[Any, Any, float, tuple[float, ...]], float] | None:
     """Link damping in N m s/rad from the joint's row, its constants, q and record; None where it is constant.
 
     c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.recorder import COLUMN
 from asrsim.simulation.substep import RAW
 from asrsim.simulation.substeps import COARSE
@@ -36,7 +36,7 @@ def not_finite(raw: Array) -> int | None:
     return int(np.argmax(bad)) if bad.any() else None
 
 
-def blame(raw: Array, row: int, drives: Sequence[Drive]) -> str:
+def blame(raw: Array, row: int, drives: Sequence[SteppedJoint]) -> str:
     """The joint that moves fastest, in the rows before `row`, for its inertia: the one that ran away."""
     window = raw[max(row - 5, 0) : row + 1, :, COLUMN["engine_velocity"]]
     speeds = np.nanmax(np.abs(np.where(np.isfinite(window), window, 1e300)), axis=0)

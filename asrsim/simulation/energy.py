@@ -16,7 +16,7 @@ import numpy as np
 from asrsim.actuators.hysteresis import dahl_energies
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group, spring_groups
 
 POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
@@ -41,7 +41,7 @@ def _change(values: Array) -> Array:
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
-    def __init__(self, drives: Sequence[Drive], substep: float) -> None:
+    def __init__(self, drives: Sequence[SteppedJoint], substep: float) -> None:
         self.drives = tuple(drives)
         self.substep = substep
         self._springs = [_Springs(group, substep) for group in spring_groups(drives)]
@@ -66,7 +66,7 @@ class EnergyMeter:
         return twin
 
     @staticmethod
-    def quantities(drive: Drive) -> tuple[str, ...]:
+    def quantities(drive: SteppedJoint) -> tuple[str, ...]:
         """What a joint has of it."""
         if drive.mode is None:
             return ()

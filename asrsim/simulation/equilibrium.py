@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.detailed_motor import Electric
+from asrsim.actuators.rest import resting_integrals, resting_motors
 from asrsim.engines.base import Model
 from asrsim.errors import Problem, ScenarioError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Inputs
 
 BALANCED = 1e-10
@@ -24,11 +25,11 @@ LONGEST = 0.2
 ROUNDS = 200
 
 
-def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) -> tuple[Drive, ...]:
+def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
     """The drives with their start at rest, everything in balance under the references at t = 0.
 
-    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. Joints without a
-    spring stay where they are, as modes 0 and 1 do. Raises ScenarioError naming the joint that finds no balance.
+    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. Joints that
+    nothing holds stay where they are: modes 0, 4, 7 and 8. Raises ScenarioError naming the joint that finds no balance.
     """
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(np.zeros(1))
     goals = []
@@ -36,12 +37,9 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
         first, second = drive.goals(sampled[0][:, j], sampled[1][:, j])
         goals.append((float(first[0]), float(second[0])))
     external = sampled[2][0]
-    sprung = [
-        j
-        for j, drive in enumerate(drives)
-        if drive.passive_stiffness or (drive.mode and drive.mode.spring and not drive.mode.direct)
-    ]
-    q = np.array([drive.initial_position for drive in drives])
+    sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
+    # An integral action lets nothing sag.
+    q = np.array([goals[j][0] if _holds(drive) else drive.initial_position for j, drive in enumerate(drives)])
     still = np.zeros(len(drives))
 
     def balance(positions: Array) -> Array:
@@ -71,52 +69,44 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
         )
     found = []
     for j, drive in enumerate(drives):
-        positions = None
-        if j in sprung and drive.dynamic_motors:
-            positions = motors_at_rest(drive, float(q[j]), goals[j])
-        found.append(replace(drive, initial_position=float(q[j]), motor_positions=positions))
+        place = float(q[j])
+        positions: tuple[float, ...] | None = None
+        integrals: tuple[float, ...] = ()
+        if drive.drive and drive.drive.mode.controller:
+            if drive.dynamic_motors:
+                positions = resting = resting_motors(drive.drive, place, goals[j])
+                integrals = resting_integrals(drive.drive, place, resting)
+            elif _holds(drive):
+                load = float(np.asarray(model.bias(q, still))[j] - external[j]) - link_torque(drive, place, goals[j])
+                integrals = (_limited(drive, load),)
+        found.append(replace(drive, initial_position=place, motor_positions=positions, integrals=integrals))
     return tuple(found)
 
 
-def link_torque(drive: Drive, q: float, goals: tuple[float, float]) -> float:
-    """N m of spring (and passive spring) on the link that stands at q, motors at rest."""
-    passive = drive.passive_stiffness * (drive.joint.spring_reference - q)
-    if drive.actuator is None or drive.mode is None or not drive.mode.spring:
-        return passive
-    places = motors_at_rest(drive, q, goals) if drive.dynamic_motors else goals
-    second = places[1] if len(places) > 1 else goals[1]
-    return passive + sum(drive.actuator.elastic_torques(q, places[0], second, drive.elastic))
+def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> float:
+    """N m on the link that stands at q, motors at rest: of spring or controller within the effort limit, and of a passive
+    spring."""
+    torque = 0.0
+    if drive.drive and drive.drive.mode.spring:
+        places = resting_motors(drive.drive, q, goals)
+        torque = sum(drive.drive.actuator.elastic_torques(q, *places, drive.elastic))
+    elif drive.drive and drive.drive.mode.controller:
+        torque = drive.drive.proportional[0] * (goals[0] - q)
+    return _limited(drive, torque) + drive.passive_stiffness * (drive.joint.spring_reference - q)
 
 
-def motors_at_rest(drive: Drive, q: float, goals: tuple[float, float]) -> tuple[float, ...]:
-    """rad of each motor where its controller's torque balances its spring's; friction and integral action at 0."""
-    actuator = drive.actuator
-    if actuator is None:
-        return ()
-    places = []
-    for i in range(actuator.motors):
-        gain = drive.values[f"controller_{i + 1}_proportional"]
-        electric = drive.electric(i + 1)
-        stops = drive.values[f"motor_{i + 1}_min_position"], drive.values[f"motor_{i + 1}_max_position"]
-
-        def surplus(theta: float, i: int = i, gain: float = gain, electric: Electric = electric) -> float:
-            pair = (theta, goals[1]) if actuator.motors == 1 else ((theta, q) if i == 0 else (q, theta))
-            push = float(electric.torque_of(gain * (goals[i] - theta)))
-            return push - actuator.elastic_torques(q, *pair, drive.elastic)[i]
-
-        places.append(min(max(_root(surplus, goals[i], q), stops[0]), stops[1]))
-    return tuple(places)
+def _gives_way(drive: SteppedJoint) -> bool:
+    """The joint moves until spring or controller carries its load. Motors without controller carry none."""
+    driven = drive.mode is not None and (drive.mode.spring or drive.mode.controller) and not drive.mode.direct
+    return (driven or drive.passive_stiffness > 0.0) and not _holds(drive)
 
 
-def _root(falling: object, goal: float, q: float) -> float:
-    """Where a falling function is 0: between the goal and the link, or beyond."""
-    from scipy.optimize import brentq
+def _holds(drive: SteppedJoint) -> bool:
+    """Mode 1 with integral action: at rest the link is where it should be."""
+    return drive.drive is not None and drive.drive.mode.number == 1 and drive.drive.integral[0] > 0.0
 
-    low, high = min(goal, q), max(goal, q)
-    reach = 1e-6
-    while falling(low) < 0.0 and reach < 1e6:  # type: ignore[operator]
-        low, reach = low - reach, 2.0 * reach
-    reach = 1e-6
-    while falling(high) > 0.0 and reach < 1e6:  # type: ignore[operator]
-        high, reach = high + reach, 2.0 * reach
-    return float(brentq(falling, low, high, xtol=1e-15, rtol=1e-15)) if low < high else low
+
+def _limited(drive: SteppedJoint, torque: float) -> float:
+    """Within the joint's effort limit."""
+    most = math.inf if drive.joint.effort is None else drive.joint.effort
+    return min(max(torque, -most), most)

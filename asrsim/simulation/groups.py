@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.actuators import Actuator
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.substep import RAW
 
 MOTOR_1, MOTOR_2 = RAW.index("position_1"), RAW.index("position_2")
@@ -24,7 +24,7 @@ class Group:
     actuator: type[Actuator]
     motors: int
     """Motors with dynamics in their modes."""
-    drives: tuple[Drive, ...]
+    drives: tuple[SteppedJoint, ...]
     pick: Any
     """Picks their rows of an array (joints, n): a slice where they are neighbours, which saves a copy."""
 
@@ -50,7 +50,7 @@ class Group:
         return found
 
 
-def spring_groups(drives: Sequence[Drive]) -> tuple[Group, ...]:
+def spring_groups(drives: Sequence[SteppedJoint]) -> tuple[Group, ...]:
     """Groups of the joints whose mode has springs."""
     members: dict[tuple[type[Actuator], int], list[int]] = {}
     for j, drive in enumerate(drives):

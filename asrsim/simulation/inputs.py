@@ -15,7 +15,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.effects import through
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.substep import READINGS
@@ -73,7 +73,7 @@ class Inputs:
     def __init__(
         self,
         scenario: Scenario,
-        drives: Sequence[Drive],
+        drives: Sequence[SteppedJoint],
         *,
         substep: float,
         staggered: bool,
@@ -105,7 +105,7 @@ class Inputs:
             self._signals[2].append(for_joint(scenario.external_torques, drive.name, REST))
 
     @staticmethod
-    def _rest(drive: Drive, slot: int) -> Signal:
+    def _rest(drive: SteppedJoint, slot: int) -> Signal:
         """A reference that nobody gives: motors and controllers stay where the joint starts; torques and voltages are 0."""
         mode = drive.mode
         if mode is None or mode.number == 0 or mode.direct:

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
+from asrsim.robot import drive_of
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
@@ -41,7 +42,7 @@ class Prepared:
     scenario: Scenario
     robot: Robot
     stepping: Stepping
-    drives: tuple[Drive, ...]
+    drives: tuple[SteppedJoint, ...]
     resolution: Resolution
     sensors: tuple[Sensor | None, ...]
     info: RunInfo
@@ -112,7 +113,7 @@ class Prepared:
             replace(
                 drive,
                 joint=joints[drive.name],
-                values=blocks[drive.name].values() if drive.name in blocks else drive.values,
+                drive=drive_of(blocks[drive.name]) if drive.name in blocks else drive.drive,
                 block=blocks.get(drive.name),
             )
             for drive in self.drives

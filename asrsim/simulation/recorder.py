@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import EnergyMeter
 from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import grid
@@ -26,7 +26,7 @@ BEHIND = 2
 COLUMN = {name: index for index, name in enumerate(RAW)}
 
 
-def recorded_quantities(drive: Drive) -> tuple[str, ...]:
+def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     """Names of the quantities that this joint records."""
     names = ["link_position", "link_velocity", "link_torque", "external_torque"]
     mode, actuator = drive.mode, drive.actuator
@@ -44,7 +44,7 @@ def recorded_quantities(drive: Drive) -> tuple[str, ...]:
     return (*names, *EnergyMeter.quantities(drive))
 
 
-def has_second_reference(drive: Drive) -> bool:
+def has_second_reference(drive: SteppedJoint) -> bool:
     """An SEA has one reference in every mode."""
     return bool(drive.actuator and (drive.actuator.motors == 2 or drive.actuator.adjuster))
 
@@ -74,7 +74,7 @@ class Recorder:
     Inside, arrays are (joints, n): every joint's numbers lie side by side.
     """
 
-    def __init__(self, drives: Sequence[Drive], stepping: Stepping, *, substep: float, every: int, last: int) -> None:
+    def __init__(self, drives: Sequence[SteppedJoint], stepping: Stepping, *, substep: float, every: int, last: int) -> None:
         self.drives = tuple(drives)
         self.stepping = stepping
         self.substep = substep

@@ -10,8 +10,9 @@ import numpy as np
 from asrsim.engines.base import Engine
 from asrsim.samples import Array
 from asrsim.simulation.damping import make_damping_law
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block, Piece
+from asrsim.simulation.kernels import with_bristles
 from asrsim.simulation.stretches import UNDEFINED, NoValueError, push_links
 from asrsim.simulation.substep import (
     BOUND,
@@ -46,7 +47,7 @@ class Splits:
     def __init__(
         self,
         engine: Engine,
-        drives: Sequence[Drive],
+        drives: Sequence[SteppedJoint],
         joints: Any,
         memories: Sequence[Memory],
         *,
@@ -66,7 +67,7 @@ class Splits:
         self._now, self._before = weights
         self.take_drives(drives)
 
-    def take_drives(self, drives: Sequence[Drive]) -> None:
+    def take_drives(self, drives: Sequence[SteppedJoint]) -> None:
         """Other numbers for the same kinds of joints."""
         self.drives = tuple(drives)
         self._cut_constants: dict[float, list[Any]] = {}
@@ -175,8 +176,11 @@ class Splits:
                 torque, after, record = drive.advance(state, constants, positions[j], velocities[j], *goals)
             except UNDEFINED as fault:
                 raise NoValueError(drive.name, k, str(fault)) from fault
-            if fraction:
-                states[j] = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            moved = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            if drive.hysteresis and drive.dynamic_motors:
+                states[j] = with_bristles(moved, states[j]) if fraction else with_bristles(states[j], moved)
+            elif fraction:
+                states[j] = moved
             if self._cut and abs(lagging[j]) >= joint[FASTEST] and torque * lagging[j] > 0.0:
                 torque = 0.0
             limit, braked = float(joint[EFFORT]), torque - float(joint[BRAKE]) * velocities[j]

@@ -16,7 +16,7 @@ from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 
 TARGET = 0.2
 """omega h that the automatic number of substeps keeps (accuracy; stability ends at 2)."""
@@ -54,7 +54,7 @@ class Resolution:
 
 
 def reachable_stiffness(
-    drive: Drive, reference_1: Array, reference_2: Array, *, interval: float, load: float, inertia: float
+    drive: SteppedJoint, reference_1: Array, reference_2: Array, *, interval: float, load: float, inertia: float
 ) -> float:
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds it is told so.
 
@@ -109,7 +109,7 @@ def reachable_stiffness(
     return best
 
 
-def _caught(drive: Drive, spread: float, sigma: float, energy: float, limit: float) -> float:
+def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, limit: float) -> float:
     """Deflection from pretension `spread` at which the springs have taken `energy` J."""
     if drive.actuator is None or not math.isfinite(energy):
         return limit
@@ -124,7 +124,7 @@ def _caught(drive: Drive, spread: float, sigma: float, energy: float, limit: flo
     return _largest_below(taken, energy, limit)
 
 
-def _torques(drive: Drive, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
+def _torques(drive: SteppedJoint, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
     try:
         return drive.actuator.elastic_torques(0.0, d_1, d_2, elastic) if drive.actuator else (0.0, 0.0)
     except (OverflowError, ZeroDivisionError):
@@ -145,7 +145,7 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
 
 
 def resolve(
-    drives: Sequence[Drive],
+    drives: Sequence[SteppedJoint],
     masses: Sequence[Array],
     stiffness: Sequence[float],
     *,
@@ -211,7 +211,7 @@ def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Ar
     return best, shape
 
 
-def _fading(drive: Drive, masses: Sequence[Array], j: int) -> float:
+def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
     """Largest rate in 1/s at which joint `j` runs away where its friction falls with speed: for accuracy; bounded friction is
     stable at any step."""
     joint = drive.joint
@@ -220,7 +220,7 @@ def _fading(drive: Drive, masses: Sequence[Array], j: int) -> float:
     return STEEPEST * joint.stribeck_friction / joint.stribeck_velocity * max(float(np.linalg.inv(m)[j, j]) for m in masses)
 
 
-def _motor_fading(drive: Drive) -> float:
+def _motor_fading(drive: SteppedJoint) -> float:
     """The same of the joint's motors."""
     values, motors = drive.values, range(1, drive.dynamic_motors + 1) if drive.detailed else ()
     steep = (
@@ -230,7 +230,7 @@ def _motor_fading(drive: Drive) -> float:
     return STEEPEST * max(steep, default=0.0)
 
 
-def _motor_frequency(drive: Drive, stiffness: float) -> float:
+def _motor_frequency(drive: SteppedJoint, stiffness: float) -> float:
     """Largest omega of a motor in rad/s: spring, controller and bristles at a frozen link."""
     frequency = 0.0
     for index in range(1, drive.dynamic_motors + 1):

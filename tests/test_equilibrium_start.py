@@ -1,0 +1,79 @@
+"""`initial: equilibrium`: a run begins at rest and stays there, whatever carries the arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
+from asrsim.actuators.modes import Mode
+from asrsim.simulation.steppings import STEPPINGS
+from validation.models import Body, chain, column, run
+
+ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}
+HELD = tuple(mode for mode in MODES.values() if (mode.spring or mode.controller) and not mode.direct)
+FIRST, PRESET = 0.5, 0.004
+"""rad, and rad or m: references."""
+
+
+class Coupled(Actuator):
+    """Two motors whose spring torques depend on both: a spring between them, and one from each to the link."""
+
+    name, title, source, motors = "coupled", "Coupled", "test", 2
+    parameters = (Parameter(name="k", default=20.0, unit="N m/rad", doc="of all springs"),)
+
+    @staticmethod
+    def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
+        (k,) = parameters
+        return k * (theta_1 - q) + k * (theta_1 - theta_2), k * (theta_2 - q) - k * (theta_1 - theta_2)
+
+    @staticmethod
+    def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        return 2.0 * parameters[0]
+
+    @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        return 0.5 * parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2 + (theta_1 - theta_2) ** 2)
+
+
+@pytest.fixture(autouse=True)
+def coupled() -> None:
+    ACTUATORS.add(Coupled.name, Coupled, replace=True)
+
+
+def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: float) -> dict[str, Any]:
+    """How far links and motors of an arm of two joints move in 50 ms, and what the first one's motor stands off by."""
+    second = 0.0 if not mode.mapped else PRESET if ACTUATORS.get(actuator).adjuster else 0.1
+    values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
+    robot = chain(*[Body(actuator=actuator, **ARM)] * 2)
+    result = run(
+        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, stepping=stepping,
+        parameters=parameters, references=dict(zip(mode.references, values, strict=False)),
+    )  # fmt: skip
+    names = [name for name in ("link_position", "motor_1_position", "motor_2_position") if name in result.samples.values]
+    return {name: max(float(np.ptp(column(result, name, j))) for j in (0, 1)) for name in names} | {
+        "droop": float(FIRST - column(result, "link_position")[0])
+    }
+
+
+@pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
+@pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("integral", [0.0, 30.0])
+@pytest.mark.parametrize("stepping", STEPPINGS.names())
+def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
+    gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
+    moved = start(actuator, mode, stepping, **gains)
+    droop = moved.pop("droop")
+    assert max(moved.values()) < 1e-8
+    # The arm leans on what holds it, but for an integral action on the link itself.
+    assert (abs(droop) > 1e-5) == (mode.number != 1 or integral == 0.0)
+
+
+@pytest.mark.parametrize("integral", [0.0, 5.0])
+def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
+    electric = {"motor_1_torque_constant": 0.5, "motor_1_resistance": 2.0, "motor_1_gear_ratio": 2.0}
+    moved = start("sea", MODES[5], controller_1_integral=integral, **electric)
+    moved.pop("droop")
+    assert max(moved.values()) < 1e-8
