@@ -82,28 +82,32 @@ class AsrsimError(Exception):
 
 
 class Place(TypedDict, total=False):
-    """What a :class:`Problem` says beside its message."""
+    """What a :class:`Problem` says beside its message, file and code."""
 
-    file: Path | None
     line: int | None
     key: str | None
     value: object | None
     choices: tuple[str, ...]
     hint: str | None
-    code: str
 
 
 class InputError(AsrsimError):
     """An input (file, option) cannot be used; carries every problem found in it.
 
-    problems: those, or the message of the only one, which `place` completes. warnings: found on the way, not in its text.
+    problems: those, or the message of the only one, which the others complete. warnings: found on the way, not in its text.
     """
 
     def __init__(
-        self, problems: Problem | Iterable[Problem] | str, *, warnings: Iterable[Problem] = (), **place: Unpack[Place]
+        self,
+        problems: Problem | Iterable[Problem] | str,
+        *,
+        warnings: Iterable[Problem] = (),
+        file: Path | None = None,
+        code: str = "",
+        **place: Unpack[Place],
     ) -> None:
         if isinstance(problems, str):
-            problems = Problem(message=problems, **place)
+            problems = Problem(message=problems, file=file, code=code, **place)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         self.warnings: tuple[Problem, ...] = tuple(warnings)
         super().__init__("\n".join(str(problem) for problem in self.problems))

@@ -69,55 +69,51 @@ def next_input(
     onto that of the desired motion. The last recording may be given again, with another lag or mapping: the trial is then
     replaced. Raises InputError for a recording that does not fit, OutputError.
     """
-    with owned(folder):
-        return _next_input(plant, folder, path, mapping, lag)
-
-
-def _next_input(
-    plant: Plant, folder: Path, path: Path, mapping: Mapping[str, str] | Sequence[str] | Path | None, lag: LagChoice
-) -> HardwareStep:
     from asrsim.recordings import read_recording
 
-    content = _digest(path)
-    taken = _taken(folder)
-    again = content in taken[-1:]
-    if content in taken[:-1]:
-        message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
-        raise InputError(message, file=path, code="recording-taken")
-    recording = read_recording(path, mapping=mapping, joints=plant.joints)
-    with learning_model(plant) as model:
-        prepared = prepare_learning(plant, model)
-        plant = prepared.plant
-        mark = fingerprint(prepared.problem, prepared.settings)
-        trials = load_state(folder / STATE, mark) if (folder / STATE).exists() else []
-        told: list[Identified] = []
-        law = _law(prepared, told)
-        if len(trials) != len(taken):
-            message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
-            raise InputError(message, file=folder / STATE, hint=hint, code="state")
-        if again:
-            taken.pop()
-        played = trials.pop().inputs if again else _pending(folder, prepared, trials)
-        found = recorded(recording, plant, lag)
-        trials.append(trial_of(prepared.problem, played, found.outputs, before=trials[-1] if trials else None, expected=None))
-        ended = verdict(prepared.problem, trials, prepared.settings, law)
-        inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
-    headings, values = plant.table(inputs)
-    what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
-    write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
-    write_playback(folder / PLAYBACK, plant, folder / NEXT)
-    save_state(folder / STATE, mark, trials, origin=origin_of(plant.scenario))
-    _write_numbers(folder, trials, [*taken, content], plant.joints, told[0] if told else None)
-    return HardwareStep(
-        prepared=prepared,
-        trials=tuple(trials),
-        outcome=None if ended is None else ended[1],
-        converged=ended is not None and ended[0] == "converged",
-        identified=told[0] if told else None,
-        recording=recording,
-        clock=found.clock,
-        findings=found.findings,
-    )
+    with owned(folder):
+        content = _digest(path)
+        taken = _taken(folder)
+        again = content in taken[-1:]
+        if content in taken[:-1]:
+            message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
+            raise InputError(message, file=path, code="recording-taken")
+        recording = read_recording(path, mapping=mapping, joints=plant.joints)
+        with learning_model(plant) as model:
+            prepared = prepare_learning(plant, model)
+            plant = prepared.plant
+            mark = fingerprint(prepared.problem, prepared.settings)
+            trials = load_state(folder / STATE, mark) if (folder / STATE).exists() else []
+            told: list[Identified] = []
+            law = _law(prepared, told)
+            if len(trials) != len(taken):
+                message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
+                raise InputError(message, file=folder / STATE, hint=hint, code="state")
+            if again:
+                taken.pop()
+            played = trials.pop().inputs if again else _pending(folder, prepared, trials)
+            found = recorded(recording, plant, lag)
+            trials.append(
+                trial_of(prepared.problem, played, found.outputs, before=trials[-1] if trials else None, expected=None)
+            )
+            ended = verdict(prepared.problem, trials, prepared.settings, law)
+            inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
+        headings, values = plant.table(inputs)
+        what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
+        write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
+        write_playback(folder / PLAYBACK, plant, folder / NEXT)
+        save_state(folder / STATE, mark, trials, origin=origin_of(plant.scenario))
+        _write_numbers(folder, trials, [*taken, content], plant.joints, told[0] if told else None)
+        return HardwareStep(
+            prepared=prepared,
+            trials=tuple(trials),
+            outcome=None if ended is None else ended[1],
+            converged=ended is not None and ended[0] == "converged",
+            identified=told[0] if told else None,
+            recording=recording,
+            clock=found.clock,
+            findings=found.findings,
+        )
 
 
 def _law(prepared: Prepared, told: list[Identified]) -> Law:

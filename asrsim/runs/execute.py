@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter, open_log
 from asrsim.outfile import write_text
+from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
@@ -142,7 +143,7 @@ def result_metadata(run: Run, error: DivergenceError | None = None, certificate:
         metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}
     counts = run.counts
     names = [joint.name for joint in run.robot.moving_joints]
-    for kind in ("effort", "velocity", "saturation", "deflection", "stop"):
+    for kind in LIMITS:
         counted = {name: int(count) for name, count in zip(names, getattr(counts, kind), strict=True) if count}
         if counted:
             metadata[f"limit_{kind}"] = json.dumps(counted)

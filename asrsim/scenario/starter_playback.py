@@ -15,6 +15,7 @@ from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
+from asrsim.scenario.check import reference_names
 from asrsim.signals.playback import Playback, since
 
 LATEST = 1.0
@@ -99,7 +100,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
                 why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
                 remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
             played.append(_played(block.joint, 0, command, recording, lag))
-            if second is not None and len(_references(replace(block, mode=mode))) > 1:
+            if second is not None and len(reference_names(replace(block, mode=mode))) > 1:
                 played.append(_played(block.joint, 1, second, recording, lag))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque, recording, lag))
@@ -180,12 +181,6 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     return mode.number
 
 
-def _references(block: ActuatorBlock) -> tuple[str, ...]:
-    actuator = ACTUATORS.get(block.actuator)
-    names = MODES[block.mode].references
-    return names if actuator.motors > 1 or actuator.adjuster else names[:1]
-
-
 def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
     changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
@@ -214,8 +209,8 @@ def _initial(
     initial: dict[str, float] = {}
     for joint in robot.moving_joints:
         start = starts.get(joint.name, 0.0)
-        bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None
-        inside = min(max(start, joint.lower or 0.0), joint.upper or 0.0) if bounded else start
+        low, high = joint.stops
+        inside = min(max(start, low), high)
         if inside != start:
             remarks.append(f"{joint.name}: it begins at {start:.6g}, outside of its limits, and is put to {inside:.6g}")
         if abs(inside) > 1e-9:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 
@@ -30,15 +31,10 @@ def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
         Column(heading="settling\ns", cells=_cells([joint.measures.settling for joint in joints], "{:.3f}")),
         Column(heading=f"peak defl.\n{length}", cells=_cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")),
     ]
-    for heading, counts in (
-        ("effort\nlimit", [joint.effort for joint in joints]),
-        ("velocity\nlimit", [joint.velocity for joint in joints]),
-        ("motor\nlimit", [joint.saturation for joint in joints]),
-        ("deflection\nlimit", [joint.deflection for joint in joints]),
-        ("joint\nstop", [joint.stop for joint in joints]),
-    ):
-        if any(counts):
-            columns.append(Column(heading=heading, cells=tuple(_share(count, summary.total_substeps) for count in counts)))
+    for kind, heading in LIMITS.items():
+        cells = tuple(_share(joint.limits[kind], summary.total_substeps) for joint in joints)
+        if any(joint.limits[kind] for joint in joints):
+            columns.append(Column(heading=heading.replace(" ", "\n"), cells=cells))
     return tuple(columns)
 
 
@@ -57,7 +53,7 @@ def headline(summary: RunSummary) -> str:
 
 def limit_note(summary: RunSummary) -> str | None:
     """What the limits' columns mean, if there are any; or that no limit was met."""
-    if any(joint.effort or joint.velocity or joint.saturation or joint.deflection or joint.stop for joint in summary.joints):
+    if any(any(joint.limits.values()) for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
     return "no limit of effort, velocity, motor torque, deflection or position was met"
 
