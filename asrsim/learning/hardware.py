@@ -72,25 +72,25 @@ def next_input(
     from asrsim.recordings import read_recording
 
     with owned(folder):
-        content = _digest(path)
-        taken = _taken(folder)
-        again = content in taken[-1:]
-        if content in taken[:-1]:
-            message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
+        digest = _digest(path)
+        digests = _digests(folder)
+        again = digest in digests[-1:]
+        if digest in digests[:-1]:
+            message = f"was taken already, as trial {digests.index(digest)}; record the input in {folder / NEXT} and take that"
             raise InputError(message, file=path, code="recording-taken")
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
         with learning_model(plant) as model:
             prepared = prepare_learning(plant, model)
             plant = prepared.plant
-            mark = fingerprint(prepared.problem, prepared.settings)
-            trials = load_state(folder / STATE, mark) if (folder / STATE).exists() else []
-            told: list[Identified] = []
-            law = _law(prepared, told)
-            if len(trials) != len(taken):
+            problem_digest = fingerprint(prepared.problem, prepared.settings)
+            trials = load_state(folder / STATE, problem_digest) if (folder / STATE).exists() else []
+            identified: list[Identified] = []
+            law = _law(prepared, identified)
+            if len(trials) != len(digests):
                 message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
                 raise InputError(message, file=folder / STATE, hint=hint, code="state")
             if again:
-                taken.pop()
+                digests.pop()
             played = trials.pop().inputs if again else _pending(folder, prepared, trials)
             found = recorded(recording, plant, lag)
             trials.append(
@@ -102,28 +102,28 @@ def next_input(
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
-        save_state(folder / STATE, mark, trials, origin=origin_of(plant.scenario))
-        _write_numbers(folder, trials, [*taken, content], plant.joints, told[0] if told else None)
+        save_state(folder / STATE, problem_digest, trials, origin=origin_of(plant.scenario))
+        _write_numbers(folder, trials, [*digests, digest], plant.joints, identified[0] if identified else None)
         return HardwareStep(
             prepared=prepared,
             trials=tuple(trials),
             outcome=None if ended is None else ended[1],
             converged=ended is not None and ended[0] == "converged",
-            identified=told[0] if told else None,
+            identified=identified[0] if identified else None,
             recording=recording,
             clock=found.clock,
             findings=found.findings,
         )
 
 
-def _law(prepared: Prepared, told: list[Identified]) -> Law:
+def _law(prepared: Prepared, identified: list[Identified]) -> Law:
     """The scenario's law; `auto` with identification, whose findings go to `told`."""
     if not isinstance(prepared.law, NormOptimal):
         return prepared.law
 
     def rethink(best: Trial) -> tuple[Lifted, Array]:
         found = identify(prepared.plant, best)
-        told.append(found)
+        identified.append(found)
         with learning_model(found.plant) as model:
             inverse = model.inverse(found.plant.reference)
             time, delays = prepared.problem.time, model.delays
@@ -154,7 +154,7 @@ def _digest(path: Path) -> str:
         raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
 
 
-def _taken(folder: Path) -> list[str]:
+def _digests(folder: Path) -> list[str]:
     """Digests of the recordings that were taken, in their order."""
     try:
         return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
@@ -166,9 +166,9 @@ def _taken(folder: Path) -> list[str]:
 
 
 def _write_numbers(
-    folder: Path, trials: Sequence[Trial], taken: Sequence[str], joints: Sequence[str], found: Identified | None
+    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], found: Identified | None
 ) -> None:
-    rows = [{**trial_data(trial, tuple(joints)), "recording": content} for trial, content in zip(trials, taken, strict=True)]
+    rows = [{**trial_data(trial, tuple(joints)), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
     data: dict[str, object] = {"trials": rows, "best": best_of(list(trials))}
     if found is not None:
         data["identified"] = {"changes": dict(found.draw), "residual": found.residual, "residual_before": found.before}

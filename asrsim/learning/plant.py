@@ -100,7 +100,7 @@ class Plant:
             references[joint] = {**self.scenario.references_of(joint), **signals}
         trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
-        # What the scenario claims is about its own references.
+        # The scenario's claims are about its own references, not about learned inputs.
         return replace(
             self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=log_every
         )

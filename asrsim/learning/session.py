@@ -114,7 +114,7 @@ def run_session(
             foreseen: list[float] = []
 
             def ended(trial: Trial) -> None:
-                # Its state is written: there is something in the place of the earlier run.
+                # This run's state is on disk now: the earlier run's files may go.
                 if trial.number == 0:
                     clear(earlier, but=(folder / STATE, *logger.written))
                 if on_trial is not None:

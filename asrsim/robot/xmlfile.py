@@ -51,7 +51,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
             f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml",
             hint=_expected(path),
         ) from error  # fmt: skip
-    # The first look was another parser's; this is what lxml itself saw.
+    # expat looked above; lxml may see declarations that expat did not.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
         raise _declares(path, None)

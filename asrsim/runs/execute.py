@@ -112,8 +112,8 @@ def execute(
     if certificate is not None:
         summary = replace(summary, certificate=certificate.as_dict())
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
-        kept = open_log(log).iter_samples(quantities=COMPARED)
-        found = run_cross_check(scenario, run.info, kept, robot, progress=certifying)
+        logged = open_log(log).iter_samples(quantities=COMPARED)
+        found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
         summary = replace(summary, cross_check=found.as_dict())
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 

@@ -127,7 +127,7 @@ def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
     Raises OutputError.
     """
     log, aside = folder / LOG, folder / ASIDE
-    # What a run left aside that was killed is in nobody's way.
+    # A killed run may have left its unfinished log.
     clear([aside])
     path = aside if log in earlier else log
     try:

@@ -120,7 +120,7 @@ def repeat(
             nonlocal writer
             if place is None:
                 return [comparer]
-            # It describes the same run.
+            # The new log describes the original run.
             there = reader.info
             same = replace(
                 info, scenario=there.scenario, scenario_path=there.scenario_path, resolved=there.resolved,
@@ -134,7 +134,7 @@ def repeat(
 
         error: DivergenceError | None = None
         try:
-            # A live run lasted as long as its log, and was told what to do.
+            # A live run lasts as long as its log, and repeats the commands recorded there.
             live = LIVE in reader.metadata
             run = simulate(
                 scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended,
@@ -206,7 +206,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     robot = load_robot(urdf)
     # Meshes are sought where they were when the log was written.
     robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
-    # What the run should have given is no part of it, and may name recordings that are not here.
+    # Claims do not change a run, and may name recordings that are not here.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
     named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
     scenario = scenario_from_data(
