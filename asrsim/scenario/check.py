@@ -149,11 +149,8 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for joint in robot.moving_joints:
         key = joint.name if joint.name in scenario.initial_positions else "*"
         position = scenario.initial_positions.get(key)
-        if position is None or joint.kind == "continuous":
-            continue
-        low = -np.inf if joint.lower is None else joint.lower
-        high = np.inf if joint.upper is None else joint.upper
-        if not low <= position <= high:
+        low, high = joint.stops
+        if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
             yield Problem(message=message, key=f"initial.{key}", value=position, code="initial-limits")
 
@@ -194,7 +191,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             key = f"references.*.{name}"
             yield Problem(message=message, key=key, choices=known, hint=hint, code="unknown-reference"), True
     for block in robot.actuators:
-        names = _names(block)
+        names = reference_names(block)
         mode = MODES[block.mode]
         own = scenario.references.get(block.joint, {})
         for name in own:
@@ -218,7 +215,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Ranges of references that no joint has, or not the joint that they stand under."""
-    blocks = {block.joint: _names(block) for block in robot.actuators}
+    blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
         choices = (*sorted(known), "external_torque")
@@ -229,7 +226,7 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message=message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
-def _names(block: ActuatorBlock) -> tuple[str, ...]:
+def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     """References that count for this actuator: one with one motor and no adjuster has no second."""
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem
+from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
@@ -41,11 +42,7 @@ def make_summary(
             mode=joint.mode,
             prismatic=joint.prismatic,
             measures=measure,
-            effort=int(counts.effort[index[joint.name]]),
-            velocity=int(counts.velocity[index[joint.name]]),
-            saturation=int(counts.saturation[index[joint.name]]),
-            deflection=int(counts.deflection[index[joint.name]]),
-            stop=int(counts.stop[index[joint.name]]),
+            **{kind: int(getattr(counts, kind)[index[joint.name]]) for kind in LIMITS},
         )
         for joint, measure in zip(info.joints, seen.measures, strict=True)
     )
@@ -85,8 +82,8 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
     for joint in joints:
         limits = run.robot.joint(joint.name)
         rest, error = joint.measures.steady_state, joint.measures.steady_state_error
-        stops = [stop for stop in (limits.lower, limits.upper) if stop is not None and abs(rest - stop) < NEAR]
-        if joint.stop and stops and limits.kind != "continuous" and not abs(error) < NEAR:
+        stops = [stop for stop in limits.stops if abs(rest - stop) < NEAR]
+        if joint.stop and stops and not abs(error) < NEAR:
             unit = "m" if joint.prismatic else "rad"
             message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
