@@ -18,6 +18,8 @@ REACH = 0.3
 """Of the first steps: a third of a parameter's size."""
 NEARER = 0.5
 """Share of the start's cost that one from regression may have: where noise is most of it, its bias would lead astray."""
+NEARLY = 0.9
+"""Share of the cost that another way to play the commands may leave."""
 FITS = 1.25
 """Deviations, in those of the noise's fine structure, up to which residuals may be noise."""
 TOLD = 2.0
@@ -150,8 +152,22 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(residuals, best.x):
+        if fits_noise(residuals, best.x) or (not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)):
             break
+
+
+def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
+    """Whether commands that are held from sample to sample are nearer to what was recorded: then they are played so."""
+    for track in residuals.tracks:
+        track.held = True
+    x = solve(residuals, best.x, loss=loss, tolerance=1e-5)
+    cost = cost_of(residuals(x), loss)
+    if cost < NEARLY * best.cost:
+        best.x, best.cost = x, cost
+        return True
+    for track in residuals.tracks:
+        track.held = False
+    return False
 
 
 def _attempts(

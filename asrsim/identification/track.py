@@ -39,6 +39,8 @@ class Track:
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
         self._commands: tuple[tuple[float, ...], Mapping[str, Mapping[str, Signal]]] | None = None
+        self.held = False
+        """Commands are played as stairs: what gave them held each until the next."""
         self.uncertain: list[str] = []
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
@@ -129,10 +131,12 @@ class Track:
             for command in self.data.commands
             for what in ("gain", "offset", "delay")
         )
+        numbers = (float(self.held), *numbers)
         if self._commands is None or self._commands[0] != numbers:
             table: dict[str, dict[str, Signal]] = {}
             for i, command in enumerate(self.data.commands):
-                gain, offset, delay = numbers[3 * i : 3 * i + 3]
+                gain, offset, delay = numbers[3 * i + 1 : 3 * i + 4]
+                command = replace(command, hold=command.hold or self.held)
                 signal = Played(command=command, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
                 table.setdefault(command.joint, {})[command.name] = signal
             self._commands = numbers, table
