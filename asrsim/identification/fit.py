@@ -152,7 +152,9 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(residuals, best.x) or (not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)):
+        if fits_noise(residuals, best.x) or (
+            not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)
+        ):
             break
 
 
