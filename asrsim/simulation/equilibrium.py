@@ -77,17 +77,17 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         )
     found = []
     for j, drive in enumerate(drives):
-        place = float(q[j])
+        position = float(q[j])
         positions: tuple[float, ...] | None = None
         integrals: tuple[float, ...] = ()
         if drive.drive and drive.drive.mode.controller:
             if drive.dynamic_motors:
-                positions = resting = resting_motors(drive.drive, place, goals[j])
-                integrals = resting_integrals(drive.drive, place, resting)
+                positions = resting = resting_motors(drive.drive, position, goals[j])
+                integrals = resting_integrals(drive.drive, position, resting)
             elif _holds(drive):
-                load = float(weight(q)[j] - external[j]) - link_torque(drive, place, goals[j])
+                load = float(weight(q)[j] - external[j]) - link_torque(drive, position, goals[j])
                 integrals = (_limited(drive, load),)
-        found.append(replace(drive, initial_position=place, motor_positions=positions, integrals=integrals))
+        found.append(replace(drive, initial_position=position, motor_positions=positions, integrals=integrals))
     return tuple(found)
 
 
@@ -96,8 +96,8 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> fl
     spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
-        places = resting_motors(drive.drive, q, goals)
-        torque = sum(drive.drive.actuator.elastic_torques(q, *places, drive.elastic))
+        motors = resting_motors(drive.drive, q, goals)
+        torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.passive_stiffness * (drive.joint.spring_reference - q)
