@@ -92,7 +92,9 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
 
 
 def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Problem]:
-    """Joints away from their reference that friction never lets go."""
+    """Joints away from their reference that friction never lets go. What begins in balance with its load needs none to stay."""
+    if run.scenario.initial_equilibrium:
+        return
     for joint, travel in zip(joints, seen.travels, strict=True):
         friction, error = run.robot.joint(joint.name).friction, joint.measures.steady_state_error
         if friction and not joint.stop and travel < STILL and abs(error) > NEAR:
