@@ -13,7 +13,7 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
-from asrsim.identification.series import SOON, first_samples, interpolate
+from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import INERTIAS
 from asrsim.samples import Array
@@ -83,16 +83,17 @@ class Track:
                 if moving:
                     velocities[j] = speed
                     self.uncertain.append(f"{joint}.initial_velocity")
-        for drive, position in zip(self.prepared.drives, positions, strict=True):
+        for j, drive in enumerate(self.prepared.drives):
             first = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
-            places = [float(channel.values[0]) for channel in first if channel is not None and channel.time[0] <= SOON]
-            if not places or len(places) < len(first):
+            told = [at_rest(channel) for channel in first if channel is not None and channel.time[0] <= SOON]
+            if not told or len(told) < len(first):
                 continue
-            home = drive.motor_positions or (position,) * len(places)
-            noise = max(max(channel.noise, channel.quantum) for channel in first if channel is not None)
-            # Motors are quick: only the very first sample tells where they began.
-            if max(abs(a - b) for a, b in zip(places, home, strict=True)) > STILL * noise:
-                motors[drive.name] = places
+            home = drive.motor_positions or (positions[j],) * len(told)
+            if any(abs(place - was) > STILL * error for (place, error), was in zip(told, home, strict=True)):
+                motors[drive.name] = [place for place, _ in told]
+                if self._channel(drive.name, "link_position") is None:
+                    # What rests on its motors begins with them.
+                    positions[j] += float(np.mean(motors[drive.name]) - np.mean(home))
         return positions, velocities, motors
 
     def _forget_what_commands_explain(self) -> None:
