@@ -72,9 +72,9 @@ class Problem:
         return {key: value for key, value in items.items() if value not in (None, "", [])}
 
 
-def _short(text: str, most: int = 120) -> str:
+def _short(text: str) -> str:
     """A value as it is shown: a file's one line may be a megabyte."""
-    return text if len(text) <= most else f"{text[: most - 20]} ... {len(text)} characters"
+    return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 
 
 class AsrsimError(Exception):

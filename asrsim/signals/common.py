@@ -7,26 +7,22 @@ from typing import Any
 import numpy as np
 
 from asrsim.document.block import REQUIRED, declare
-from asrsim.document.kinds import Number
+from asrsim.document.kinds import NUMBER
 from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 VALUE = "value"
 """Unit of what the signal drives: rad for a position, N m for a torque."""
 
-ANY = Number()
-POSITIVE = Number(above=0.0)
-NOT_NEGATIVE = Number(minimum=0.0)
-
 
 def driven(doc: str, *, default: Any = REQUIRED, key: str = "") -> Any:
     """A field in the unit of what the signal drives."""
-    return declare(ANY, doc=doc, unit=VALUE, default=default, key=key)
+    return declare(NUMBER, doc=doc, unit=VALUE, default=default, key=key)
 
 
 def start_time(doc: str = "time of its beginning; before, the signal rests at its first value") -> Any:
     """The field `start`."""
-    return declare(ANY, doc=doc, unit="s", default=0.0)
+    return declare(NUMBER, doc=doc, unit="s", default=0.0)
 
 
 def since(time: Array, start: float) -> Array:
