@@ -14,9 +14,8 @@ from asrsim.document.kinds import NUMBER, Choice, File, Optional, Text
 from asrsim.samples import Array
 from asrsim.signals.bag_series import read_bag_series
 from asrsim.signals.base import Signal
-from asrsim.signals.common import driven, require
+from asrsim.signals.common import INTERPOLATIONS, driven, hold_jumps, interpolate, require
 from asrsim.signals.csv_series import read_csv_series
-from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate
 
 STAMP_LIMIT = 1e6
 """s: first times beyond it are taken for stamps of a clock, and start at 0."""

@@ -13,8 +13,7 @@ from asrsim.document.composite import ListOf
 from asrsim.document.kinds import NUMBER, Choice
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import require
-from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate
+from asrsim.signals.common import INTERPOLATIONS, hold_jumps, interpolate, require
 
 Point = tuple[float, float]
 
