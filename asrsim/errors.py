@@ -81,14 +81,19 @@ class AsrsimError(Exception):
     """Base of every error that asrsim raises on purpose."""
 
 
-class Place(TypedDict, total=False):
-    """What a :class:`Problem` says beside its message, file and code."""
+class Details(TypedDict, total=False):
+    """What a :class:`Problem` says of a wrong value."""
 
-    line: int | None
-    key: str | None
     value: object | None
     choices: tuple[str, ...]
     hint: str | None
+
+
+class Place(Details, total=False):
+    """The same with where it stands."""
+
+    line: int | None
+    key: str | None
 
 
 class InputError(AsrsimError):
