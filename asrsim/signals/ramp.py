@@ -41,5 +41,7 @@ class MinimumJerk(Ramp):
 
     kind: ClassVar[str] = "minimum_jerk"
 
+    duration: float = declare(POSITIVE, doc="length of the motion", unit="s")
+
     def _way(self, s: Array) -> Array:
         return s * s * s * (10.0 + s * (6.0 * s - 15.0))
