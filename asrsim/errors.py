@@ -72,23 +72,28 @@ class Problem:
         return {key: value for key, value in items.items() if value not in (None, "", [])}
 
 
-def _short(text: str, most: int = 120) -> str:
+def _short(text: str) -> str:
     """A value as it is shown: a file's one line may be a megabyte."""
-    return text if len(text) <= most else f"{text[: most - 20]} ... {len(text)} characters"
+    return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 
 
 class AsrsimError(Exception):
     """Base of every error that asrsim raises on purpose."""
 
 
-class Place(TypedDict, total=False):
-    """What a :class:`Problem` says beside its message, file and code."""
+class Details(TypedDict, total=False):
+    """What a :class:`Problem` says of a wrong value."""
 
-    line: int | None
-    key: str | None
     value: object | None
     choices: tuple[str, ...]
     hint: str | None
+
+
+class Place(Details, total=False):
+    """The same with where it stands."""
+
+    line: int | None
+    key: str | None
 
 
 class InputError(AsrsimError):

@@ -61,7 +61,6 @@ def plan(
     duration: float,
     *,
     presets: Mapping[str, Signal] | None = None,
-    step: float = PLAN_STEP,
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
@@ -75,7 +74,7 @@ def plan(
     moving = _moving(task, model, drives)
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     _check_poses(task, model, trajectory, start, moving)
-    count = max(round(duration / step), 1)
+    count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
     path = follow(
         model,

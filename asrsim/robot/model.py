@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -184,6 +185,14 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """The joint of that name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @cached_property
+    def carried(self) -> Mapping[str, tuple[Joint, ...]]:
+        """Link -> the joints that it is the parent of, in file order; absent: none."""
+        found: dict[str, tuple[Joint, ...]] = {}
+        for joint in self.joints:
+            found[joint.parent] = (*found.get(joint.parent, ()), joint)
+        return found
 
     @property
     def root(self) -> Link:

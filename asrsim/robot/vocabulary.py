@@ -76,7 +76,7 @@ def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None
         inner = name_of(child) or name if kind == "robot" else f"{place}.{name}"
         if name in seen:
             message = f"a second <{name}> of one <{kind}>; only the first has an effect"
-            reader.findings.warn(message, code="repeated-element", line=reader.line(child), key=place)
+            reader.warn(message, child, place, code="repeated-element")
         if name in children:
             seen |= {name} - SEVERAL
             if name not in OPAQUE:
@@ -88,8 +88,8 @@ def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None
 def _warn(reader: AttributeReader, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
     short = [word for word in known if word.startswith(name.lower())]
     close = nearest(name, known) or nearest(name.lower(), known) or (short[0] if len(short) == 1 else None)
-    reader.findings.warn(
-        f"unknown {what} {form.format(name)}; it has no effect", code=f"unknown-{what}", line=reader.line(element), key=place,
+    reader.warn(
+        f"unknown {what} {form.format(name)}; it has no effect", element, place, code=f"unknown-{what}",
         hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,
     )  # fmt: skip
 
