@@ -11,6 +11,10 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict
+
+if TYPE_CHECKING:
+    from typing import Unpack
 
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """Characters that a terminal obeys and does not show, or by which it shows others in another order; not tab and newline."""
@@ -77,14 +81,35 @@ class AsrsimError(Exception):
     """Base of every error that asrsim raises on purpose."""
 
 
-class InputError(AsrsimError):
-    """An input (file, option) cannot be used; carries every problem found in it."""
+class Place(TypedDict, total=False):
+    """What a :class:`Problem` says beside its message, file and code."""
 
-    def __init__(self, problems: Problem | Iterable[Problem] | str, *, warnings: Iterable[Problem] = ()) -> None:
+    line: int | None
+    key: str | None
+    value: object | None
+    choices: tuple[str, ...]
+    hint: str | None
+
+
+class InputError(AsrsimError):
+    """An input (file, option) cannot be used; carries every problem found in it.
+
+    problems: those, or the message of the only one, which the others complete. warnings: found on the way, not in its text.
+    """
+
+    def __init__(
+        self,
+        problems: Problem | Iterable[Problem] | str,
+        *,
+        warnings: Iterable[Problem] = (),
+        file: Path | None = None,
+        code: str = "",
+        **place: Unpack[Place],
+    ) -> None:
         if isinstance(problems, str):
-            problems = Problem(message=problems)
+            problems = Problem(message=problems, file=file, code=code, **place)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
-        self.warnings: tuple[Problem, ...] = tuple(warnings)  # found on the way; not part of the message
+        self.warnings: tuple[Problem, ...] = tuple(warnings)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 

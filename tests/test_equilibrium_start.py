@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from random_runs import random_run
 
+import asrsim
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
 from asrsim.actuators.modes import Mode
+from asrsim.simulation.run import simulate
+from asrsim.simulation.steppings import STEPPINGS
 from validation.models import Body, chain, column, run
 
 ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}
@@ -42,14 +48,14 @@ def coupled() -> None:
     ACTUATORS.add(Coupled.name, Coupled, replace=True)
 
 
-def start(actuator: str, mode: Mode, **parameters: float) -> dict[str, Any]:
+def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: float) -> dict[str, Any]:
     """How far links and motors of an arm of two joints move in 50 ms, and what the first one's motor stands off by."""
     second = 0.0 if not mode.mapped else PRESET if ACTUATORS.get(actuator).adjuster else 0.1
     values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
     robot = chain(*[Body(actuator=actuator, **ARM)] * 2)
     result = run(
-        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, parameters=parameters,
-        references=dict(zip(mode.references, values, strict=False)),
+        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, stepping=stepping,
+        parameters=parameters, references=dict(zip(mode.references, values, strict=False)),
     )  # fmt: skip
     names = [name for name in ("link_position", "motor_1_position", "motor_2_position") if name in result.samples.values]
     return {name: max(float(np.ptp(column(result, name, j))) for j in (0, 1)) for name in names} | {
@@ -60,9 +66,10 @@ def start(actuator: str, mode: Mode, **parameters: float) -> dict[str, Any]:
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("integral", [0.0, 30.0])
-def test_nothing_moves(actuator: str, mode: Mode, integral: float) -> None:
+@pytest.mark.parametrize("stepping", STEPPINGS.names())
+def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
     gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
-    moved = start(actuator, mode, **gains)
+    moved = start(actuator, mode, stepping, **gains)
     droop = moved.pop("droop")
     assert max(moved.values()) < 1e-8
     # The arm leans on what holds it, but for an integral action on the link itself.
@@ -75,3 +82,16 @@ def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
     moved = start("sea", MODES[5], controller_1_integral=integral, **electric)
     moved.pop("droop")
     assert max(moved.values()) < 1e-8
+
+
+@pytest.mark.parametrize("seed", [310, 315, 319, 326])
+def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> None:
+    given = random_run(seed, moving=3, fixed=False, passive=0.0, jumps=False)
+    still = [replace(wave, amplitude=0.0) for joint in given.joints for wave in joint.references]
+    assert all(joint.mode not in (0, 4) for joint in given.joints)
+    joints = tuple(
+        replace(joint, references=tuple(still.pop(0) for _ in joint.references), external=None) for joint in given.joints
+    )
+    keys = {**replace(given, joints=joints).keys(), "initial": "equilibrium", "duration": 0.1}
+    result = simulate(asrsim.make_scenario(given.write(tmp_path), compiled=False, **keys))
+    assert np.ptp(result.samples.values["link_position"], axis=0).max() < 1e-8

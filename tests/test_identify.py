@@ -17,9 +17,10 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.identification import make_task, read_task
 from asrsim.identification.data import Command
+from asrsim.identification.fit import is_loud
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, foreign
-from asrsim.identification.noise import autoregression, fine_noise, glitches, quantum_of, swings, whiten
+from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
@@ -348,7 +349,21 @@ def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():
     coloured = np.convolve(generator.normal(size=2100), np.exp(-np.arange(100) / 20.0), "valid")[:2000]
     assert not swings(white)
     assert not swings(coloured)
-    assert swings(white + 0.7 * np.exp(-time) * np.sin(2.0 * np.pi * 108.0 * time))
+    ringing = np.exp(-time) * np.sin(2.0 * np.pi * 108.0 * time)
+    assert swings(white + 0.7 * ringing)
+    # One that fades quickly is wide: no single frequency stands out.
+    assert swings(white + 1.8 * ringing * np.exp(-9.0 * time))
+
+
+def test_what_is_off_is_no_noise_though_neighbours_do_not_correlate():
+    white = np.random.default_rng(0).normal(size=2000)
+    outliers = np.where(np.arange(2000) % 100 == 0, 50.0, 0.0)
+    stretch = np.where(np.arange(2000) < 200, 4.0, 1.0)
+    assert not is_loud(white, 1.0)
+    assert not is_loud(white + outliers, 1.0)
+    assert is_loud(white * stretch, 1.0)
+    assert is_loud(white, 0.7)
+    assert lag_correlation(white + 1.0) > 0.3
 
 
 @pytest.mark.slow

@@ -171,7 +171,7 @@ def test_losses_are_those_of_the_joint(tmp_path):
     for kind, stops in (("revolute", (-0.5, 0.7)), ("continuous", (-np.inf, np.inf))):
         joints = tuple(replace(limited, kind=kind) if joint.name == "joint_1" else joint for joint in robot.joints)
         found = Losses.of(replace(robot, joints=joints), "joint_1")
-        assert (found.lower, found.upper, found.effort) == (*stops, 3.0)
+        assert (*found.stops, found.effort) == (*stops, 3.0)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from asrsim.actuators.detailed_motor import Electric, electric_of, is_detailed
+from asrsim.actuators.detailed_motor import Electric, detailed_coefficients, detailed_kick, electric_of, is_detailed
 from asrsim.actuators.hysteresis import hysteresis_of
+from asrsim.actuators.motor import motor_coefficients, motor_kick
 from asrsim.actuators.vectorised import Array, references_over_arrays
 
 if TYPE_CHECKING:
     from asrsim.actuators.base import Actuator
     from asrsim.actuators.modes import Mode
+
+Kick = Callable[[float, float, float, float, float, float, tuple[float, ...]], tuple[float, float, float, float, float, float]]
+"""Of position, velocity, anchor, integral, reference, load and coefficients: see :func:`asrsim.actuators.motor.motor_kick`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +108,23 @@ class Drive:
     def motor_ranges(self) -> tuple[tuple[float, float], ...]:
         """rad, least and largest position of each motor."""
         return tuple(zip(self._of_motors("min_position"), self._of_motors("max_position"), strict=True))
+
+    @property
+    def motor_kick(self) -> Kick:
+        """The law of the motors; one source for the plain and the compiled loop."""
+        return detailed_kick if self.detailed else motor_kick
+
+    def motor_coefficients(self, index: int, *, step: float, implicitness: float) -> tuple[float, ...]:
+        """Constants of `motor_kick` for a kick of `step` s of motor `index` (1 or 2); implicitness: see
+        :func:`asrsim.actuators.motor.motor_coefficients`."""
+        if self.detailed:
+            return detailed_coefficients(self.values, index, mode=self.mode, step=step, implicitness=implicitness)
+        return motor_coefficients(self.values, index, controlled=self.mode.controller, step=step, implicitness=implicitness)
+
+    def without_friction(self) -> Drive:
+        """The same with motors that nothing but their damping brakes."""
+        names = [f"motor_{i}_{name}" for i in (1, 2) for name in ("friction_torque", "stribeck_friction", "load_friction")]
+        return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
 
     def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
         """What the motors or springs are to follow, arrays of equal shape: through the reference map in modes 3 and 6."""

@@ -49,6 +49,11 @@ class Channel:
         """`joint.quantity`."""
         return f"{self.joint}.{self.quantity}"
 
+    @property
+    def floor(self) -> float:
+        """Deviation that its noise and its steps leave at least."""
+        return max(self.noise, self.quantum / float(np.sqrt(12.0)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Command:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.noise import lag_correlation, swings
+from asrsim.identification.noise import lag_correlation, size_of, swings
 from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
 from asrsim.samples import Array
@@ -18,8 +18,12 @@ REACH = 0.3
 """Of the first steps: a third of a parameter's size."""
 NEARER = 0.5
 """Share of the start's cost that one from regression may have: where noise is most of it, its bias would lead astray."""
+NEARLY = 0.9
+"""Share of the cost that another way to play the commands may leave."""
 FITS = 1.25
-"""Deviations, in those of the noise's fine structure, up to which a fit needs no other start."""
+"""Deviations, in those of the noise's fine structure, up to which residuals may be noise."""
+TOLD = 2.0
+"""Share by which a single sample tells that deviation, times its confidence."""
 WHITE = 0.3
 """Correlation of neighbouring residuals below which they may be noise."""
 AGREED = 2
@@ -148,8 +152,24 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(residuals, best.x):
+        if fits_noise(residuals, best.x) or (
+            not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)
+        ):
             break
+
+
+def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
+    """Whether commands that are held from sample to sample are nearer to what was recorded: then they are played so."""
+    for track in residuals.tracks:
+        track.held = True
+    x = solve(residuals, best.x, loss=loss, tolerance=1e-5)
+    cost = cost_of(residuals(x), loss)
+    if cost < NEARLY * best.cost:
+        best.x, best.cost = x, cost
+        return True
+    for track in residuals.tracks:
+        track.held = False
+    return False
 
 
 def _attempts(
@@ -256,11 +276,16 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
         if raw is None:
             return False
         for channel, left in zip(one.channels, raw, strict=True):
-            noise = max(channel.noise, channel.quantum / np.sqrt(12.0))
-            size = float(np.median(np.abs(left - np.median(left)))) / 0.6745
-            if size > FITS * noise or abs(lag_correlation(left)) > WHITE or swings(left):
+            # Steps of an encoder swing with the motion.
+            ringing = not channel.quantum and swings(left)
+            if ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE:
                 return False
     return True
+
+
+def is_loud(residuals: Array, noise: float) -> bool:
+    """Whether residuals (n,) are more than a noise that as many samples told."""
+    return bool(size_of(residuals) > (FITS + TOLD / max(len(residuals), 1) ** 0.5) * noise)
 
 
 def globally(residuals: Residuals, best: Best, *, seed: int, tell: Callable[[str], None]) -> None:

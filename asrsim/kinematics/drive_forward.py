@@ -55,35 +55,21 @@ def link_torque(drive: Drive, position: Array, velocity: Array, motors: Array, i
 
 
 def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[float]], start: Start) -> Array:
-    """Drift - kick - drift, the controller's part of the kick by the midpoint rule."""
-    law, spring = drive.actuator.elastic_torques, drive.elastic
-    count, half = len(drive.proportional), 0.5 * step
-    # Numbers of a motor, and where the next line finds them: this is the innermost loop of every prediction.
-    motors = list(
-        zip(
-            range(count), drive.proportional, [step * gain for gain in drive.integral], drive.derivative, drive.motor_inertia,
-            drive.motor_damping, drive.max_torque, drive.max_velocity,
-            strict=True,
-        )
-    )  # fmt: skip
-    places, rates, sums = [*start.positions], [*start.velocities], [*start.integrals] or [0.0, 0.0]
+    """Drift - kick - drift, as the simulation's motors."""
+    drive = drive.without_friction()
+    law, elastic, kick, half = drive.actuator.elastic_torques, drive.elastic, drive.motor_kick, 0.5 * step
+    motors = [(i, drive.motor_coefficients(i + 1, step=step, implicitness=0.5)) for i in range(drive.dynamic_motors)]
+    places, rates = [*start.positions], [*start.velocities]
+    units = [electric.gain or 1.0 for electric in drive.electric]
+    sums = [torque / unit for torque, unit in zip(start.integrals or (0.0, 0.0), units, strict=False)]
     found = []
     for q, *wanted in zip(positions, *goals, strict=True):
-        if count < 2:
+        if len(motors) < 2:
             places[1] = wanted[1]
         found.append(tuple(places))
         middle = places[0] + half * rates[0], places[1] + half * rates[1]
-        torques = law(q, *middle, spring)
-        for i, proportional, integral, derivative, inertia, damping, most, fastest in motors:
-            error = wanted[i] - middle[i]
-            sums[i] += integral * error
-            asked = proportional * error + sums[i]
-            drag, push, rate = damping + derivative, asked - torques[i], rates[i]
-            # The motor's torque is limited, and so is its speed.
-            asked -= derivative * rate
-            if abs(asked) > most:
-                push, drag = (most if asked > 0.0 else -most) - torques[i], damping
-            after = ((inertia - half * drag) * rate + step * push) / (inertia + half * drag)
-            rates[i] = after = min(max(after, -fastest), fastest)
-            places[i] = middle[i] + half * after
+        torques = law(q, *middle, elastic)
+        for i, coefficients in motors:
+            rates[i], _, _, sums[i], _, _ = kick(middle[i], rates[i], 0.0, sums[i], wanted[i], torques[i], coefficients)
+            places[i] = middle[i] + half * rates[i]
     return np.array(found)

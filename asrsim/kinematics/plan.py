@@ -179,14 +179,12 @@ def _check_path(
     if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
         raise ScenarioError(_unreachable(where, positions[0], reach))
     raise ScenarioError(
-        Problem(
-            message=f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
-            f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
-            key="task",
-            hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
-            "raise the gain or allow more tolerance",
-            code="path-missed",
-        )
+        f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
+        f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
+        key="task",
+        hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
+        "raise the gain or allow more tolerance",
+        code="path-missed",
     )
 
 
@@ -211,12 +209,10 @@ def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path:
         except LoadError as error:
             problem = error.problems[0]
             raise ScenarioError(
-                Problem(
-                    message=f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
-                    key=f"task.{drive.joint}",
-                    hint=problem.hint,
-                    code=problem.code,
-                )
+                f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
+                key=f"task.{drive.joint}",
+                hint=problem.hint,
+                code=problem.code,
             ) from error
         equilibria[row] = found
         guess = found

@@ -101,7 +101,7 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
     from asrsim.kinematics.engine_model import model_of
 
     if scenario.task is None:
-        raise ScenarioError(Problem(message="the scenario has no Cartesian task", key="task", code="no-task"))
+        raise ScenarioError("the scenario has no Cartesian task", key="task", code="no-task")
     drives = [drive_of(block) for block in robot.actuators]
     presets: dict[str, Signal] = {}
     for drive in drives:

@@ -68,7 +68,7 @@ class SoftArm:
             return Start(resting, integrals=resting_integrals(drive, position, resting))
         places = for_joint(self.scenario.initial_motor_positions, joint, (position,))
         rates = for_joint(self.scenario.initial_motor_velocities, joint, (0.0,))
-        # Of one motor the second place is nobody's.
+        # With one motor the second number is not used.
         return Start((places[0], places[-1]), (rates[0], rates[-1]))
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:

@@ -100,7 +100,7 @@ class Plant:
             references[joint] = {**self.scenario.references_of(joint), **signals}
         trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
-        # What the scenario claims is about its own references.
+        # The scenario's claims are about its own references, not about learned inputs.
         return replace(
             self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=log_every
         )
@@ -153,18 +153,14 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
     from asrsim.scenario import apply_to_robot, checked_robot
 
     if not scenario.learning:
-        raise ScenarioError(
-            Problem(message="the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
-        )
+        raise ScenarioError("the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
     robot, _ = checked_robot(scenario, robot)
     applied = apply_to_robot(scenario, robot)
     trajectory = scenario.learning.get("trajectory") or {}
     if not trajectory:
         names = tuple(scenario.learning.get("trajectories") or ())
         message = "has several trajectories: one is learned at a time"
-        raise ScenarioError(
-            Problem(message=message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
-        )
+        raise ScenarioError(message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
     unfit = [block for block in blocks if block.mode not in INVERTED_MODES]
     if unfit:

@@ -84,9 +84,7 @@ def parse_settings(
         gain = _gain(block, joint)
         if gain == MODEL:
             if model_gains is None:
-                raise ScenarioError(
-                    Problem(message="a gain from the model needs a model", key="ilc.gain", code="no-model-gain")
-                )
+                raise ScenarioError("a gain from the model needs a model", key="ilc.gain", code="no-model-gain")
             gain = model_gains[index]
         gains.append(float(gain))
     filtering = block.get("filter") or {}

@@ -230,4 +230,4 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
 
 
 def _error(claim: Expectation, message: str, **more: Any) -> ScenarioError:
-    return ScenarioError(Problem(message=message, line=claim.line, key="expect", code="bad-expectation", **more))
+    return ScenarioError(message, line=claim.line, key="expect", code="bad-expectation", **more)

@@ -36,7 +36,7 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
     """Both series on an even step (the median one), on their longest stretch without a gap of more than three samples."""
     keep = np.isfinite(time) & np.isfinite(u) & np.isfinite(y)
     if keep.sum() < 4:
-        raise RecordingError(Problem(message="input and output have no samples in common", code="no-overlap"))
+        raise RecordingError("input and output have no samples in common", code="no-overlap")
     t, u, y = time[keep], u[keep], y[keep]
     step = float(np.median(np.diff(t)))
     findings: list[Problem] = []
@@ -87,7 +87,7 @@ def welch(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
     lines = np.flatnonzero(inside & peaks)
     lines = lines if len(lines) else np.flatnonzero(inside)
     if not len(lines):
-        raise RecordingError(Problem(message="no line of the excitation is resolved", code="too-short"))
+        raise RecordingError("no line of the excitation is resolved", code="too-short")
     # A line is spread over three bins around it; taken together they stand for its true frequency.
     around = np.clip(lines[:, None] + np.arange(-1, 2), 0, len(f) - 1)
     line_u, line_y, line_cross = power_u[around].sum(axis=1), power_y[around].sum(axis=1), cross[around].sum(axis=1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.claim import Claim
+from asrsim.reproduce.claim import Claim, at_most, near
 from asrsim.reproduce.figure import Part, Table
 from asrsim.reproduce.friction import with_joint_losses
 from asrsim.reproduce.law import RATIO, damping_overrides
@@ -42,29 +42,22 @@ def with_friction(lab: Lab) -> Part:
         end, label = float(link[-1]), label_of(case)
         claims.append(
             Claim(
-                figure=8,
                 origin="theory",
                 text=f"{label}, with friction, rests within what friction can hold",
                 quantity="rest outside of the friction band",
                 measured=wanted.outside(end),
-                comparison="<=",
-                value=RESIDUAL,
-                unit="rad",
+                bound=at_most(RESIDUAL, "rad"),
             )
         )
         if case in SLOW:
             found = losses(case, link[result.time > AT], result.run.scenario.step)
             claims += [
                 Claim(
-                    figure=8,
                     origin="theory",
                     text=f"{label}: its motion loses what {what} takes",
                     quantity=f"{what} that Newton's law leaves over",
                     measured=measured,
-                    comparison="==",
-                    value=value,
-                    tolerance=0.05 * value,
-                    unit=unit,
+                    bound=near(value, 0.05 * value, unit),
                 )
                 for what, measured, value, unit in (
                     ("damping", found.damping, DAMPING, "N m s/rad"),
@@ -105,15 +98,11 @@ def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> Pa
         if case in SWINGING:
             claims.append(
                 Claim(
-                    figure=8,
                     origin="beyond",
                     text=f"{label} decays with the damping of its file and a ratio of {RATIO} at its stiffness",
                     quantity="decay rate of the last swings",
                     measured=found,
-                    comparison="==",
-                    value=wanted,
-                    tolerance=0.02 * wanted,
-                    unit="1/s",
+                    bound=near(wanted, 0.02 * wanted, "1/s"),
                 )
             )
     headings = ("", "largest position (rad)", "with growing damping", "decay rate (1/s)", "predicted", "rest moves by (rad)")

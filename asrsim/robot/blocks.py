@@ -42,6 +42,12 @@ def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin
     return parameter.default, "default"
 
 
+def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> ParameterValue:
+    """The parameter where nothing sets it."""
+    value, origin = default_value(parameter, mode)
+    return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
+
+
 class _BlockReader:
     """Keeps what was read so far, to see two blocks on one joint."""
 
@@ -232,12 +238,7 @@ class _BlockReader:
         for parameter in actuator.all_parameters():
             present = [tag for tag in accepted[parameter.name] if tag in by_tag]
             value = self._tag_value(parameter, present[0], by_tag[present[0]], shown) if present else None
-            if value is None:
-                number, origin = default_value(parameter, mode)
-                value = ParameterValue(
-                    name=parameter.name, value=number, unit=parameter.unit, origin=origin, tag=tags[parameter.name]
-                )
-            values[parameter.name] = value
+            values[parameter.name] = value or default_parameter(parameter, mode, tags[parameter.name])
         for index in range(1, actuator.motors + 1):
             low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
             if low.value > high.value:

@@ -91,7 +91,7 @@ def _parse(data: bytes) -> _Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise RobotError(Problem(message=f"is no XML: {error}", code="xml")) from None
+        raise RobotError(f"is no XML: {error}", code="xml") from None
     return top.children[0]
 
 

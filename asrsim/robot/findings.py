@@ -3,19 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Unpack
 
-from asrsim.errors import Problem, RobotError
-
-
-class Place(TypedDict, total=False):
-    """What a finding may say besides its message: as in :class:`asrsim.errors.Problem`."""
-
-    line: int | None
-    key: str | None
-    value: object | None
-    choices: tuple[str, ...]
-    hint: str | None
+from asrsim.errors import Place, Problem, RobotError
 
 
 class Findings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -152,6 +153,14 @@ class Joint:
     def friction_varies(self) -> bool:
         """Its friction depends on speed or load."""
         return bool(self.stribeck_friction or self.load_friction)
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """Lower and upper limit in rad or m, infinite where there is none."""
+        turns = self.kind == "continuous"
+        lower = -math.inf if self.lower is None or turns else self.lower
+        upper = math.inf if self.upper is None or turns else self.upper
+        return lower, upper
 
     @property
     def moves(self) -> bool:

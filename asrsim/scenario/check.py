@@ -44,9 +44,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors: list[Problem] = []
     warnings: list[Problem] = []
     if not robot.moving_joints:
-        return [
-            Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
-        ], []
+        return [nothing_moves(robot)], []
     try:
         changed = apply_to_robot(scenario, robot)
     except InputError as error:
@@ -69,6 +67,11 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     return errors, warnings
 
 
+def nothing_moves(robot: Robot) -> Problem:
+    """What is said of a robot without a joint that moves."""
+    return Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
+
+
 def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = tuple(block.joint for block in robot.actuators)
@@ -77,6 +80,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ("initial", scenario.initial_positions, moving),
         ("references", scenario.references, actuated),
         ("reference_ranges", scenario.reference_ranges, moving),
+        ("desired", scenario.desired, moving),
         ("external_torques", scenario.external_torques, moving),
         ("effects.commands", scenario.command_effects, actuated),
         ("effects.sensors", scenario.sensor_effects, actuated),
@@ -145,11 +149,8 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for joint in robot.moving_joints:
         key = joint.name if joint.name in scenario.initial_positions else "*"
         position = scenario.initial_positions.get(key)
-        if position is None or joint.kind == "continuous":
-            continue
-        low = -np.inf if joint.lower is None else joint.lower
-        high = np.inf if joint.upper is None else joint.upper
-        if not low <= position <= high:
+        low, high = joint.stops
+        if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
             yield Problem(message=message, key=f"initial.{key}", value=position, code="initial-limits")
 
@@ -190,7 +191,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             key = f"references.*.{name}"
             yield Problem(message=message, key=key, choices=known, hint=hint, code="unknown-reference"), True
     for block in robot.actuators:
-        names = _names(block)
+        names = reference_names(block)
         mode = MODES[block.mode]
         own = scenario.references.get(block.joint, {})
         for name in own:
@@ -206,7 +207,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             key = f"references.{block.joint if name in own else '*'}.{name}"
             signal = own.get(name, common.get(name))
             if signal is not None:
-                yield from _values(scenario, robot, block, slot, key, signal)
+                yield from _values(scenario, block, slot, key, signal)
             elif not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
                 yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
@@ -214,7 +215,7 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Ranges of references that no joint has, or not the joint that they stand under."""
-    blocks = {block.joint: _names(block) for block in robot.actuators}
+    blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
         choices = (*sorted(known), "external_torque")
@@ -225,7 +226,7 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message=message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
-def _names(block: ActuatorBlock) -> tuple[str, ...]:
+def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     """References that count for this actuator: one with one motor and no adjuster has no second."""
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references
@@ -245,9 +246,7 @@ def _grid(scenario: Scenario, signal: Signal) -> Array:
     return np.sort(np.concatenate([np.linspace(0.0, end, GRID + 1), signal.jumps(0.0, end)]))
 
 
-def _values(
-    scenario: Scenario, robot: Robot, block: ActuatorBlock, slot: int, key: str, signal: Signal
-) -> Iterator[tuple[Problem, bool]]:
+def _values(scenario: Scenario, block: ActuatorBlock, slot: int, key: str, signal: Signal) -> Iterator[tuple[Problem, bool]]:
     try:
         time = _grid(scenario, signal)
         with np.errstate(all="ignore"):
@@ -272,13 +271,3 @@ def _values(
         elif values.min() < 0.0:
             message = f"sigma of '{block.joint}' is negative at {time[int(np.argmin(values))]:g} s"
             yield Problem(message=message, key=key, value=float(values.min()), code="sigma-negative"), False
-    if slot == 0 and block.mode in (1, 3, 6):
-        joint = robot.joint(block.joint)
-        if joint.kind != "continuous" and _outside(values, joint.lower, joint.upper):
-            message = f"leaves the limits of '{block.joint}', {joint.lower:g} to {joint.upper:g}"
-            value = f"{values.min():g} to {values.max():g}"
-            yield Problem(message=message, key=key, value=value, code="reference-limits"), False
-
-
-def _outside(values: Array, low: float | None, high: float | None) -> bool:
-    return low is not None and high is not None and bool(values.min() < low or values.max() > high)

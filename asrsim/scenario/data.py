@@ -16,16 +16,15 @@ from asrsim.scenario.joint_keys import (
     ACTUATORS_BY_JOINT,
     DAMPING_BY_JOINT,
     EFFECTS_BY_JOINT,
+    INITIAL,
     MODE,
     MOTION,
     PARAMETERS,
     RANGES_BY_JOINT,
+    REFERENCES,
     Effects,
     GivenActuator,
-    JointReferences,
     LinkDamping,
-    References,
-    Start,
 )
 from asrsim.scenario.kinds import NOT_NEGATIVE, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
 from asrsim.scenario.learning_keys import LEARNING
@@ -98,7 +97,7 @@ class Scenario:
         doc="actuator parameters that replace the URDF's, by our name or the toolbox's tag",
     )
     initial_positions: Mapping[str, float] = declare(
-        Start(),
+        INITIAL,
         key="initial",
         spread=True,
         default={},
@@ -180,7 +179,7 @@ class Scenario:
     namespace: str | None = None
     """Replaces the blocks' namespace (manager YAML)."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
-        References(of=JointReferences()),
+        REFERENCES,
         spread=True,
         default={},
         doc="the actuators' references, by the names of their mode; absent ones rest at their start; beside them "

@@ -9,7 +9,7 @@ from asrsim.document.composite import MapOf
 from asrsim.document.kinds import Choice, Integer, Kind, Number, Optional, Schema
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import ScenarioError
 from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys, names_a_folder
 
 
@@ -80,9 +80,9 @@ FILTER: Block[Keys] = Block(
 def _learning(**keys: Any) -> Keys:
     if bool(keys["trajectory"]) == bool(keys["trajectories"]):
         message = "needs desired link positions under trajectory, or several of them by name under trajectories"
-        raise ScenarioError(Problem(message=message, key="", code="no-trajectory"))
+        raise ScenarioError(message, key="", code="no-trajectory")
     if bad := [name for name in keys["trajectories"] if not names_a_folder(name)]:
-        raise ScenarioError(Problem(message="is no name: it names a folder too", key=f"trajectories.{bad[0]}", code="name"))
+        raise ScenarioError("is no name: it names a folder too", key=f"trajectories.{bad[0]}", code="name")
     return keys
 
 

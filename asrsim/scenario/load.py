@@ -26,7 +26,7 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
         names = tuple(one.variant for one in loaded)
         hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
         message = "the scenario has several variants"
-        raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
+        raise ScenarioError(message, file=loaded[0].path, choices=names, hint=hint, code="variant")
     return loaded[0]
 
 
@@ -42,7 +42,7 @@ def load_scenario(
     path = Path(path)
     if path.suffix in (".urdf", ".xacro"):
         cure = f"Write a scenario for it with: asrsim init {path}"
-        raise ScenarioError(Problem(message="is a robot, no scenario", file=path, hint=cure, code="robot"))
+        raise ScenarioError("is a robot, no scenario", file=path, hint=cure, code="robot")
     faults: list[Problem] = []
     root, text = read_yaml(path, error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):

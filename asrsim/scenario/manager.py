@@ -45,12 +45,10 @@ def read_manager(path: Path) -> Manager:
     root, _ = read_yaml(path, error=ScenarioError)
     node = _find(root, MAX_DEPTH)
     if node is None or not isinstance(node.value, dict):
-        raise ScenarioError(Problem(message="has no list 'joints_name'", file=path, line=root.line, code="manager"))
+        raise ScenarioError("has no list 'joints_name'", file=path, line=root.line, code="manager")
     names = node.value["joints_name"]
     if not isinstance(names.value, list) or not names.value:
-        raise ScenarioError(
-            Problem(message="must be a list of joints", file=path, line=names.line, key="joints_name", code="manager")
-        )
+        raise ScenarioError("must be a list of joints", file=path, line=names.line, key="joints_name", code="manager")
     joints = tuple(str(item.value).strip() for item in names.value)
     problems = [
         Problem(message=f"joint '{joint}' stands there twice", file=path, line=names.line, key="joints_name", code="manager")

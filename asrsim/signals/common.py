@@ -8,7 +8,7 @@ import numpy as np
 
 from asrsim.document.block import REQUIRED, declare
 from asrsim.document.kinds import Number
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 VALUE = "value"
@@ -37,7 +37,7 @@ def since(time: Array, start: float) -> Array:
 def require(condition: bool, message: str, *, key: str) -> None:
     """Raise ScenarioError about a field unless the condition holds."""
     if not condition:
-        raise ScenarioError(Problem(message=message, key=key, code="signal"))
+        raise ScenarioError(message, key=key, code="signal")
 
 
 def between(times: Array, start: float, end: float) -> Array:

@@ -29,7 +29,7 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     try:
         table = _table(path, path.stat().st_mtime_ns)
     except OSError as error:
-        raise RecordingError(Problem(message=f"cannot be read: {error.strerror}", file=path, code="no-file")) from None
+        raise RecordingError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
     place = _find(path, table, column, "column")
     clock = _clock(path, table) if time_column is None else _find(path, table, time_column, "time")
     problems = [finding for finding in table.findings if finding.code in ("ragged-row", "repeated-header")]
@@ -83,7 +83,7 @@ def _find(path: Path, table: Table, wanted: str, key: str) -> int:
     names = _names(table)
     line = table.layout.header_line
     hint = did_you_mean(wanted, names)
-    raise RecordingError(Problem(message=message, file=path, line=line, key=key, choices=names, hint=hint, code="no-column"))
+    raise RecordingError(message, file=path, line=line, key=key, choices=names, hint=hint, code="no-column")
 
 
 def _clock(path: Path, table: Table) -> int:
@@ -94,14 +94,12 @@ def _clock(path: Path, table: Table) -> int:
     if table.layout.stamps:
         return table.layout.stamps[0]
     raise RecordingError(
-        Problem(
-            message="no column is called time or t",
-            file=path,
-            line=table.layout.header_line,
-            choices=_names(table),
-            hint="Name the time's column with the key 'time'",
-            code="no-column",
-        )
+        "no column is called time or t",
+        file=path,
+        line=table.layout.header_line,
+        choices=_names(table),
+        hint="Name the time's column with the key 'time'",
+        code="no-column",
     )
 
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from asrsim.actuators import Actuator, Mode
-from asrsim.actuators.detailed_motor import Electric, detailed_coefficients, detailed_kick
+from asrsim.actuators.detailed_motor import Electric
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.motor import motor_coefficients, motor_kick
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
@@ -129,35 +128,42 @@ class SteppedJoint:
         return self.drive.dynamic_motors if self.drive else 0
 
     def _kind(self) -> tuple[Advance, tuple[float, ...]]:
+        drive = self.drive
         if self.stepping.released:
-            return toolbox.make_toolbox_advance(self.actuator, self.mode)
-        if self.actuator is None or self.mode is None:
+            advance, idle = toolbox.make_toolbox_advance(self.actuator, self.mode)
+            asked = self.motor_positions or self.motor_velocities
+            start = self.integrals if len(idle) == 1 else [x for motor in self._motors() for x in motor] if asked else ()
+            return advance, (*start, *idle[len(start) :])[: len(idle)]
+        if drive is None:
             return kernels.advance_passive, ()
-        if self.mode.number == 0:
+        if drive.mode.number == 0:
             return kernels.advance_torque, ()
-        if self.mode.number == 1:
+        if drive.mode.number == 1:
             return kernels.advance_link_controller, (self.integrals or (0.0,))[:1]
-        law, springs = self.actuator.elastic_torques, self.actuator.motors
+        law, springs = drive.actuator.elastic_torques, drive.actuator.motors
         bristles: tuple[float, ...] = ()
         if self.hysteresis:
             law = kernels.make_hysteretic_torques(law, springs)
             bristles = (0.0, math.nan) * springs
-        if not self.mode.motor:
+        if not drive.mode.motor:
             ideal = kernels.make_advance_ideal(law)
             return (kernels.make_hysteretic_ideal(ideal) if bristles else ideal), bristles
-        motors = range(springs)
-        positions = self.motor_positions or (self.initial_position,) * len(motors)
-        velocities = self.motor_velocities or (0.0,) * len(motors)
-        gains = [self.electric(i + 1).gain for i in motors]
-        # Position, velocity, where Dahl's bristles stick, the controller's integral (which gives voltage to electric motors).
-        sums = [torque / gain if gain > 0.0 else 0.0 for torque, gain in zip(self.integrals, gains, strict=False)] or [0.0, 0.0]
-        state = tuple(x for i in motors for x in (positions[i], velocities[i], positions[i], sums[i])) + bristles
-        kick = detailed_kick if self.detailed else motor_kick
+        state = tuple(number for motor in self._motors()[:springs] for number in motor) + bristles
         if springs == 1:
-            one = kernels.make_advance_one_motor(law, kick)
+            one = kernels.make_advance_one_motor(law, drive.motor_kick)
             return (kernels.make_hysteretic_one_motor(one) if bristles else one), state
-        two = kernels.make_advance_two_motors(law, kick)
+        two = kernels.make_advance_two_motors(law, drive.motor_kick)
         return (kernels.make_hysteretic_two_motors(two) if bristles else two), state
+
+    def _motors(self) -> list[tuple[float, ...]]:
+        """Of each motor at the start: position, velocity, where Dahl's bristles stick, the controller's integral."""
+        assert self.drive is not None
+        positions = self.motor_positions or (self.initial_position,) * 2
+        velocities = (*(self.motor_velocities or ()), 0.0, 0.0)
+        # Integrals are in units of the command: V or A of electric motors.
+        units = [electric.gain or 1.0 for electric in self.drive.electric]
+        integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), 0.0, 0.0]
+        return list(zip(positions, velocities, positions, integrals, strict=False))
 
     def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
         """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""
@@ -165,28 +171,20 @@ class SteppedJoint:
 
     def constants(self, step: float) -> Any:
         """Constants of `advance` for a step of `step` s of motors and controllers."""
-        if self.actuator is None or self.mode is None or self.mode.number == 0:
+        drive = self.drive
+        if drive is None or drive.mode.number == 0:
             return ()
-        values = self.values
         if self.stepping.released:
-            return toolbox.toolbox_constants(self.actuator, values, self.mode, step)
-        if self.mode.number == 1:
-            return (
-                values["controller_1_proportional"],
-                values["controller_1_integral"] * step,
-            )
+            return toolbox.toolbox_constants(drive.actuator, drive.values, drive.mode, step)
+        if drive.mode.number == 1:
+            return drive.proportional[0], drive.integral[0] * step
         bristles = self.hysteresis or ()
-        if not self.mode.motor:
-            return (self.elastic, *bristles) if bristles else self.elastic
+        if not drive.mode.motor:
+            return (drive.elastic, *bristles) if bristles else drive.elastic
         before = self.stepping.first_drift * step
-        constants: list[Any] = [before, step - before, self.elastic]
-        how = {"step": step, "implicitness": self.stepping.implicitness}
-        for index in range(1, self.actuator.motors + 1):
-            if self.detailed:
-                constants.append(detailed_coefficients(values, index, mode=self.mode, **how))
-            else:
-                constants.append(motor_coefficients(values, index, controlled=self.mode.controller, **how))
-            constants += [values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]]
+        constants: list[Any] = [before, step - before, drive.elastic]
+        for index, ends in enumerate(drive.motor_ranges, start=1):
+            constants += [drive.motor_coefficients(index, step=step, implicitness=self.stepping.implicitness), *ends]
         return (*constants, *bristles)
 
     @property

@@ -213,10 +213,10 @@ class _Springs:
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
-            given, taken, fast = self._motor(index, raw, ahead, mean)
-            work += given
-            lost += taken
-            kinetic += fast
+            motor_work, motor_loss, motion = self._motor(index, raw, ahead, mean)
+            work += motor_work
+            lost += motor_loss
+            kinetic += motion
         if self.group.actuator.adjuster:
             work += self._adjuster(raw, cut, mean(SPRING_1), _change(energy) + damped, moved)
         return work, lost, energy[:, :-1], kinetic, damped
@@ -231,8 +231,8 @@ class _Springs:
         pushed = np.zeros_like(lost)
         for i, (motor, spring) in enumerate(((MOTOR_1, SPRING_1), (MOTOR_2, SPRING_2))[: group.actuator.motors]):
             torque = raw[spring] - plain[i]
-            held, taken = dahl_energies(torque, raw[motor] - q, level, length)
-            kept, lost = kept + held, lost + taken
+            stored, loss = dahl_energies(torque, raw[motor] - q, level, length)
+            kept, lost = kept + stored, lost + loss
             pushed += 0.5 * (torque[:, 1:] + torque[:, :-1]) * _change(raw[motor])
         return kept, lost, pushed
 
@@ -272,15 +272,16 @@ class _Springs:
             lost = np.where(near, work - spring - _change(kinetic), lost)
         return work, lost, kinetic[:, :-1]
 
-    def _ideal(self, raw: Array, cut: Array, taken: Array, pushed: Array) -> Array:
+    def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Array) -> Array:
         """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
 
-        Where they jump the link's place at that moment counts: they give what is taken. pushed: on the springs' hysteresis.
+        Where they jump (`cut`) the link's position at that moment counts: they give what springs, link and hysteresis have
+        `absorbed`. pushed: work on the springs' hysteresis.
         """
         q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle = 0.5 * (q[:, :-1] + q[:, 1:])
         before = self._energy(middle, theta_1[:, :-1], theta_2[:, :-1])
-        return np.asarray(np.where(cut, taken, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
+        return np.asarray(np.where(cut, absorbed, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
 
     def _adjuster(self, raw: Array, cut: Array, spring: Array, change: Array, moved: Array) -> Array:
         """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""

@@ -181,8 +181,8 @@ class Recorder:
                 values[name.format(i)] = now[COLUMN[source.format(i)]]
         stiffness = np.full((joints, count), np.nan)
         for group, law, elastic in self._groups:
-            places = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]
-            stiffness[group.pick] = law(*places, elastic)
+            positions = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]
+            stiffness[group.pick] = law(*positions, elastic)
         values["stiffness"] = stiffness
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
@@ -202,8 +202,8 @@ class Recorder:
         counts.substeps += torque.shape[1]
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
-        place = values["link_position"]
-        counts.stop += _number((place <= self._lowest) | (place >= self._highest))
+        position = values["link_position"]
+        counts.stop += _number((position <= self._lowest) | (position >= self._highest))
         if "stiffness" in values:
             counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
         for group, _, _ in self._groups:

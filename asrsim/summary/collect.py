@@ -31,6 +31,8 @@ class Seen:
     """Of each joint."""
     tip: Mapping[str, float]
     """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
+    travels: tuple[float, ...]
+    """rad or m of each joint, from its lowest to its highest position."""
 
 
 class Collector:
@@ -89,7 +91,8 @@ class Collector:
 
         desired: motion of joints whose reference is not the position that they should take (a planned or learned input).
         """
-        return Seen(self._measures(desired or {}), self._tip())
+        travels = np.ptp(self._positions.values, axis=1) if self._seen else np.zeros(len(self._joints))
+        return Seen(self._measures(desired or {}), self._tip(), tuple(travels.tolist()))
 
     def _measures(self, desired: Mapping[str, Signal]) -> tuple[JointSummary, ...]:
         if not self._seen:

@@ -64,8 +64,8 @@ class Tap:
         if self._seen is None:
             desired = {name_in(i, name): signal for name, signal in self._desired.items() for i in range(self._runs)}
             self._seen = self._collector.seen({**self._desired, **desired})
-        joints = len(self._info.joints)
-        seen = Seen(self._seen.measures[number * joints : (number + 1) * joints], self._seen.tip)
+        own = slice(number * len(self._info.joints), (number + 1) * len(self._info.joints))
+        seen = Seen(self._seen.measures[own], self._seen.tip, self._seen.travels[own])
         summary = make_summary(run, seen, samples=0, claims=claims)
         return {**summary_cells(summary), **self._signals.cells(number)}
 
