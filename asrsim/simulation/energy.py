@@ -25,6 +25,12 @@ FLOWS = 7
 WORK, LOST, DAMPED, LINK, CUT, HEAT, LAGGED = range(FLOWS)
 """Work of the motors, losses in them, by the link's damping, work on the link, taken by the effort limit, heat of windings,
 lost in hysteresis: J since the start."""
+FLOW_OF = {
+    "motor_work": WORK, "friction_loss": LOST, "damping_loss": DAMPED, "link_work": LINK, "limit_loss": CUT,
+    "winding_loss": HEAT, "hysteresis_loss": LAGGED,
+}  # fmt: skip
+ENERGIES = (*FLOW_OF, "spring_energy", "energy_residual")
+"""Quantities that a meter gives."""
 
 MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
 """Parameters of a motor that its balance needs."""
@@ -41,11 +47,13 @@ def _change(values: Array) -> Array:
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
-    def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float) -> None:
-        """groups: those of the joints that have springs."""
+    def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
+        """groups: those of the joints that have springs; whole: energies of every row are asked for, not only the balance at
+        the last."""
         self.drives = tuple(drives)
         self.substep = substep
-        self._springs = [_Springs(group, substep) for group in groups]
+        self._rows = slice(None) if whole else slice(-1, None)
+        self._springs = [_Springs(group, substep, whole=whole) for group in groups]
         joints = len(self.drives)
         self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
@@ -87,7 +95,8 @@ class EnergyMeter:
         return tuple(names)
 
     def add(self, raw: Array, ahead: Array, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
-        """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last.
+        """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last; (joints, 1) at the end, if that
+        will do.
 
         ahead: the row after those, (columns, joints, 1); external: torques (joints, n + 1); sides: means over the two halves
         of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
@@ -147,28 +156,18 @@ class EnergyMeter:
                 # Most robots have no effort limit in their way, and many no damping: those sums stay as they are.
                 kind[:, 1:] = kind[:, :1]
         self._totals = running[:, :, -1].copy()
-        at = running[:, :, :-1]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
+        at, stored, kinetic = running[:, :, :-1][:, :, self._rows], stored[:, self._rows], kinetic[:, self._rows]
         residual = at[WORK] - at[LOST] - at[LINK] - self._sprung * at[CUT] - at[LAGGED] - (stored + kinetic - self._start)
         self.residual = residual[:, -1].copy()
-        return {
-            "motor_work": at[WORK],
-            "friction_loss": at[LOST],
-            "damping_loss": at[DAMPED],
-            "link_work": at[LINK],
-            "limit_loss": at[CUT],
-            "winding_loss": at[HEAT],
-            "hysteresis_loss": at[LAGGED],
-            "spring_energy": stored,
-            "energy_residual": residual,
-        }
+        return {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
 
 
 class _Springs:
     """Springs and motors of a group of joints; arrays are (joints, n), raw records (columns, joints, n + 1)."""
 
-    def __init__(self, group: Group, substep: float) -> None:
+    def __init__(self, group: Group, substep: float, *, whole: bool) -> None:
         self.group = group
         self.substep = substep
         self._law = energy_over_arrays(group.actuator)
@@ -177,6 +176,8 @@ class _Springs:
         """Whether each motor was held at the row before."""
         self.electric = any(drive.electric_motors for drive in group.drives)
         self._bristles = any(drive.hysteresis for drive in group.drives)
+        # Where motors have no dynamics their work follows from the energy's changes.
+        self._whole = whole or self._bristles or not group.motors or group.actuator.adjuster
         self._torques = over_arrays(group.actuator.elastic_torques)
         self._motors = [
             tuple(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES) for index in range(1, group.motors + 1)
@@ -196,7 +197,10 @@ class _Springs:
 
         moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
         """
-        energy = self._energy(raw[POSITION], raw[MOTOR_1], raw[MOTOR_2])
+        # Of springs with motors only the ends of a block count, unless somebody wants it all.
+        ends = slice(None) if self._whole else [0, -2]
+        energy: Array = np.zeros_like(raw[POSITION])
+        energy[:, ends] = self._energy(*(raw[column][:, ends] for column in (POSITION, MOTOR_1, MOTOR_2)))
         lost: Array = np.zeros_like(released)
         damped: Array = np.zeros_like(released)
         pushed: Array = damped

@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.energy import EnergyMeter
+from asrsim.simulation.energy import ENERGIES, EnergyMeter
 from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import grid
 from asrsim.simulation.steppings import Stepping
@@ -78,7 +78,7 @@ class Recorder:
         self, drives: Sequence[SteppedJoint], quantities: Sequence[tuple[str, ...]], stepping: Stepping, *, substep: float,
         every: int, last: int,
     ) -> None:  # fmt: skip
-        """quantities: of each joint, see :func:`recorded_quantities`."""
+        """quantities: of each joint, all or some of :func:`recorded_quantities`."""
         self.drives = tuple(drives)
         self.stepping = stepping
         self.substep = substep
@@ -87,7 +87,6 @@ class Recorder:
         self.last = last
         """Last substep that is logged."""
         groups = spring_groups(drives)
-        self.meter = EnergyMeter(drives, groups, substep)
         n = len(drives)
         self.counts = Counts(
             effort=np.zeros(n, int),
@@ -103,6 +102,7 @@ class Recorder:
         self._next = 0
         kinds = dict.fromkeys(quantities)
         names = dict.fromkeys(name for kind in kinds for name in kind)
+        self.meter = EnergyMeter(drives, groups, substep, whole=any(name in ENERGIES for name in names))
         lacking = {kind: [name for name in names if name not in kind] for kind in kinds}
         self._lacking = {name: [j for j in range(n) if name in lacking[quantities[j]]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
@@ -127,7 +127,7 @@ class Recorder:
         inputs: references 1 and 2 and external torques, (joints, n) each; sides: see :class:`asrsim.simulation.inputs.Block`.
         """
         held = 0 if self._held is None else self._held.shape[2]
-        table, n = raw, raw.shape[2]
+        table, n = np.ascontiguousarray(raw), raw.shape[2]
         if self._held is not None:
             table = np.concatenate([self._held, raw], axis=2)
             inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))

@@ -4,12 +4,12 @@ as on those of twenty."""
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.samples import Samples
+from asrsim.samples import Array, Samples
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import Counts, Recorder, recorded_quantities
@@ -29,7 +29,7 @@ class Track:
     energy: float
     """J, of the links at the start."""
     quantities: tuple[tuple[str, ...], ...]
-    """Of each joint; runs of one simulation with equal ones can be looked at together."""
+    """Of each joint, as far as they are wanted; runs of one simulation with equal ones can be looked at together."""
     wall_time: float
     """s."""
 
@@ -48,10 +48,10 @@ def fit_together(prepared: Prepared, substeps: int) -> int:
     return max(1, CHUNK_NUMBERS // (substeps * len(prepared.drives)))
 
 
-def deferred(prepared: Prepared, *, expected_substeps: int) -> Simulation:
-    """A simulation whose runs are looked at later."""
+def deferred(prepared: Prepared, wanted: Collection[str], *, expected_substeps: int) -> Simulation:
+    """A simulation whose runs are looked at later; wanted: quantities that will be looked at."""
     simulation = Simulation(prepared, expected_substeps=expected_substeps)
-    simulation.recording.defer()
+    simulation.recording.defer(wanted)
     return simulation
 
 
@@ -62,10 +62,9 @@ def track(simulation: Simulation) -> Track:
         simulation.advance_to(simulation.next_chunk(simulation.total))
     simulation.flush()
     recording, prepared = simulation.recording, simulation.prepared
-    return Track(
-        simulation, prepared, recording.parts or (), recording.energy or 0.0,
-        tuple(map(recorded_quantities, prepared.drives)), clock.perf_counter() - began,
-    )  # fmt: skip
+    wanted = tuple(tuple(name for name in recorded_quantities(d) if name in recording.wanted) for d in prepared.drives)
+    taken = clock.perf_counter() - began
+    return Track(simulation, prepared, recording.parts or (), recording.energy or 0.0, wanted, taken)
 
 
 def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:
@@ -86,7 +85,7 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     for parts in zip(*(one.parts for one in tracks), strict=True):
         samples = recorder.add(
             [np.concatenate(arrays) for arrays in zip(*(part.inputs for part in parts), strict=True)],
-            np.concatenate([part.raw for part in parts], axis=1),
+            _side_by_side([part.raw for part in parts]),
             {k: np.concatenate([part.sides[k] for part in parts], axis=1) for k in parts[0].sides},
         )
         if samples is not None:
@@ -102,3 +101,9 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
         # The simulation itself may stand anywhere by now.
         runs.append(replace(run, simulated_time=simulation.last * first.substep) if fine else None)
     return runs
+
+
+def _side_by_side(tables: Sequence[Array]) -> Array:
+    """Tables (columns, joints, n) of several runs as one, a joint's numbers side by side whatever their order was."""
+    columns, joints, n = tables[0].shape
+    return np.concatenate(tables, axis=1, out=np.empty((columns, joints * len(tables), n)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.log.reader import concatenate
 from asrsim.metrics import JointSummary, summaries, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
@@ -56,6 +56,9 @@ class Collector:
         self._time = _Rows(thinned)
         self._positions, self._references = (_Rows(thinned, len(joints)) for _ in range(2))
         wanted, self.bodies = needs
+        derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
+        self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
+        """Names of what it takes from samples."""
         self._whole_time = _Rows(samples if wanted else 0)
         self._whole = {key: _Rows(samples) for key in wanted}
         self._bodies: list[Samples] = []
