@@ -48,8 +48,7 @@ class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
     def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
-        """groups: those of the joints that have springs; whole: energies of every row are asked for, not only the balance at
-        the last."""
+        """groups: of the joints with springs; whole: energies of every row are asked for, not only the balance at the last."""
         self.drives = tuple(drives)
         self.substep = substep
         self._rows = slice(None) if whole else slice(-1, None)
@@ -275,8 +274,7 @@ class _Springs:
     def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Array) -> Array:
         """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
 
-        Where they jump (`cut`) the link's position at that moment counts: they give what springs, link and hysteresis have
-        `absorbed`. pushed: work on the springs' hysteresis.
+        Where they jump (cut) the link's position at that moment counts: they give what is absorbed. pushed: on hysteresis.
         """
         q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle = 0.5 * (q[:, :-1] + q[:, 1:])
