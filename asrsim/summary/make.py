@@ -100,6 +100,8 @@ def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Pr
         friction, error = run.robot.joint(joint.name).friction, joint.measures.steady_state_error
         if friction and not joint.stop and travel < STILL and abs(error) > NEAR:
             force, length = ("N", "m") if joint.prismatic else ("N m", "rad")
-            message = f"never moves, {abs(error):.2g} {length} from its reference: its friction of {friction:g} {force} holds it"
+            message = (
+                f"never moves, {abs(error):.2g} {length} from its reference: its friction of {friction:g} {force} holds it"
+            )
             hint = "Choose stiffer springs, stronger motors, or less friction"
             yield Problem(message=message, key=joint.name, hint=hint, code="stuck")
