@@ -13,7 +13,7 @@ import pytest
 import asrsim
 from asrsim.samples import Samples
 from asrsim.summary import Collector, collect
-from asrsim.summary.table import headline, joint_columns, limit_note
+from asrsim.summary.table import headline, joint_columns, limit_note, share
 
 pytestmark = pytest.mark.once
 
@@ -70,6 +70,22 @@ def test_two_saturated_motors_are_one_saturated_joint() -> None:
         held = [np.abs(series[f"motor_{i}_torque"]) >= 0.05 for i in (1, 2)]
         assert np.count_nonzero(held[0] & held[1]) > 0
         assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
+
+
+def test_a_joint_that_its_friction_holds_is_told_of(tiny) -> None:
+    """It never moves, which no limit shows; what is left of its position is rounding, and no number to read."""
+    text = tiny.robot.read_text(encoding="utf-8")
+    tiny.robot.write_text(text.replace('friction="0"', 'friction="5"'), encoding="utf-8")
+    result = asrsim.run(tiny.scenario, overrides=["duration=0.2"])
+    (told,) = [problem for problem in result.summary.warnings if problem.code == "stuck"]
+    assert told.key == "elbow"
+    assert "friction of 5 N m" in told.message
+    cells = {column.heading: column.cells for column in joint_columns(result.summary)}
+    assert cells["steady\nrad"] == ("0",)
+
+
+def test_all_substeps_are_a_hundred_percent() -> None:
+    assert [share(count, 1000) for count in (0, 5, 999, 1000)] == ["-", "0.5 %", "100 %", "100 %"]
 
 
 def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:

@@ -186,7 +186,7 @@ def test_runs_that_are_looked_at_together_have_the_rows_of_runs_alone(monkeypatc
     whole = runner_module.finish
     monkeypatch.setattr(runner_module, "finish", lambda tracks, write: together.append(len(tracks)) or whole(tracks, write))
     rows = dict(Runner(payload).several((run, run) for run in range(16)))
-    assert (sum(together), max(together)) == (12, 4)
+    assert (sum(together), max(together)) == (12, 8)
     alone = Runner(payload)
     assert without_time(rows.values()) == without_time(alone(run) for run in range(16))
     assert [row[payload.names.index("status")] for _, row in sorted(rows.items())].count("failed") == 4

@@ -46,8 +46,17 @@ class ExpectationResult:
     measured: float
     """NaN where the measure is undefined; such a claim does not hold."""
     unit: str
-    text: str
-    """One line: what was claimed, measured, and the verdict."""
+
+    @property
+    def text(self) -> str:
+        """One line: what was claimed, measured, and the verdict."""
+        claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
+        who = claim.joint or claim.body or ""
+        wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
+        got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}"
+        against = f" against {Path(claim.against).name}" if claim.against else ""
+        verdict = "holds" if self.holds else "does not hold"
+        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
 
 
 def evaluate_expectation(
@@ -94,9 +103,7 @@ def evaluate_expectation(
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
     unit = found.unit_of(series_unit)
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
-    return ExpectationResult(
-        expectation=expectation, holds=holds, measured=measured, unit=unit, text=_text(expectation, measured, unit, holds)
-    )
+    return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float = 0.0) -> bool:
@@ -220,16 +227,6 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
     if touched:
         columns["contact_force"] = np.linalg.norm(forces, axis=1)
     return columns
-
-
-def _text(claim: Expectation, measured: float, unit: str, holds: bool) -> str:
-    who = claim.joint or claim.body or ""
-    wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
-    got = "cannot be measured" if math.isnan(measured) else f"is {measured:.5g}"
-    against = f" against {Path(claim.against).name}" if claim.against else ""
-    tail = f" {unit}" if unit else ""
-    verdict = "holds" if holds else "does not hold"
-    return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
 
 
 def _error(claim: Expectation, message: str, **more: Any) -> ScenarioError:

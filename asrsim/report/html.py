@@ -46,8 +46,3 @@ def number(value: Any, factor: float = 1.0) -> str:
     if value is None or not isinstance(value, int | float) or math.isnan(value):
         return "-"
     return f"{value * factor:.5g}"
-
-
-def share(count: int, total: int) -> str:
-    """A count as a share of the total."""
-    return "-" if not count or not total else f"{100 * count / total:.2g} %"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -14,7 +15,8 @@ from asrsim.plots.rows import metric_tables
 from asrsim.quantities import LIMITS
 from asrsim.report.accuracy import numerical_error
 from asrsim.report.content import Compared, Films, RunContent, picture
-from asrsim.report.html import badge, bullets, number, script_json, section, share, table
+from asrsim.report.html import badge, bullets, number, script_json, section, table
+from asrsim.summary.table import cells, share
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -141,10 +143,14 @@ _MEASURES = (
 )  # fmt: skip
 
 
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
 def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     rows, limited = [], False
     for run, label in zip(runs, labels, strict=True):
-        total = run.summary.get("total_substeps") or 0
+        total = run.summary.get("total_substeps") or 1
         for joint in run.summary.get("joints", ()):
             unit = "m" if joint.get("prismatic") else "rad"
             counts = joint.get("limits", {})
@@ -156,7 +162,7 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                     joint["name"],
                     f"{joint['actuator']}{mode}",
                     unit,
-                    *(number(joint.get(key), factor) for key, _, factor in _MEASURES),
+                    *cells([factor * _known(joint.get(key)) for key, _, factor in _MEASURES]),
                     *(share(counts.get(key, 0), total) for key in LIMITS),
                 ]
             )

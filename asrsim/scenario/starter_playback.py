@@ -214,7 +214,8 @@ def _initial(
         if inside != start:
             remarks.append(f"{joint.name}: it begins at {start:.6g}, outside of its limits, and is put to {inside:.6g}")
         if abs(inside) > 1e-9:
-            initial[joint.name] = float(f"{inside:.9g}")
+            # A limit stays to the last digit: rounded, it may be passed.
+            initial[joint.name] = float(inside) if inside != start else float(f"{inside:.9g}")
     return initial
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 NEAR = 1e-2
 """rad or m within which a joint rests on a stop, or at its reference."""
+STILL = 1e-6
+"""rad or m by which a joint that its friction holds may move."""
 
 
 def make_summary(
@@ -68,7 +70,7 @@ def make_summary(
         joints=joints,
         claims=claims,
         tip=seen.tip,
-        warnings=(*run.warnings, *_on_stops(run, joints)),
+        warnings=(*run.warnings, *_on_stops(run, joints), *_stuck(run, joints, seen)),
         files=dict(files or {}),
         replaced=replaced,
         versions={name: info.metadata[name] for name in ("asrsim", "engine_version", "numpy") if name in info.metadata},
@@ -87,3 +89,18 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
             hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
             yield Problem(message, key=joint.name, hint=hint, code="on-stop")
+
+
+def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Problem]:
+    """Joints away from their reference that friction never lets go. What begins in balance with its load needs none to stay."""
+    if run.scenario.initial_equilibrium:
+        return
+    for joint, travel in zip(joints, seen.travels, strict=True):
+        friction, error = run.robot.joint(joint.name).friction, joint.measures.steady_state_error
+        if friction and not joint.stop and travel < STILL and abs(error) > NEAR:
+            force, length = ("N", "m") if joint.prismatic else ("N m", "rad")
+            message = (
+                f"never moves, {abs(error):.2g} {length} from its reference: its friction of {friction:g} {force} holds it"
+            )
+            hint = "Choose stiffer springs, stronger motors, or less friction"
+            yield Problem(message, key=joint.name, hint=hint, code="stuck")
