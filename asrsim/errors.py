@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
 
@@ -29,7 +29,7 @@ def printable(text: str) -> str:
 class Problem:
     """One fault of an input (an error) or one thing to know about it (a warning)."""
 
-    message: str
+    message: str = field(kw_only=False)
     """What is wrong, a sentence without a full stop."""
     file: Path | None = None
     line: int | None = None
@@ -112,7 +112,7 @@ class InputError(AsrsimError):
         **place: Unpack[Place],
     ) -> None:
         if isinstance(problems, str):
-            problems = Problem(message=problems, file=file, code=code, **place)
+            problems = Problem(problems, file=file, code=code, **place)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         self.warnings: tuple[Problem, ...] = tuple(warnings)
         super().__init__("\n".join(str(problem) for problem in self.problems))

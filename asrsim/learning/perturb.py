@@ -75,11 +75,11 @@ def _scale(block: object, own: dict[str, float], name: str, change: float) -> Pr
     from asrsim.robot.tags import parameter_name
 
     if not isinstance(block, ActuatorBlock):
-        return Problem(message="no actuator is on this joint", key=f"spread.{name}", code="unknown-joint")
+        return Problem("no actuator is on this joint", key=f"spread.{name}", code="unknown-joint")
     known = parameter_name(ACTUATORS.get(block.actuator), name)
     if known is None:
         return Problem(
-            message=f"the {block.actuator} has no such parameter",
+            f"the {block.actuator} has no such parameter",
             key=f"spread.parameters.{name}",
             choices=tuple(block.parameters),
             code="unknown-parameter",

@@ -167,7 +167,7 @@ def make_plant(scenario: Scenario) -> Plant:
         raise ScenarioError(
             [
                 Problem(
-                    message=f"mode {block.mode} has no position as its first reference to learn",
+                    f"mode {block.mode} has no position as its first reference to learn",
                     key=f"ilc.trajectory.{block.joint}",
                     choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
                     code="mode-not-learned",

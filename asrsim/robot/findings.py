@@ -22,11 +22,11 @@ class Findings:
 
     def error(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add an error: the file cannot be simulated."""
-        self.errors.append(Problem(message=message, code=code, file=self.file, **place))
+        self.errors.append(Problem(message, code=code, file=self.file, **place))
 
     def warn(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add a warning: something to know. Messages leave the name to `key`, so that equal ones can be shown as one."""
-        self.warnings.append(Problem(message=message, code=code, file=self.file, **place))
+        self.warnings.append(Problem(message, code=code, file=self.file, **place))
 
     def raise_errors(self) -> None:
         """Raise RobotError with all errors, if there are any."""

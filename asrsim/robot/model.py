@@ -15,6 +15,8 @@ Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
 STRIBECK_VELOCITY = 0.1
 """rad/s (m/s), where a file gives none."""
+INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Of a link's inertia, as URDFs name them."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 
 

@@ -10,12 +10,12 @@ from asrsim.errors import did_you_mean
 from asrsim.robot.attributes import AttributeReader
 from asrsim.robot.model import ActuatorBlock, Joint, Mimic
 from asrsim.robot.numbers import plain_number
+from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
-STIFFNESS, REFERENCE = "springStiffness", "springReference"
-EXCESS, PACE, SHARE = "stribeckFriction", "stribeckVelocity", "loadFriction"
-FRICTION = {EXCESS: "stribeck_friction", PACE: "stribeck_velocity", SHARE: "load_friction"}
-"""Tag -> field of a joint: friction that depends on speed and load. The tags are ours; Gazebo passes them by."""
+STIFFNESS, REFERENCE, EXCESS, PACE, SHARE = JOINT_TAGS.values()
+FRICTION = {tag: field for field, tag in JOINT_TAGS.items() if tag in (EXCESS, PACE, SHARE)}
+"""Tag -> field of a joint: friction that depends on speed and load."""
 
 
 class PassiveReader(AttributeReader):

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.attributes import SMALLEST, AttributeReader
-from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
+from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
 
@@ -112,10 +112,9 @@ class StructureReader(AttributeReader):
         if not tags:
             self.error("<inertial> has no <inertia>", inertial, name, code="missing-tag")
             return (0.0,) * 6
-        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         before = len(self.findings.errors)
         # Left-out products of inertia are zero in every URDF reader; left-out moments are mistakes.
-        values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in keys]
+        values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in INERTIAS]
         xx, xy, xz, yy, yz, zz = values
         for moment in (xx, yy, zz):
             if 0.0 < abs(moment) < SMALLEST:

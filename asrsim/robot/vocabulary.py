@@ -6,6 +6,7 @@ from typing import Any
 
 from asrsim.errors import nearest
 from asrsim.robot.attributes import AttributeReader
+from asrsim.robot.model import INERTIAS
 from asrsim.robot.xmlfile import elements, name_of
 
 Words = dict[str, tuple[tuple[str, ...], tuple[str, ...]]]
@@ -17,7 +18,7 @@ VOCABULARY: Words = {
     "link": (("name", "type"), ("inertial", "visual", "collision", "sensor")),
     "inertial": ((), ("origin", "mass", "inertia")),
     "mass": (("value",), ()),
-    "inertia": (("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ()),
+    "inertia": (INERTIAS, ()),
     "visual": (("name",), ("origin", "geometry", "material")),
     "collision": (("name",), ("origin", "geometry")),
     "geometry": ((), _SHAPES),
