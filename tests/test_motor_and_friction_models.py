@@ -460,3 +460,23 @@ def test_an_actuator_of_a_users_own_has_all_of_it() -> None:
     assert column(result, "hysteresis_loss")[-1] > 1e-4
     assert np.abs(column(result, "motor_2_voltage")).max() <= 12.0 + 1e-9
     assert np.abs(column(result, "energy_residual")).max() < 1e-3
+
+
+@pytest.mark.parametrize("motor_substeps", [1, 3, 9])
+def test_a_spring_that_moves_along_keeps_what_it_remembers(motor_substeps: int) -> None:
+    """Motor and link go 3 rad together, a hundred times the deflection of memory, and the spring between stays as it is."""
+    parameters = {
+        **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,
+        "hysteresis_torque": 0.5, "hysteresis_deflection": 0.02,
+    }  # fmt: skip
+    moving: dict[str, Any] = {"initial_velocities": {"joint_1": 3.0}, "initial_motor_velocities": {"joint_1": (3.0,)}}
+    result = run(
+        chain(Body(actuator="sea", mass=1e-3, reach=1e-3, inertia=1e3)), mode=4, gravity=0.0, duration=1.0, compiled=False,
+        references={"motor_1_torque": 0.6 + 0.5 * 3.0}, parameters=parameters, substeps=1, motor_substeps=motor_substeps,
+        **moving,
+    )  # fmt: skip
+    deflection = column(result, "motor_1_position") - column(result, "link_position")
+    remembered = column(result, "elastic_torque_1") - 30.0 * deflection
+    assert np.ptp(column(result, "link_position")[300:]) > 2.0
+    assert remembered[300] > 0.2
+    np.testing.assert_allclose(remembered[300:], remembered[300], atol=1e-3)

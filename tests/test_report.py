@@ -312,13 +312,22 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
     browser.evaluate("new Promise((done) => setTimeout(done, 600))")
     browser.evaluate("document.querySelector('#motion .play').click()")
     assert 0.0 < browser.evaluate("asrsimMotion.time()") < 0.3
-    before = browser.evaluate("asrsimMotion.camera()")
     box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
                            "(document.querySelector('#motion canvas').getBoundingClientRect())")  # fmt: skip
-    for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
-        place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": "left", "buttons": 1, "clickCount": 1}
-        browser.call("Input.dispatchMouseEvent", {"type": kind, **place})
-    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
-    assert browser.evaluate("asrsimMotion.camera().turn") != pytest.approx(before["turn"], abs=1e-3)
+
+    def drag(button, held):
+        for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.45), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
+            place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": button, "clickCount": 1}
+            browser.call("Input.dispatchMouseEvent", {"type": kind, "buttons": held, **place})
+        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
+        return browser.evaluate("asrsimMotion.camera()")
+
+    before = browser.evaluate("asrsimMotion.camera()")
+    turned = drag("left", 1)
+    moved = drag("right", 2)
+    assert turned["turn"] != pytest.approx(before["turn"], abs=1e-3)
+    assert turned["target"] == before["target"]
+    assert moved["target"] != turned["target"]
+    assert moved["turn"] == turned["turn"]
     assert browser.evaluate(look)[1] != first
     assert browser.complaints == []

@@ -217,12 +217,12 @@ class BulletEngine:
         if self._companion is not None:
             self._companion.wrench(index, values)
         p, client, body = self._p, self._client, self._body
-        (place, rotation), force, torque = self.model.frame_now(wrench.link), np.array(values[:3]), np.array(values[3:])
+        (position, rotation), force, torque = self.model.frame_now(wrench.link), np.array(values[:3]), np.array(values[3:])
         if wrench.frame != "world":
             force, torque = rotation @ force, rotation @ torque
         number = self.model.index_of(wrench.link)
         centre = np.array(self.model.inertial_frame(number)[0])
-        turn = torque + np.cross(place + rotation @ np.array(wrench.point) - centre, force)
+        turn = torque + np.cross(position + rotation @ np.array(wrench.point) - centre, force)
         p.applyExternalForce(body, number, force.tolist(), centre.tolist(), p.WORLD_FRAME, physicsClientId=client)
         p.applyExternalTorque(body, number, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
 

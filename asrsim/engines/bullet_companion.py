@@ -102,8 +102,8 @@ class Companion:
         world.previous[:] = 2.0 * self._start - now
 
     def _take_base(self) -> None:
-        place, self._rotation, velocity = self._engine.base_state()
-        self._world.qpos[:3] = place
+        position, self._rotation, velocity = self._engine.base_state()
+        self._world.qpos[:3] = position
         self._mujoco.set_orientation(self._rotation)
         self._world.qvel[:6] = velocity
 

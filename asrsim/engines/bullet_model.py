@@ -143,8 +143,8 @@ class BulletModel:
         at = pose.position + pose.rotation @ np.asarray(point, dtype=float)
         if index == -1:
             centre, rotation, local = self.inertial_frame(index)
-            place = np.asarray(centre) + rotation @ (at - np.asarray(local))
-            return place, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
+            position = np.asarray(centre) + rotation @ (at - np.asarray(local))
+            return position, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
         centre, rotation, local = self.inertial_frame(index)
         # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.

@@ -294,7 +294,7 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
 
 def is_loud(residuals: Array, noise: float) -> bool:
     """Whether residuals (n,) are more than a noise that as many samples told."""
-    return size_of(residuals) > (FITS + TOLD / float(np.sqrt(max(len(residuals), 1)))) * noise
+    return bool(size_of(residuals) > (FITS + TOLD / max(len(residuals), 1) ** 0.5) * noise)
 
 
 def globally(residuals: Residuals, best: Best, *, seed: int, tell: Callable[[str], None]) -> None:

@@ -12,8 +12,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import PRISMATIC_UNITS
-from asrsim.robot.model import Robot
-from asrsim.robot.vary import INERTIAS
+from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
 LATEST = 0.25

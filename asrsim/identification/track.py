@@ -14,8 +14,7 @@ from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
 from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
-from asrsim.robot.model import Robot
-from asrsim.robot.vary import INERTIAS
+from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal

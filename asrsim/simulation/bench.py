@@ -121,8 +121,8 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], record: Seq
     torque_1, torque_2, x, v_x, drive_x, _, y, v_y, drive_y, _ = record
     released = drive.stepping.released
     # In mode 4 the released code has stiffness and torques at the motors' old positions.
-    place = (before[0], before[4]) if released and mode.number == 4 else (x, y)
-    stiffness = actuator.stiffness(q, *place, drive.elastic)
+    motors = (before[0], before[4]) if released and mode.number == 4 else (x, y)
+    stiffness = actuator.stiffness(q, *motors, drive.elastic)
     if released and not mode.motor:
         x = y = 0.0
     if not released and actuator.motors == 1 and not actuator.adjuster:

@@ -87,8 +87,8 @@ def reachable_stiffness(
         pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
         if mode.direct:
-            told = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
-            pull = min(pull, float(np.max(told)))
+            torques = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
+            pull = min(pull, float(np.max(torques)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
             speed = min(fastest, OVERSHOOT * change / interval)
@@ -116,12 +116,12 @@ def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, lim
     law = energy_over_arrays(drive.actuator)
     second = sigma if drive.actuator.adjuster else -spread
 
-    def taken(deflection: float) -> float:
+    def absorbed(deflection: float) -> float:
         points = np.array([-deflection, 0.0])
         stored = law(points, np.full(2, spread), np.full(2, second), drive.elastic)
         return float(stored[0] - stored[1])
 
-    return _largest_below(taken, energy, limit)
+    return _largest_below(absorbed, energy, limit)
 
 
 def _torques(drive: SteppedJoint, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:

@@ -208,7 +208,7 @@
       const was = Math.hypot(before.clientX - others[0].clientX, before.clientY - others[0].clientY);
       const is = Math.hypot(event.clientX - others[0].clientX, event.clientY - others[0].clientY);
       zoom(was / Math.max(is, 1));
-    } else if (event.shiftKey || before.button === 2 || before.button === 1) {
+    } else if (event.shiftKey || event.buttons & 6) {
       const back = towards(), right = unit(cross([0, 0, 1], back)), up = cross(back, right), step = camera.distance / canvas.clientHeight;
       camera = { ...camera, target: camera.target.map((v, i) => v + 0.6 * step * (up[i] * dy - right[i] * dx)) };
     } else {
