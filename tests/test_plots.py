@@ -328,3 +328,12 @@ def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
 
     info = open_log(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.02)).info
     assert {claim.body for claim in logged_claims(info, tmp_path)} == {"box"}
+
+
+def test_line_styles_can_be_told_apart_in_a_legend():
+    """Dashes and gaps are some points long, and no two styles alike: a handle of a legend, 28 points, shows each whole."""
+    dashes = [pattern[1] for pattern in style.LINE_STYLES if pattern != "-"]
+    assert len(set(dashes)) == len(dashes) == len(style.LINE_STYLES) - 1
+    for pattern in dashes:
+        assert all(1.0 <= length <= 8.0 for length in pattern)
+        assert sum(pattern) <= 28.0
