@@ -63,6 +63,9 @@ class Cluster:
                     one.close()
         self._client = self._jobs = None
 
+    def _scatter(self, sent: bytes) -> Any:
+        return self._client.scatter(sent, broadcast=True, hash=False)
+
     def _connect(self) -> None:
         address: Any = self._target
         if "://" not in self._target:
@@ -100,27 +103,32 @@ class Cluster:
     ) -> Iterator[list[tuple[int, Any]]]:
         """See :class:`asrsim.workers.Executor`; a piece whose workers die is cut into single items."""
         waiting, pace = deque(range(len(items))), Pace(PIECE)
-        data = self._client.scatter(pickle.dumps((self._plugins, pickled(task))), broadcast=True, hash=True)
-        pieces: dict[Any, list[int]] = {}
+        sent = pickle.dumps((self._plugins, pickled(task)))
+        data: Any = self._scatter(sent)
+        pieces: dict[Any, tuple[list[int], Any]] = {}
         done = self._distributed.as_completed(loop=self._client.loop)
 
         def submit(numbers: list[int]) -> None:
             future = self._client.submit(do_items, data, [(n, items[n]) for n in numbers], pure=False, retries=0)
-            pieces[future] = numbers
+            pieces[future] = numbers, data
             done.add(future)
 
         try:
             while True:
-                slots = AHEAD * max(1, sum(self._client.nthreads().values()))
-                while waiting and len(pieces) < slots:
+                threads = sum(self._client.nthreads().values())
+                if data is None and threads:
+                    with suppress(OSError):
+                        data = self._scatter(sent)
+                slots = AHEAD * max(1, threads)
+                while data is not None and waiting and len(pieces) < slots:
                     submit([waiting.popleft() for _ in range(pace.size(len(waiting), 2 * slots))])
-                if not pieces or (stop is not None and stop()):
+                if not (pieces or waiting) or (stop is not None and stop()):
                     return
                 if not done.has_ready():
                     threading.Event().wait(0.02)
                     continue
                 future = next(done)
-                mine = pieces.pop(future)
+                mine, given = pieces.pop(future)
                 if future.status == "finished":
                     found, seconds = future.result()
                     pace.took(seconds, len(found))
@@ -135,8 +143,9 @@ class Cluster:
                     fault = future.exception()
                     raise fault if isinstance(fault, AsrsimError) else SimulationError(f"a worker failed: {fault}")
                 else:
-                    # Lost with the scheduler's memory of it: done again.
+                    # Lost with the scheduler's memory of it, or with all the workers that had the task: done again.
                     waiting.extendleft(reversed(mine))
+                    data = None if given is data else data
         finally:
             with suppress(Exception):
                 self._client.cancel(list(pieces))
