@@ -170,7 +170,7 @@ class _Converter:
             raise _Refused(f"\\u{ord(half):04x} in line {line} is half a character, which no text can hold")
 
     def _complain(self, message: str, line: int, *, key: str | None = None, code: str = "yaml") -> None:
-        self.problems.append(Problem(message=message, file=self.file, line=line, key=key, code=code))
+        self.problems.append(Problem(message, file=self.file, line=line, key=key, code=code))
 
 
 def _loader() -> Any:

@@ -159,17 +159,26 @@ def search(
 
 
 def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
-    """Whether commands that are held from sample to sample are nearer to what was recorded: then they are played so."""
-    for track in residuals.tracks:
-        track.held = True
-    x = solve(residuals, best.x, loss=loss, tolerance=1e-5)
-    cost = cost_of(residuals(x), loss)
-    if cost < NEARLY * best.cost:
-        best.x, best.cost = x, cost
-        return True
-    for track in residuals.tracks:
-        track.held = False
-    return False
+    """Play commands as stairs, one after the other, as long as that is nearer to what was recorded; whether any is so now."""
+    held: frozenset[str] = frozenset()
+    waiting = list(dict.fromkeys(c.key for track in residuals.tracks for c in track.data.commands if not c.hold))
+    while waiting:
+        base = residuals(best.x)
+        slopes = np.linalg.qr(residuals.jacobian(best.x, base=base))[0]
+        sizes = []
+        for key in waiting:
+            residuals.hold(held | {key})
+            left = residuals(best.x)
+            # What the parameters can make good.
+            sizes.append(float(np.sum((left - slopes @ (slopes.T @ left)) ** 2)))
+        residuals.hold(held | {waiting.pop(int(np.argmin(sizes)))})
+        x = solve(residuals, best.x, loss=loss, tolerance=1e-5) if min(sizes) < NEARLY * float(base @ base) else best.x
+        cost = cost_of(residuals(x), loss)
+        if not cost < NEARLY * best.cost:
+            break
+        held, best.x, best.cost = residuals.tracks[0].held, x, cost
+    residuals.hold(held)
+    return bool(held)
 
 
 def _attempts(

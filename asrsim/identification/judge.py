@@ -69,8 +69,9 @@ def channel_fits(
     for track, end, old, new, moved in zip(tracks, ends, before, after, shaken, strict=True):
         for i, channel in enumerate(track.channels):
             training = channel.time <= end + 1e-9 if not track.data.held else np.zeros(len(channel.time), bool)
-            told = new is not None and int(training.sum()) > 10
             rows = [np.full(len(channel.time), np.nan) if r is None else r[i] for r in (old, new)]
+            told = new is not None and int(training.sum()) > 10
+            rings = told and not channel.quantum and swings(rows[1][training], SWING)
             spread = float(np.var(channel.values))
             found.append(
                 ChannelFit(
@@ -79,7 +80,7 @@ def channel_fits(
                     held_after=_rms(rows[1][~training]),
                     shaken=0.0 if moved is None or training.all() else _rms(moved[i][~training]),
                     correlation=lag_correlation(rows[1][training]) if told else np.nan,
-                    loud=told and is_loud(rows[1][training], channel.floor), swings=told and not channel.quantum and swings(rows[1][training], SWING),
+                    loud=told and is_loud(rows[1][training], channel.floor), swings=rings,
                     explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
                 )
             )  # fmt: skip

@@ -208,10 +208,10 @@ def _judged(
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += substep_remarks(residuals, x, found) if status == "complete" else []
-    if setup.fitted[0].held:
+    if held := setup.fitted[0].held:
         remarks.append(
-            "commands are played as stairs, each sample held until the next, as a digital controller does: what was recorded "
-            "asks for it (`interpolation: hold` of the scenario's playback)"
+            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
+            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
         )
     remarks += [
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"

@@ -28,7 +28,7 @@ def first_samples(channel: Channel) -> tuple[float, float, float, float] | None:
 
 
 def at_rest(channel: Channel) -> tuple[float, float]:
-    """Value at 0 of a channel that may move at once, with its standard error: of its first sample, or of many before it moves."""
+    """Value at 0 of a channel that may move at once, and its error: of the first sample, or of many before it moves."""
     moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
     count = still if still >= LONG else 1

@@ -14,8 +14,7 @@ from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
 from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
-from asrsim.robot.model import Robot
-from asrsim.robot.vary import INERTIAS
+from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
@@ -38,9 +37,9 @@ class Track:
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
-        self._commands: tuple[tuple[float, ...], Mapping[str, Mapping[str, Signal]]] | None = None
-        self.held = False
-        """Commands are played as stairs: what gave them held each until the next."""
+        self._commands: tuple[object, Mapping[str, Mapping[str, Signal]]] | None = None
+        self.held: frozenset[str] = frozenset()
+        """Keys of commands that are played as stairs: what gave them held each sample until the next."""
         self.uncertain: list[str] = []
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
@@ -132,15 +131,14 @@ class Track:
             for command in self.data.commands
             for what in ("gain", "offset", "delay")
         )
-        numbers = (float(self.held), *numbers)
-        if self._commands is None or self._commands[0] != numbers:
+        if self._commands is None or self._commands[0] != (self.held, numbers):
             table: dict[str, dict[str, Signal]] = {}
             for i, command in enumerate(self.data.commands):
-                gain, offset, delay = numbers[3 * i + 1 : 3 * i + 4]
-                command = replace(command, hold=command.hold or self.held)
-                signal = Played(command=command, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
+                gain, offset, delay = numbers[3 * i : 3 * i + 3]
+                played = replace(command, hold=command.hold or command.key in self.held)
+                signal = Played(command=played, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
                 table.setdefault(command.joint, {})[command.name] = signal
-            self._commands = numbers, table
+            self._commands = (self.held, numbers), table
         return self._commands[1]
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:

@@ -212,14 +212,11 @@ def _gain(block: ActuatorBlock, index: int) -> float:
 
 def _weight(robot: Robot, name: str, scenario: Scenario) -> float:
     """N m/rad: how fast gravity's torque about a joint may change with posture, from masses and the reach behind it."""
-    by_parent: dict[str, list[tuple[str, float]]] = {}
-    for joint in robot.joints:
-        by_parent.setdefault(joint.parent, []).append((joint.child, float(np.linalg.norm(joint.origin))))
     masses = {link.name: (link.mass or 0.0, float(np.linalg.norm(link.centre_of_mass))) for link in robot.links}
     waiting, total = [(robot.joint(name).child, 0.0)], 0.0
     while waiting:
         link, reach = waiting.pop()
         mass, centre = masses[link]
         total += mass * (reach + centre)
-        waiting += [(child, reach + length) for child, length in by_parent.get(link, ())]
+        waiting += [(joint.child, reach + float(np.linalg.norm(joint.origin))) for joint in robot.carried.get(link, ())]
     return max(total * float(np.linalg.norm(scenario.gravity)), 1e-6)

@@ -56,7 +56,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     chosen = [block for block in robot.actuators if for_joint(scenario.inverse_dynamics, block.joint, False)]
     problems = [
         Problem(
-            message=f"mode {block.mode} has no position as its first reference",
+            f"mode {block.mode} has no position as its first reference",
             key=f"references.{block.joint}.inverse_dynamics",
             choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
             code="mode-not-inverted",
@@ -66,7 +66,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     ]
     names = {block.joint: MODES[block.mode].references[0] for block in chosen}
     problems += [
-        Problem(message=f"needs the desired motion of the link under {name}", key=f"references.{joint}", code="no-motion")
+        Problem(f"needs the desired motion of the link under {name}", key=f"references.{joint}", code="no-motion")
         for joint, name in names.items()
         if name not in scenario.references_of(joint)
     ]
@@ -83,7 +83,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
         raise ScenarioError(
             [
                 Problem(
-                    message=f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
+                    f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
                     hint="a stiffer spring or preset, or a slower motion",
                 )
                 for demand in unheld

@@ -98,7 +98,7 @@ class SoftArm:
         idle = [drive.joint for drive in chosen if any(gain <= 0.0 for gain in drive.proportional)]
         if idle:
             message = "its controller has no proportional gain: no reference moves it"
-            raise ScenarioError([Problem(message=message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
+            raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
         return invert(
             self.model,

@@ -67,7 +67,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
         if abs(better.lag - chosen.lag) > OFF and left < BETTER * before:
             message = f"would fit the desired motion {before / left:.2g} times as well, were its clock {better.said}"
             hint = f"If the recording began at another time than the motion, take it again with --lag {better.lag:.3g}"
-            findings.append(Problem(message=message, file=recording.path, hint=hint, code="lag"))
+            findings.append(Problem(message, file=recording.path, hint=hint, code="lag"))
     return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings))
 
 
@@ -95,4 +95,4 @@ def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequenc
     if longest == 0.0:
         return []
     message = f"has gaps of up to {longest:.2g} s, which are bridged by straight lines"
-    return [Problem(message=message, file=recording.path, code="gaps")]
+    return [Problem(message, file=recording.path, code="gaps")]

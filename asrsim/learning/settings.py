@@ -74,10 +74,7 @@ def parse_settings(
     unknown = [joint for joint in block.get("joint_gains", {}) if joint not in joints]
     if unknown:
         raise ScenarioError(
-            [
-                Problem(message="this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=tuple(joints))
-                for joint in unknown
-            ]
+            [Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=tuple(joints)) for joint in unknown]
         )
     gains = []
     for index, joint in enumerate(joints):

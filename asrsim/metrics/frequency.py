@@ -108,7 +108,7 @@ def frequency_response(
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
-            Problem(message=f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
+            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
                     "(by friction?) or not connected", code="output-still")
         )  # fmt: skip
     step = float(t[1] - t[0])
@@ -116,7 +116,7 @@ def frequency_response(
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
-            Problem(message=f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
+            Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
                     "not to be believed", code="low-coherence", hint="Excite by a chirp, multisine or noise")
         )  # fmt: skip
     return _response(spectra, chosen, (low, high), confidence, moves, findings)

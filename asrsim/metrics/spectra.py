@@ -44,14 +44,14 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
     start, end = max(pairwise(edges), key=lambda pair: t[pair[1] - 1] - t[pair[0]])
     if end - start < len(t):
         findings.append(
-            Problem(message=f"the record has gaps; its longest whole stretch, {t[start]:.4g} to {t[end - 1]:.4g} s, is used",
+            Problem(f"the record has gaps; its longest whole stretch, {t[start]:.4g} to {t[end - 1]:.4g} s, is used",
                     code="gaps")
         )  # fmt: skip
     t, u, y = t[start:end], u[start:end], y[start:end]
     steps = np.diff(t)
     if len(steps) and float(np.ptp(steps)) > 0.01 * step:
         findings.append(
-            Problem(message=f"uneven sampling is brought to an even {step * 1e3:.4g} ms by linear interpolation", code="jitter")
+            Problem(f"uneven sampling is brought to an even {step * 1e3:.4g} ms by linear interpolation", code="jitter")
         )
         grid = t[0] + step * np.arange(math.floor((t[-1] - t[0]) / step + 1e-9) + 1)
         u, y, t = np.interp(grid, t, u), np.interp(grid, t, y), grid

@@ -48,7 +48,7 @@ def usable_shapes(
                     message = f"collision mesh {found}; the link does not collide with it"
                     warnings.append(
                         Problem(
-                            message=message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
+                            message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
                             hint=_cure(shape.mesh, found), code="missing-collision-mesh",
                         )
                     )  # fmt: skip
@@ -57,7 +57,7 @@ def usable_shapes(
         first, fault = missing[0]
         message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
         hint = _cure(first, fault)
-        warnings.append(Problem(message=message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
+        warnings.append(Problem(message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
     return replace(robot, links=tuple(links)), tuple(warnings)
 
 

@@ -61,5 +61,5 @@ def expand_xacro(
             code=answer.get("code", "xacro-failed"),
             hint=answer.get("hint"),
         )
-    warnings = tuple(Problem(message=f"xacro: {text}", file=path, code="xacro-warning") for text in answer["warnings"])
+    warnings = tuple(Problem(f"xacro: {text}", file=path, code="xacro-warning") for text in answer["warnings"])
     return answer["text"].encode(), warnings

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +15,8 @@ Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
 STRIBECK_VELOCITY = 0.1
 """rad/s (m/s), where a file gives none."""
+INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Of a link's inertia, as URDFs name them."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 
 
@@ -184,6 +187,14 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """The joint of that name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @cached_property
+    def carried(self) -> Mapping[str, tuple[Joint, ...]]:
+        """Link -> the joints that it is the parent of, in file order; absent: none."""
+        found: dict[str, tuple[Joint, ...]] = {}
+        for joint in self.joints:
+            found[joint.parent] = (*found.get(joint.parent, ()), joint)
+        return found
 
     @property
     def root(self) -> Link:

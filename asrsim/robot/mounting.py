@@ -61,7 +61,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     names = tuple(moving)
     problems = [
         Problem(
-            message="the robot has no such moving joint", key=f"actuators.{name}", choices=names,
+            "the robot has no such moving joint", key=f"actuators.{name}", choices=names,
             hint=did_you_mean(name, names) or "For all joints write \"*\"", code="unknown-joint",
         )
         for name in types
@@ -70,7 +70,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     kinds = ACTUATORS.names()
     problems += [
         Problem(
-            message="there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
+            "there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
             hint=did_you_mean(kind, kinds), code="unknown-actuator",
         )
         for name, (kind, _) in types.items()

@@ -9,11 +9,10 @@ from typing import Any
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.kinds import Choice, File, Kind, Optional, Schema, Text
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, Choice, File, Kind, Optional, Schema, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import ScenarioError, did_you_mean
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, overload
 
 from asrsim.document.block import REQUIRED, declare
 from asrsim.document.composite import MapOf
-from asrsim.document.kinds import Boolean, Choice, File, Integer, Optional, Text
+from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
 from asrsim.scenario.choices import default_engine, engines, steppings
 from asrsim.scenario.claim_keys import CLAIMS, Expectation
 from asrsim.scenario.joint_keys import (
@@ -26,7 +26,7 @@ from asrsim.scenario.joint_keys import (
     GivenActuator,
     LinkDamping,
 )
-from asrsim.scenario.kinds import NOT_NEGATIVE, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
+from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, FolderName, Vector
 from asrsim.scenario.learning_keys import LEARNING
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask

@@ -9,10 +9,22 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.block import Block, Key, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
-from asrsim.document.kinds import Boolean, Choice, Integer, Kind, Number, Optional, Schema, attempt
+from asrsim.document.kinds import (
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    Boolean,
+    Choice,
+    Integer,
+    Kind,
+    Number,
+    Optional,
+    Schema,
+    attempt,
+)
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Keys
+from asrsim.scenario.kinds import Keys
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from asrsim.document.block import Block, Key, block_of, declare, declared_keys
 from asrsim.document.composite import Either, ListOf, MapOf, is_list, is_mapping, is_scalar
-from asrsim.document.kinds import Boolean, Choice, File, Optional, Text
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, SHARE, Boolean, Choice, File, Optional, Text
 from asrsim.errors import ScenarioError
 from asrsim.robot.meshes import mesh_fault
 from asrsim.samples import TIP, TIP_GOAL
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SHARE, Keys, Vector
+from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, Keys, Vector
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 

@@ -41,7 +41,7 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
         before, after = finite[bad], finite[bad + 1]
         message = f"time {times[after]:g} does not ascend: {times[before]:g} stands before it"
         line = int(table.lines[after])
-        problems.append(Problem(message=message, file=path, line=line, key=table.layout.names[clock], code="csv-time"))
+        problems.append(Problem(message, file=path, line=line, key=table.layout.names[clock], code="csv-time"))
     if problems:
         raise RecordingError(problems)
     return times * _factor(table, clock), table.values[:, place] * _factor(table, place)
@@ -107,12 +107,10 @@ def _gaps(path: Path, table: Table, index: int) -> list[Problem]:
     bad = np.flatnonzero(~np.isfinite(table.values[:, index]))
     name = _names(table)[index]
     problems = [
-        Problem(
-            message="the cell is empty or no finite number", file=path, line=int(table.lines[row]), key=name, code="csv-cell"
-        )
+        Problem("the cell is empty or no finite number", file=path, line=int(table.lines[row]), key=name, code="csv-cell")
         for row in bad[:MAX_PROBLEMS]
     ]
     if bad.size > MAX_PROBLEMS:
         message = f"and {bad.size - MAX_PROBLEMS} more such cells"
-        problems.append(Problem(message=message, file=path, key=name, code="csv-cell"))
+        problems.append(Problem(message, file=path, key=name, code="csv-cell"))
     return problems

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -155,16 +155,6 @@ class _Rows:
     def values(self) -> Array:
         """All of them."""
         return self._array[..., : self._count]
-
-
-def joint_measures(
-    chunks: Iterable[Samples], joints: Sequence[JointInfo], *, samples: int, desired: Mapping[str, Signal] | None = None
-) -> tuple[JointSummary, ...]:
-    """A summary of each joint of a run that is there already; arguments as for :class:`Collector`."""
-    collector = Collector(joints, samples=samples)
-    for chunk in chunks:
-        collector.write(chunk)
-    return collector.seen(desired).measures
 
 
 def step_start(reference: Array, initial: float) -> int | None:

@@ -88,7 +88,7 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
             message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
             hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
-            yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")
+            yield Problem(message, key=joint.name, hint=hint, code="on-stop")
 
 
 def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Problem]:
@@ -103,4 +103,4 @@ def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Pr
                 f"never moves, {abs(error):.2g} {length} from its reference: its friction of {friction:g} {force} holds it"
             )
             hint = "Choose stiffer springs, stronger motors, or less friction"
-            yield Problem(message=message, key=joint.name, hint=hint, code="stuck")
+            yield Problem(message, key=joint.name, hint=hint, code="stuck")
