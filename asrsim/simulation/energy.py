@@ -49,11 +49,9 @@ class EnergyMeter:
 
     def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
         """groups: of the joints with springs; whole: energies of every row are asked for, not only the balance at the last."""
-        self.drives = tuple(drives)
-        self.substep = substep
         self._rows = slice(None) if whole else slice(-1, None)
         self._springs = [_Springs(group, substep, whole=whole) for group in groups]
-        joints = len(self.drives)
+        joints = len(drives)
         self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
         self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
