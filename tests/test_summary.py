@@ -12,7 +12,7 @@ import pytest
 
 import asrsim
 from asrsim.samples import Samples
-from asrsim.summary import collect, joint_measures
+from asrsim.summary import Collector, collect
 from asrsim.summary.table import headline, joint_columns, limit_note, share
 
 pytestmark = pytest.mark.once
@@ -102,10 +102,16 @@ def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.Mo
     result = asrsim.run(tiny.scenario)
     samples, joints = result.samples, result.run.info.joints
     n = len(samples.time)
-    chunks = [_rows(samples, slice(start, start + 97)) for start in range(0, n, 97)]
-    whole = joint_measures(chunks, joints, samples=n)[0]
+
+    def measured():
+        collector = Collector(joints, samples=n)
+        for start in range(0, n, 97):
+            collector.write(_rows(samples, slice(start, start + 97)))
+        return collector.seen().measures[0]
+
+    whole = measured()
     monkeypatch.setattr(collect, "KEPT", 400)
-    thin = joint_measures(chunks, joints, samples=n)[0]
+    thin = measured()
     assert thin.peak_deflection == whole.peak_deflection
     assert thin != whole
     assert thin.steady_state == pytest.approx(whole.steady_state, abs=1e-3)

@@ -18,6 +18,8 @@ REACH = 0.3
 """Of the first steps: a third of a parameter's size."""
 NEARER = 0.5
 """Share of the start's cost that one from regression may have: where noise is most of it, its bias would lead astray."""
+NEARLY = 0.9
+"""Share of the cost that another way to play the commands may leave."""
 FITS = 1.25
 """Deviations, in those of the noise's fine structure, up to which residuals may be noise."""
 TOLD = 2.0
@@ -150,8 +152,33 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(residuals, best.x):
+        if fits_noise(residuals, best.x) or (
+            not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)
+        ):
             break
+
+
+def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
+    """Play commands as stairs, one after the other, as long as that is nearer to what was recorded; whether any is so now."""
+    held: frozenset[str] = frozenset()
+    waiting = list(dict.fromkeys(c.key for track in residuals.tracks for c in track.data.commands if not c.hold))
+    while waiting:
+        base = residuals(best.x)
+        slopes = np.linalg.qr(residuals.jacobian(best.x, base=base))[0]
+        sizes = []
+        for key in waiting:
+            residuals.hold(held | {key})
+            left = residuals(best.x)
+            # What the parameters can make good.
+            sizes.append(float(np.sum((left - slopes @ (slopes.T @ left)) ** 2)))
+        residuals.hold(held | {waiting.pop(int(np.argmin(sizes)))})
+        x = solve(residuals, best.x, loss=loss, tolerance=1e-5) if min(sizes) < NEARLY * float(base @ base) else best.x
+        cost = cost_of(residuals(x), loss)
+        if not cost < NEARLY * best.cost:
+            break
+        held, best.x, best.cost = residuals.tracks[0].held, x, cost
+    residuals.hold(held)
+    return bool(held)
 
 
 def _attempts(
@@ -258,7 +285,9 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
         if raw is None:
             return False
         for channel, left in zip(one.channels, raw, strict=True):
-            if is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE or swings(left):
+            # Steps of an encoder swing with the motion.
+            ringing = not channel.quantum and swings(left)
+            if ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE:
                 return False
     return True
 

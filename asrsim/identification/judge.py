@@ -17,6 +17,8 @@ SMALL = 1e-2
 HELD_OUT = 1.3
 """Held-out error in training errors beyond which a model does not fit."""
 
+SWING = 0.03
+"""Share of a channel's residuals that a swing has, at least, which the model should have."""
 SHAKEN = 2.0
 """Deviations of what the commands' noise and the estimates' uncertainty make of a prediction."""
 EXPLAINED = 0.9
@@ -67,8 +69,9 @@ def channel_fits(
     for track, end, old, new, moved in zip(tracks, ends, before, after, shaken, strict=True):
         for i, channel in enumerate(track.channels):
             training = channel.time <= end + 1e-9 if not track.data.held else np.zeros(len(channel.time), bool)
-            told = new is not None and int(training.sum()) > 10
             rows = [np.full(len(channel.time), np.nan) if r is None else r[i] for r in (old, new)]
+            told = new is not None and int(training.sum()) > 10
+            rings = told and not channel.quantum and swings(rows[1][training], SWING)
             spread = float(np.var(channel.values))
             found.append(
                 ChannelFit(
@@ -77,7 +80,7 @@ def channel_fits(
                     held_after=_rms(rows[1][~training]),
                     shaken=0.0 if moved is None or training.all() else _rms(moved[i][~training]),
                     correlation=lag_correlation(rows[1][training]) if told else np.nan,
-                    loud=told and is_loud(rows[1][training], channel.floor), swings=told and swings(rows[1][training]),
+                    loud=told and is_loud(rows[1][training], channel.floor), swings=rings,
                     explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
                 )
             )  # fmt: skip

@@ -12,8 +12,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import PRISMATIC_UNITS
-from asrsim.robot.model import Robot
-from asrsim.robot.vary import INERTIAS
+from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
 LATEST = 0.25
@@ -126,7 +125,12 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
-        keys = [key for key in known if fnmatchcase(key, pattern)]
+        # A pattern is not for limits that there are not.
+        given = wish.start is not None
+        keys = [
+            key for key, one in known.items()
+            if key == pattern or (fnmatchcase(key, pattern) and (given or not math.isinf(one.start)))
+        ]  # fmt: skip
         if not keys:
             problems.append(_unknown(pattern, known, "free"))
         for key in keys:

@@ -59,8 +59,9 @@ def size_of(residuals: Array) -> float:
     return float(np.sqrt(np.mean(np.minimum(np.abs(residuals), CLIPPED * typical) ** 2)))
 
 
-def swings(residuals: Array) -> bool:
-    """Whether residuals (n,) hold a swing: a band of their spectrum that stands out more than chance lets one in a thousand.
+def swings(residuals: Array, share: float = 0.0) -> bool:
+    """Whether residuals (n,) hold a swing: a band of their spectrum that chance lets stand out one time in a thousand, and that
+    has more than a share of their power.
 
     Swings fade and change their frequency, so that bands of several widths are tried where the rest is white (but for one lag);
     correlated noise has a smooth spectrum, on which only a narrow band stands out of those around.
@@ -71,15 +72,22 @@ def swings(residuals: Array) -> bool:
     if n < 4 * AROUND or not np.any(residuals):
         return False
     centred = residuals - residuals.mean()
-    flat = whiten(centred, np.array([lag_correlation(centred)]))
+    first = lag_correlation(centred)
+    flat = whiten(centred, np.array([first]))
     power = np.abs(np.fft.rfft(flat))[1:] ** 2
-    white = all(abs(lag_correlation(flat, lag)) < 3.0 / np.sqrt(n) for lag in (1, 2, 3))
+    # A swing, too, makes neighbours correlate.
+    white = abs(first) < 0.3 and all(abs(lag_correlation(flat, lag)) < 0.1 + 3.0 / np.sqrt(n) for lag in (1, 2, 3))
     padded = np.pad(power, AROUND, mode="reflect")
     around = power if white else np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     # Of white noise powers are exponential: their median is log 2 of their mean.
-    share = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
-    bands = ((width, float(np.convolve(share, np.ones(width), "same").max())) for width in BANDS[: None if white else 1])
-    return any(float(gamma.sf(most, width)) * len(power) < SELDOM for width, most in bands)
+    height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
+    for width in BANDS[: None if white else 1]:
+        band = np.convolve(height, np.ones(width), "same")
+        most = int(np.argmax(band))
+        inside = float(np.sum(power[max(most - width // 2, 0) : most + width // 2 + 1])) / float(np.sum(power))
+        if float(gamma.sf(band[most], width)) * len(power) < SELDOM and inside - width / len(power) > share:
+            return True
+    return False
 
 
 def autoregression(residuals: Array) -> Array:

@@ -103,7 +103,9 @@ def _solved(left: Callable[[Array], Array], x: Array, layout: Layout) -> Array:
     if not linear:
         return x
     least = [(layout.entries[i].parameter.low - plain[i]) / unit for i, unit in linear]
-    found = lsq_linear(np.column_stack(columns), -base, bounds=(np.minimum(least, -1e-12), np.inf))
+    # Its steps to bounds that are infinitely far may be nan, which it passes over.
+    with np.errstate(invalid="ignore"):
+        found = lsq_linear(np.column_stack(columns), -base, bounds=(np.minimum(least, -1e-12), np.inf))
     for (i, unit), move in zip(linear, found.x.tolist(), strict=True):
         there[i] = layout.entries[i].place(max(float(plain[i]) + unit * move, INSIDE * float(sizes[i])))
     return there

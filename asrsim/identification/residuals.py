@@ -53,6 +53,11 @@ class Residuals:
         """Those of the same recordings with other things free."""
         return Residuals(self.tracks, layout, self.weights, self.ends, self.counter)
 
+    def hold(self, commands: frozenset[str]) -> None:
+        """Play these commands (keys) as stairs."""
+        for track in self.tracks:
+            track.held = commands
+
     def until(self, track: int) -> float:
         """s, end of what counts."""
         onset = self.tracks[track].onset

@@ -88,6 +88,8 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            for track in setup.tracks:
+                track.held = setup.fitted[0].held
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
                 if not followed(residuals, best.x):
@@ -206,6 +208,11 @@ def _judged(
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += substep_remarks(residuals, x, found) if status == "complete" else []
+    if held := setup.fitted[0].held:
+        remarks.append(
+            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
+            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
+        )
     remarks += [
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)

@@ -12,9 +12,8 @@ from typing import Any
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.file import has_key, read_file
-from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Optional, Text
+from asrsim.document.kinds import NUMBER, Boolean, Choice, File, Integer, Number, Optional, Text
 from asrsim.errors import InputError, Problem
-from asrsim.scenario.kinds import NUMBER
 
 LOSSES = ("huber", "linear")
 _TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")

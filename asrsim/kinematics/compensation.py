@@ -58,7 +58,7 @@ def equilibrium_for_load(
         if abs(torque) > limit:
             raise LoadError(
                 Problem(
-                    message=f"motor {motor} would have to hold {abs(torque):.4g} N m at position {position:.4g} rad under a "
+                    f"motor {motor} would have to hold {abs(torque):.4g} N m at position {position:.4g} rad under a "
                     f"load of {load:.4g} N m and preset {preset:.4g}, but its limit is {limit:.4g} N m",
                     key=drive.joint,
                     hint="raise the motor's maximum torque or lower the stiffness preset",
@@ -90,7 +90,7 @@ def _search(
     largest = best + load
     raise LoadError(
         Problem(
-            message=f"the spring cannot hold {load:.4g} N m at position {position:.4g} rad: "
+            f"the spring cannot hold {load:.4g} N m at position {position:.4g} rad: "
             f"the most it can hold that way is {largest:.4g} N m",
             key=drive.joint,
             hint="choose a stiffer preset or spring, or another posture",

@@ -93,8 +93,8 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
         rate = smooth.velocities[:, 0]
         work[motor] = drive.motor_inertia[motor] * smooth.accelerations[:, 0] + drive.motor_damping[motor] * rate
         work[motor] += drive.motor_friction[motor] * np.tanh(rate / SLOW) + elastic[motor]
-        asked = work[motor] + drive.derivative[motor] * rate
-        references[motor] += controller_error(asked, drive.proportional[motor], drive.integral[motor], step)
+        output = work[motor] + drive.derivative[motor] * rate
+        references[motor] += controller_error(output, drive.proportional[motor], drive.integral[motor], step)
     return DriveMotion(
         inputs=rho @ (references - offsets) / (rho @ rho),
         motors=motors.T.copy(),

@@ -42,9 +42,7 @@ class Losses:
     """Damping that changes with the stiffness."""
     effort: float = np.inf
     """N m."""
-    lower: float = -np.inf
-    """rad."""
-    upper: float = np.inf
+    stops: tuple[float, float] = (-np.inf, np.inf)
     """rad."""
 
     @classmethod
@@ -57,8 +55,7 @@ class Losses:
             friction=found.friction,
             law=law,
             effort=np.inf if found.effort is None else found.effort,
-            lower=-np.inf if found.lower is None or found.kind == "continuous" else found.lower,
-            upper=np.inf if found.upper is None or found.kind == "continuous" else found.upper,
+            stops=found.stops,
         )
 
 
@@ -206,9 +203,10 @@ def demands_of(
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
         add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
     add("joint effort", torque, loss.effort, "N m")
-    above, below = position - loss.upper, loss.lower - position
+    lower, upper = loss.stops
+    above, below = position - upper, lower - position
     worst = int(np.argmax(np.maximum(above, below)))
-    limit = loss.upper if above[worst] >= below[worst] else loss.lower
+    limit = upper if above[worst] >= below[worst] else lower
     if max(above[worst], below[worst]) > 1e-3:
         # The way beyond the stop is what counts, whatever its sign.
         found.append(

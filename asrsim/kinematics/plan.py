@@ -61,7 +61,6 @@ def plan(
     duration: float,
     *,
     presets: Mapping[str, Signal] | None = None,
-    step: float = PLAN_STEP,
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
@@ -75,7 +74,7 @@ def plan(
     moving = _moving(task, model, drives)
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     _check_poses(task, model, trajectory, start, moving)
-    count = max(round(duration / step), 1)
+    count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
     path = follow(
         model,
@@ -110,17 +109,15 @@ def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[Drive])
     driven = tuple(drive.joint for drive in drives)
     problems = []
     if task.link not in model.links:
-        problems.append(
-            Problem(message="no such link", key="task.link", value=task.link, choices=model.links, code="unknown-link")
-        )
+        problems.append(Problem("no such link", key="task.link", value=task.link, choices=model.links, code="unknown-link"))
     problems += [
-        Problem(message="no such actuated joint", key="task.joints", value=name, choices=driven, code="unknown-joint")
+        Problem("no such actuated joint", key="task.joints", value=name, choices=driven, code="unknown-joint")
         for name in task.joints
         if name not in driven
     ]
     problems += [
         Problem(
-            message=f"a Cartesian task drives positions, which mode {drive.mode.number} does not take",
+            f"a Cartesian task drives positions, which mode {drive.mode.number} does not take",
             key=f"modes.{drive.joint}",
             value=drive.mode.number,
             choices=tuple(str(mode) for mode in PLANNED_MODES),
@@ -149,7 +146,7 @@ def _check_poses(
             wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, reach.positions, strict=True))
             problems.append(
                 Problem(
-                    message=f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
+                    f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
                     f"{_text(trajectory.positions[0])} m",
                     key="task.poses",
                     hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
@@ -179,14 +176,12 @@ def _check_path(
     if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
         raise ScenarioError(_unreachable(where, positions[0], reach))
     raise ScenarioError(
-        Problem(
-            message=f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
-            f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
-            key="task",
-            hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
-            "raise the gain or allow more tolerance",
-            code="path-missed",
-        )
+        f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
+        f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
+        key="task",
+        hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
+        "raise the gain or allow more tolerance",
+        code="path-missed",
     )
 
 
@@ -196,7 +191,7 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
     )
     if reach.turn > ORIENTATION_TOLERANCE:
         message += f" and turned by {reach.turn:.3g} rad"
-    return Problem(message=message, key="task.poses", code="unreachable")
+    return Problem(message, key="task.poses", code="unreachable")
 
 
 def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: Array) -> Array:
@@ -211,12 +206,10 @@ def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path:
         except LoadError as error:
             problem = error.problems[0]
             raise ScenarioError(
-                Problem(
-                    message=f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
-                    key=f"task.{drive.joint}",
-                    hint=problem.hint,
-                    code=problem.code,
-                )
+                f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
+                key=f"task.{drive.joint}",
+                hint=problem.hint,
+                code=problem.code,
             ) from error
         equilibria[row] = found
         guess = found

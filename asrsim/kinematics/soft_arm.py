@@ -68,7 +68,7 @@ class SoftArm:
             return Start(resting, integrals=resting_integrals(drive, position, resting))
         places = for_joint(self.scenario.initial_motor_positions, joint, (position,))
         rates = for_joint(self.scenario.initial_motor_velocities, joint, (0.0,))
-        # Of one motor the second place is nobody's.
+        # With one motor the second number is not used.
         return Start((places[0], places[-1]), (rates[0], rates[-1]))
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
@@ -98,7 +98,7 @@ class SoftArm:
         idle = [drive.joint for drive in chosen if any(gain <= 0.0 for gain in drive.proportional)]
         if idle:
             message = "its controller has no proportional gain: no reference moves it"
-            raise ScenarioError([Problem(message=message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
+            raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
         return invert(
             self.model,

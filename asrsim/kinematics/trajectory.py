@@ -89,11 +89,11 @@ class PoseTrajectory:
 def _faults(poses: tuple[CartesianPose, ...], interpolation: str) -> list[Problem]:
     problems = []
     if not poses:
-        problems.append(Problem(message="a Cartesian task needs at least one pose", key="task.poses", code="no-poses"))
+        problems.append(Problem("a Cartesian task needs at least one pose", key="task.poses", code="no-poses"))
     if interpolation not in INTERPOLATIONS:
         problems.append(
             Problem(
-                message="unknown interpolation",
+                "unknown interpolation",
                 key="task.interpolation",
                 value=interpolation,
                 choices=tuple(INTERPOLATIONS),
@@ -102,11 +102,9 @@ def _faults(poses: tuple[CartesianPose, ...], interpolation: str) -> list[Proble
         )
     times = [pose.time for pose in poses]
     if any(later <= earlier for earlier, later in pairwise(times)) or any(time < 0.0 for time in times):
-        problems.append(
-            Problem(message="times must ascend from 0 on", key="task.poses", value=times, code="times-not-ascending")
-        )
+        problems.append(Problem("times must ascend from 0 on", key="task.poses", value=times, code="times-not-ascending"))
     if len({pose.rpy is None for pose in poses}) > 1:
         problems.append(
-            Problem(message="either all poses have an orientation (rpy) or none", key="task.poses", code="mixed-orientation")
+            Problem("either all poses have an orientation (rpy) or none", key="task.poses", code="mixed-orientation")
         )
     return problems

@@ -150,7 +150,7 @@ class ArmModel:
             known = float(np.abs(outputs - trial.outputs).max())
             half = self.arm.motion(self.plant.time, self.plant.joints, 0.5 * (trial.outputs + outputs))
             change = self.expected(self._linear(half, springs), inputs - trial.inputs, friction)
-            # Where mean slopes lead far away, no straight line holds: the first guess is as good as any.
+            # Far beyond the first guess no linear model holds: that guess is kept.
             if not np.abs(change).max() <= FAR * known:
                 break
             outputs = trial.outputs + change
@@ -191,7 +191,7 @@ class ArmModel:
         """What friction did in a trial: what the drives gave and the links did not take."""
         motion, columns = state.motion, self._columns
         losses = [self.arm.losses(drive.joint) for drive in self.drives]
-        # What friction did to followers, nobody recorded.
+        # Followers' friction is left out: their motion was not recorded.
         level = self._among(np.array([loss.friction for loss in losses[: len(self.plant.joints)]]))
         speeds = motion.velocities[:, columns]
         torques = np.zeros_like(speeds)

@@ -86,23 +86,23 @@ class Plant:
 
         return prepare(self._scenario(self.reference), self.robot)
 
-    def with_inputs(self, inputs: Array, log_every: int = 1) -> Scenario:
+    def with_inputs(self, inputs: Array) -> Scenario:
         """The scenario that plays `inputs` (n, joints), with the substeps of all trials."""
-        scenario = self._scenario(inputs, log_every)
+        scenario = self._scenario(inputs)
         if self.prepared.stepping.released:
             return scenario
         resolution = self.prepared.resolution
         return replace(scenario, substeps=resolution.substeps, motor_substeps=resolution.motor_substeps)
 
-    def _scenario(self, inputs: Array, log_every: int = 1) -> Scenario:
+    def _scenario(self, inputs: Array) -> Scenario:
         references = dict(self.scenario.references)
         for joint, signals in self._played(inputs).items():
             references[joint] = {**self.scenario.references_of(joint), **signals}
         trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
-        # What the scenario claims is about its own references.
+        # The scenario's claims are about its own references, not about learned inputs.
         return replace(
-            self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=log_every
+            self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=1
         )
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
@@ -145,7 +145,7 @@ def trajectories(scenario: Scenario) -> dict[str, Scenario]:
     return found
 
 
-def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
+def make_plant(scenario: Scenario) -> Plant:
     """The plant of a scenario with an `ilc:` block.
 
     Raises ScenarioError where there is none, or a joint's mode takes no position.
@@ -153,25 +153,21 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
     from asrsim.scenario import apply_to_robot, checked_robot
 
     if not scenario.learning:
-        raise ScenarioError(
-            Problem(message="the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
-        )
-    robot, _ = checked_robot(scenario, robot)
+        raise ScenarioError("the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
+    robot, _ = checked_robot(scenario)
     applied = apply_to_robot(scenario, robot)
     trajectory = scenario.learning.get("trajectory") or {}
     if not trajectory:
         names = tuple(scenario.learning.get("trajectories") or ())
         message = "has several trajectories: one is learned at a time"
-        raise ScenarioError(
-            Problem(message=message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
-        )
+        raise ScenarioError(message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
     unfit = [block for block in blocks if block.mode not in INVERTED_MODES]
     if unfit:
         raise ScenarioError(
             [
                 Problem(
-                    message=f"mode {block.mode} has no position as its first reference to learn",
+                    f"mode {block.mode} has no position as its first reference to learn",
                     key=f"ilc.trajectory.{block.joint}",
                     choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
                     code="mode-not-learned",

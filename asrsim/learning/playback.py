@@ -37,7 +37,7 @@ def playback_data(
     # The error of a replay is that against what was to be learned.
     data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}
-    # A joint's own references replace those for all, so that theirs must stand beside them.
+    # A joint's own entry hides the one for all joints, so it repeats what that one says.
     common = data["references"].get("*", {})
     for joint, drive in zip(plant.joints, plant.drives, strict=True):
         names = drive.mode.references

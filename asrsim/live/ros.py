@@ -13,6 +13,8 @@ from typing import Any
 from asrsim.errors import InputError, Problem
 from asrsim.live.transport import Access, Interface, Received
 
+PROFILES = Path(__file__).with_name("fastdds.xml")
+"""Fast DDS's settings, unless the user names others: ticks must not wait for readers."""
 DEPTH = 1000
 """Messages that a publisher keeps for subscribers that are behind, and a subscription for us."""
 MOST = 1000
@@ -28,8 +30,8 @@ class RosTransport:
     def __init__(self, interface: Interface, access: Access) -> None:
         if not access.network:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        # A message is laid down, and Fast DDS's own threads send it: ticks do not wait for readers.
-        os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
+        older = os.environ.get("ROS_DISTRO") in ("humble", "iron", "jazzy")
+        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE" if older else "FASTDDS_DEFAULT_PROFILES_FILE", str(PROFILES))
         rclpy = load_rclpy()
         from rclpy.context import Context
         from rclpy.signals import SignalHandlerOptions

@@ -12,6 +12,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.plots.rows import metric_tables
+from asrsim.quantities import LIMITS
 from asrsim.report.accuracy import numerical_error
 from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, number, script_json, section, table
@@ -140,7 +141,6 @@ _MEASURES = (
     ("steady_state", "steady state", 1.0), ("steady_state_error", "error", 1.0), ("overshoot", "overshoot (%)", 100.0),
     ("settling", "settling (s)", 1.0), ("frequency", "frequency (Hz)", 1.0), ("peak_deflection", "peak deflection", 1.0),
 )  # fmt: skip
-_LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
 
 
 def _known(value: float | None) -> float:
@@ -163,13 +163,13 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                     f"{joint['actuator']}{mode}",
                     unit,
                     *cells([factor * _known(joint.get(key)) for key, _, factor in _MEASURES]),
-                    *(share(counts.get(key, 0), total) for key in _LIMITS),
+                    *(share(counts.get(key, 0), total) for key in LIMITS),
                 ]
             )
-    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES),
-             "effort limit", "velocity limit", "motor limit", "deflection limit", "joint stop"]  # fmt: skip
+    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES)]
+    heads += LIMITS.values()
     if not limited:
-        heads, rows = heads[: -len(_LIMITS)], [row[: -len(_LIMITS)] for row in rows]
+        heads, rows = heads[: -len(LIMITS)], [row[: -len(LIMITS)] for row in rows]
     note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
     return section("Joints", table(heads, rows) + note) if rows else ""
 

@@ -13,7 +13,7 @@ from asrsim.reproduce.law import RATIO, damping_overrides
 from asrsim.reproduce.motors import qbmove_claims
 from asrsim.reproduce.pictures import curves, films, picture
 from asrsim.reproduce.statics import GRAVITY
-from asrsim.reproduce.tip import tip_path
+from asrsim.samples import TIP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,7 +38,7 @@ BEFORE = 0.01
 def parts(lab: Lab) -> tuple[Part, ...]:
     """As in the paper, and with growing damping."""
     results = lab.pairs(SCENARIO, PRESETS)
-    tips = {name: tip_path(result) for name, result in results.items()}
+    tips = {name: result.bodies[TIP] for name, result in results.items()}
     strips = [
         item for name in PRESETS for item in films(results[name].log, f"figure_14_{name}", f"The {name} arm meets the box.")
     ]
@@ -62,7 +62,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         ),
     )
     damped = {name: lab.run(SCENARIO, name, overrides=damping_overrides(result), log=False) for name, result in results.items()}
-    tips = {name: tip_path(result) for name, result in damped.items()}
+    tips = {name: result.bodies[TIP] for name, result in damped.items()}
     second = Part(
         title="With link damping that grows with the stiffness",
         text=f"The same push with an added damping ratio of {RATIO} at each moment's stiffness.",

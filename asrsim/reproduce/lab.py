@@ -55,7 +55,7 @@ class Lab:
         began = clock.perf_counter()
         scenario = self.scenario(name, variant, overrides)
         if overrides or robot is not None:
-            # What the example claims is about the example as it is.
+            # The example's claims are about the unchanged example.
             scenario = replace(scenario, expect=())
         result = run(scenario, robot=robot, out=out, overwrite=True)
         self.count(result.run.simulated_time, clock.perf_counter() - began)

@@ -12,8 +12,7 @@ from asrsim.reproduce.figure import Part, Table
 from asrsim.reproduce.friction import with_joint_losses
 from asrsim.reproduce.law import RATIO, damping_overrides
 from asrsim.reproduce.ringing import fit_ringing
-from asrsim.reproduce.statics import losses, rest
-from asrsim.reproduce.step_cases import AT, CASES, RESIDUAL, label_of
+from asrsim.reproduce.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
 
 if TYPE_CHECKING:
     from asrsim.api import Result
@@ -23,7 +22,7 @@ DAMPING, FRICTION = 0.065, 0.025
 """N m s/rad, N m: the joint's losses that the paper gives from its section 4.2 on."""
 SLOW = (("awas_ii", "soft"), ("qbmove", "soft"), ("qbmove", "stiff"))
 """Cases whose motion differences over 1 ms resolve."""
-SWINGING = tuple(case for case in CASES if case not in (("awas_ii", "stiff"), ("qbmove", "soft")))
+SWINGING = tuple(case for case in SPRINGS if case not in (("awas_ii", "stiff"), ("qbmove", "soft")))
 """Cases whose swings 1 ms samples well enough, and whose damping leaves swings."""
 
 
@@ -32,7 +31,7 @@ def with_friction(lab: Lab) -> Part:
     from asrsim.robot import load_robot
 
     claims, rows = [], []
-    for case in CASES:
+    for case in SPRINGS:
         name, variant = case
         robot = load_robot(lab.scenario(f"step_1dof_{name}", variant).robot)
         robot = with_joint_losses(robot, damping=DAMPING, friction=FRICTION)

@@ -11,8 +11,7 @@ from asrsim.reproduce.claim import Claim, above, below, near
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.pictures import curves, link_panel, picture
 from asrsim.reproduce.ringing import fit_ringing
-from asrsim.reproduce.statics import STEP, Rest, rest
-from asrsim.reproduce.step_cases import ACTUATORS, AT, CASES, RESIDUAL, label_of
+from asrsim.reproduce.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
 from asrsim.reproduce.step_losses import with_friction, with_growing_damping
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ FINE_TIME = 0.5
 
 def parts(lab: Lab) -> tuple[Part, ...]:
     """All eight cases, three times: as in the paper, with the friction of section 4.2, with growing damping."""
-    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in CASES}
-    rests = {case: rest(case) for case in CASES}
+    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in SPRINGS}
+    rests = {case: rest(case) for case in SPRINGS}
     claims: list[Claim] = []
     rows = []
     for case, result in results.items():

@@ -78,7 +78,7 @@ def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
 
 def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> None:
     bound = max(HEAVY, DENSITY * size**3)
-    # A single rod of a robot without shapes has no size.
+    # A robot of one link without shapes has no size.
     what = f"a robot of {size:.2g} m" if size else "a robot"
     if moves and link.mass is not None and link.mass > bound:
         findings.warn(

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, OutputError, Problem
+from asrsim.errors import AsrsimError, InputError, OutputError
 from asrsim.outfile import check_output, is_ours, is_special
 from asrsim.scenario.data import Scenario
 
@@ -57,7 +57,7 @@ def find_logs(place: Path) -> list[Path]:
         if place.is_dir():
             message = "holds no log of a run (log.mcap), nor does a folder in it"
         hint = "Run a scenario first: asrsim run scenario.yaml"
-        raise InputError(Problem(message=message, file=place, hint=hint, code="no-log"))
+        raise InputError(message, file=place, hint=hint, code="no-log")
     return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
 
 
@@ -127,7 +127,7 @@ def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
     Raises OutputError.
     """
     log, aside = folder / LOG, folder / ASIDE
-    # What a run left aside that was killed is in nobody's way.
+    # A killed run may have left its unfinished log.
     clear([aside])
     path = aside if log in earlier else log
     try:

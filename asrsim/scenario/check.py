@@ -69,7 +69,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
 
 def nothing_moves(robot: Robot) -> Problem:
     """What is said of a robot without a joint that moves."""
-    return Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
+    return Problem("the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
 
 
 def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -114,7 +114,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str = "") -> Problem:
     return Problem(
-        message=f"the robot has no {kind}{noun} '{name}'",
+        f"the robot has no {kind}{noun} '{name}'",
         key=key,
         choices=known,
         hint=did_you_mean(name, known),
@@ -128,7 +128,7 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         mode = MODES[block.mode]
         if mode.command != "torque":
             message = f"'{block.joint}' is in mode {mode.number} ({mode.name}), which the toolbox does not have"
-            yield Problem(message=message, key="stepping", value=scenario.stepping, code="released-mode")
+            yield Problem(message, key="stepping", value=scenario.stepping, code="released-mode")
 
 
 def _task(scenario: Scenario) -> Iterator[Problem]:
@@ -137,7 +137,7 @@ def _task(scenario: Scenario) -> Iterator[Problem]:
         # The rounding of a duration that is counted in steps is no overrun.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
-                message=f"comes after the run's end at {scenario.duration:g} s",
+                f"comes after the run's end at {scenario.duration:g} s",
                 key=f"task.poses.{index}.time",
                 value=pose.time,
                 hint=f"Let the run last at least {pose.time:g} s (duration), or move the pose before its end",
@@ -149,13 +149,10 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for joint in robot.moving_joints:
         key = joint.name if joint.name in scenario.initial_positions else "*"
         position = scenario.initial_positions.get(key)
-        if position is None or joint.kind == "continuous":
-            continue
-        low = -np.inf if joint.lower is None else joint.lower
-        high = np.inf if joint.upper is None else joint.upper
-        if not low <= position <= high:
+        low, high = joint.stops
+        if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
-            yield Problem(message=message, key=f"initial.{key}", value=position, code="initial-limits")
+            yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -165,7 +162,7 @@ def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     body = merge_fixed(robot).robot.root
     if not (body.mass and body.inertia and any(body.inertia)):
         message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in what is fixed to it"
-        yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
+        yield Problem(message, key="base.fixed", value=False, code="massless-base")
 
 
 def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -175,11 +172,11 @@ def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if effects.active and blocks and not any(MODES[block.mode].controller for block in blocks):
             modes = ", ".join(sorted({str(block.mode) for block in blocks}))
             message = f"no controller reads this sensor in mode {modes}: it does nothing"
-            yield Problem(message=message, key=f"effects.sensors.{name}", code="unused-effect")
+            yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
         steps = effects.delay / scenario.step
         if abs(steps - round(steps)) > 1e-6:
             message = "is no whole number of steps and may be rounded"
-            yield Problem(message=message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
+            yield Problem(message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
 
 
 def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
@@ -192,20 +189,20 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             message = "no actuator of the robot has this reference in its mode"
             hint = did_you_mean(name, known)
             key = f"references.*.{name}"
-            yield Problem(message=message, key=key, choices=known, hint=hint, code="unknown-reference"), True
+            yield Problem(message, key=key, choices=known, hint=hint, code="unknown-reference"), True
     for block in robot.actuators:
-        names = _names(block)
+        names = reference_names(block)
         mode = MODES[block.mode]
         own = scenario.references.get(block.joint, {})
         for name in own:
             if name not in names and name in mode.references:
                 message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
-                yield Problem(message=message, key=f"references.{block.joint}.{name}", code="unused-reference"), False
+                yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference"), False
             elif name not in names:
                 message = f"mode {mode.number} ({mode.name}) has no such reference"
                 key = f"references.{block.joint}.{name}"
                 hint = did_you_mean(name, names)
-                yield Problem(message=message, key=key, choices=names, hint=hint, code="unknown-reference"), True
+                yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference"), True
         for slot, name in enumerate(names):
             key = f"references.{block.joint if name in own else '*'}.{name}"
             signal = own.get(name, common.get(name))
@@ -213,12 +210,12 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
                 yield from _values(scenario, block, slot, key, signal)
             elif not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
-                yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
+                yield Problem(message, key=f"references.{block.joint}", code="missing-reference"), False
 
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Ranges of references that no joint has, or not the joint that they stand under."""
-    blocks = {block.joint: _names(block) for block in robot.actuators}
+    blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
         choices = (*sorted(known), "external_torque")
@@ -226,10 +223,10 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             if name not in choices:
                 key, hint = f"reference_ranges.{joint}.{name}", did_you_mean(name, choices)
                 message = "there is no such reference in the mode"
-                yield Problem(message=message, key=key, choices=choices, hint=hint, code="unknown-reference")
+                yield Problem(message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
-def _names(block: ActuatorBlock) -> tuple[str, ...]:
+def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     """References that count for this actuator: one with one motor and no adjuster has no second."""
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references
@@ -255,11 +252,11 @@ def _values(scenario: Scenario, block: ActuatorBlock, slot: int, key: str, signa
         with np.errstate(all="ignore"):
             values = signal.values(time)
     except Exception as error:  # a user's own signal may raise anything
-        yield Problem(message=f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal"), True
+        yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal"), True
         return
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        yield Problem(message=f"is not finite at {time[bad[0]]:g} s", key=key, code="signal"), True
+        yield Problem(f"is not finite at {time[bad[0]]:g} s", key=key, code="signal"), True
         return
     actuator = ACTUATORS.get(block.actuator)
     length: Any = block.values().get("lever_length")
@@ -270,7 +267,7 @@ def _values(scenario: Scenario, block: ActuatorBlock, slot: int, key: str, signa
         if values[worst] >= length:
             message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[worst]:g} s"
             hint = "There the stiffness is infinite: stay below L"
-            yield Problem(message=message, key=key, value=float(values[worst]), hint=hint, code="sigma-limit"), True
+            yield Problem(message, key=key, value=float(values[worst]), hint=hint, code="sigma-limit"), True
         elif values.min() < 0.0:
             message = f"sigma of '{block.joint}' is negative at {time[int(np.argmin(values))]:g} s"
-            yield Problem(message=message, key=key, value=float(values.min()), code="sigma-negative"), False
+            yield Problem(message, key=key, value=float(values.min()), code="sigma-negative"), False

@@ -38,7 +38,7 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     for block in changed.actuators:
         for doubt in block_doubts(block) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
-                yield Problem(message=doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
+                yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     yield from signal_doubts(scenario, changed)
     yield from _not_released(scenario, changed)
 
@@ -47,10 +47,10 @@ def _gravity(scenario: Scenario) -> Iterator[Problem]:
     strength = math.hypot(*scenario.gravity)
     shown = f"{strength:g} m/s^2"
     if strength > STRONGEST:
-        yield Problem(message="is stronger than on any planet (in m/s^2)", key="gravity", value=shown, code="gravity")
+        yield Problem("is stronger than on any planet (in m/s^2)", key="gravity", value=shown, code="gravity")
     elif scenario.gravity[2] > 0.0:
         message = "points upwards: z points up, so weight is negative in z"
-        yield Problem(message=message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
+        yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
 
 
 def _orientations(scenario: Scenario) -> Iterator[Problem]:
@@ -64,7 +64,7 @@ def _orientations(scenario: Scenario) -> Iterator[Problem]:
         if beyond_a_turn(angles):
             shown = ", ".join(f"{angle:g}" for angle in angles)
             message = "turns by more than once round; angles are in rad"
-            yield Problem(message=message, key=key, value=shown, hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
+            yield Problem(message, key=key, value=shown, hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
 
 
 def _effects(scenario: Scenario) -> Iterator[Problem]:
@@ -76,14 +76,14 @@ def _effects(scenario: Scenario) -> Iterator[Problem]:
 def _beyond_reason(scenario: Scenario, key: str, effects: Effects, loudest: float) -> Iterator[Problem]:
     if effects.delay > LATEST or effects.delay >= scenario.duration:
         late = "as long as the run" if effects.delay >= scenario.duration else f"longer than {LATEST:g} s"
-        yield Problem(message=f"is {late} (in s)", key=f"{key}.delay", value=effects.delay, code="long-delay")
+        yield Problem(f"is {late} (in s)", key=f"{key}.delay", value=effects.delay, code="long-delay")
     if effects.rate is not None and effects.rate * scenario.duration < 1.0:
         message = "has one tick in the whole run: the first value is held to the end (in Hz)"
-        yield Problem(message=message, key=f"{key}.rate", value=effects.rate, code="slow-rate")
+        yield Problem(message, key=f"{key}.rate", value=effects.rate, code="slow-rate")
     for name, value in (("noise", effects.noise), ("quantum", effects.quantum)):
         if value > loudest:
             message = "is larger than what it disturbs is likely to be (in the signal's SI unit)"
-            yield Problem(message=message, key=f"{key}.{name}", value=value, code=f"large-{name}")
+            yield Problem(message, key=f"{key}.{name}", value=value, code=f"large-{name}")
 
 
 def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -91,14 +91,14 @@ def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         key = f"link_damping.{name}"
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' does nothing: damping is 2 ratio sqrt(inertia stiffness)"
-            yield Problem(message=message, key=key, value=damping.ratio, code="ratio-without-inertia")
+            yield Problem(message, key=key, value=damping.ratio, code="ratio-without-inertia")
         elif damping.ratio > MOST_RATIO:
             message = "is no damping ratio; at 1 nothing swings"
-            yield Problem(message=message, key=f"{key}.ratio", value=damping.ratio, code="large-damping")
+            yield Problem(message, key=f"{key}.ratio", value=damping.ratio, code="large-damping")
         bounds = [most_damping(robot, joint) for joint in robot.moving_joints if name in (joint.name, "*")]
         if 0.0 < min(bounds, default=0.0) < damping.constant:
             message = "so much damping holds the link still, whatever drives it"
-            yield Problem(message=message, key=f"{key}.constant", value=damping.constant, code="large-damping")
+            yield Problem(message, key=f"{key}.constant", value=damping.constant, code="large-damping")
 
 
 def _samples(scenario: Scenario) -> Iterator[Problem]:
@@ -106,7 +106,7 @@ def _samples(scenario: Scenario) -> Iterator[Problem]:
     apart = scenario.log_every * scenario.step
     if scenario.log_every > 1 and scenario.duration < HANDFUL * apart:
         message = f"leaves {int(scenario.duration / apart + 1e-9) + 1} samples of a run of {scenario.duration:g} s"
-        yield Problem(message=message, key="log_rate", value=f"{1.0 / apart:g} Hz", code="few-samples")
+        yield Problem(message, key="log_rate", value=f"{1.0 / apart:g} Hz", code="few-samples")
 
 
 def _claims(scenario: Scenario) -> Iterator[Problem]:
@@ -117,7 +117,7 @@ def _claims(scenario: Scenario) -> Iterator[Problem]:
         if loose or empty:
             key, value = ("tolerance", claim.tolerance) if loose else ("value", claim.value)
             message = "so far off that the claim holds, or fails, whatever happens"
-            yield Problem(message=message, key=f"expect.{index}.{key}", value=value, code="empty-claim")
+            yield Problem(message, key=f"expect.{index}.{key}", value=value, code="empty-claim")
 
 
 def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -130,4 +130,4 @@ def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ]
         if given:
             message = f"the toolbox's order of a step does not know {', '.join(given)} of '{block.joint}'"
-            yield Problem(message=message, key="stepping", value=scenario.stepping, code="released-model")
+            yield Problem(message, key="stepping", value=scenario.stepping, code="released-model")

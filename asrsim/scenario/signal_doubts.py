@@ -111,7 +111,7 @@ def _late(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
     changed = np.flatnonzero(_values(signal, later) != values[0])
     if changed.size:
         message = f"rests for the whole run of {end:g} s and changes only after its end"
-        yield Problem(message=message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
+        yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
 
 
 def _fast(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
@@ -131,7 +131,7 @@ def _fast(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
     if reach > 0.0 and len(beyond) > max(OFTEN * len(first), 2):
         message = f"changes too fast for steps of {step:g} s, which see another signal"
         value = f"from {first[beyond[0]] * step:.4g} s on"
-        yield Problem(message=message, key=key, value=value, hint="Take a shorter step, or a lower frequency", code="aliased")
+        yield Problem(message, key=key, value=value, hint="Take a shorter step, or a lower frequency", code="aliased")
 
 
 def _presets(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -146,7 +146,7 @@ def _presets(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if largest > limit:
             key = _reference_key(scenario, block, "stiffness_preset")
             message = f"is beyond the deflection limit of the springs of '{block.joint}', {limit:g} rad: they are clipped there"
-            yield Problem(message=message, key=key, value=largest, code="large-preset")
+            yield Problem(message, key=key, value=largest, code="large-preset")
 
 
 def _reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
@@ -162,7 +162,7 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if values.min() < joint.lower or values.max() > joint.upper:
             message = f"leaves the limits of '{name}', {joint.lower:g} to {joint.upper:g}"
             value = f"{values.min():g} to {values.max():g}"
-            yield Problem(message=message, key=key, value=value, code="reference-limits")
+            yield Problem(message, key=key, value=value, code="reference-limits")
 
 
 def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, Array]]:
@@ -200,4 +200,4 @@ def _loads(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if 0.0 < ABSURD * bound < largest:
             message = f"is {largest / bound:.2g} times the arm's own {what}, {bound:.3g} {unit}"
             value: Any = f"{largest:g} {unit}"
-            yield Problem(message=message, key=key, value=value, code="absurd-load")
+            yield Problem(message, key=key, value=value, code="absurd-load")

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.kinds import Boolean, Choice, Optional, Text
-from asrsim.errors import Problem, ScenarioError
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, Vector
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Boolean, Choice, Optional, Text
+from asrsim.errors import ScenarioError
+from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class CartesianTask:
         for before, after in pairwise(pose.time for pose in self.poses):
             if after <= before:
                 message = f"times must ascend, but {after:g} follows {before:g}"
-                raise ScenarioError(Problem(message=message, key="poses", code="order"))
+                raise ScenarioError(message, key="poses", code="order")
 
 
 TASK = block_of(CartesianTask, "Cartesian task")

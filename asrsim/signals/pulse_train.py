@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import Integer, Optional
+from asrsim.document.kinds import POSITIVE, Integer, Optional
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import POSITIVE, between, driven, require, start_time
+from asrsim.signals.common import between, driven, require, start_time
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -62,7 +62,7 @@ def run_bench(
 
 
 def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
-    """Length of each row's step in s, as whoever wrote the times meant it: 0.001 and not 0.0010000000000000009."""
+    """Length of each row's step in s, as the times were meant: 0.001 and not 0.0010000000000000009."""
     if len(time) < 2:
         return [first_step if first_step is not None else (float(time[0]) or 1e-3)]
     steps = np.diff(time)
@@ -121,8 +121,8 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], record: Seq
     torque_1, torque_2, x, v_x, drive_x, _, y, v_y, drive_y, _ = record
     released = drive.stepping.released
     # In mode 4 the released code has stiffness and torques at the motors' old positions.
-    place = (before[0], before[4]) if released and mode.number == 4 else (x, y)
-    stiffness = actuator.stiffness(q, *place, drive.elastic)
+    motors = (before[0], before[4]) if released and mode.number == 4 else (x, y)
+    stiffness = actuator.stiffness(q, *motors, drive.elastic)
     if released and not mode.motor:
         x = y = 0.0
     if not released and actuator.motors == 1 and not actuator.adjuster:

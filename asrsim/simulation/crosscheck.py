@@ -179,7 +179,7 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
                 laggard(tracks).advance()
                 count = min(track.count for track in tracks)
                 if count:
-                    plain, moved = (track.taken(count)[:, COMPARED.index("link_position")] for track in tracks)
+                    plain, moved = (track.take(count)[:, COMPARED.index("link_position")] for track in tracks)
                     largest = max(largest, float(np.max(np.abs(plain - moved), initial=0.0)))
                 if progress is not None:
                     progress("sensitivity", min(track.time for track in tracks))

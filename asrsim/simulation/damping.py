@@ -49,9 +49,11 @@ def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, exp
     damping = np.asarray(dampings, dtype=float)
     root = np.sqrt(np.maximum(damping, 0.0))
     decay = substep * root[:, None] * inverse * root[None, :]
-    fastest = float(np.linalg.eigvalsh(decay)[-1]) if len(decay) else 0.0
-    least = 0.0 if explicit else 0.5
-    weight = max(least, (fastest - 1.0 - RINGING) / (max(fastest, 1e-12) * (1.0 + RINGING)))
+    weight = 0.0 if explicit else 0.5
+    # No mode is faster than all of them together, which are seldom fast enough to be looked at one by one.
+    if decay.trace() > 1.0:
+        fastest = float(np.linalg.eigvalsh(decay)[-1])
+        weight = max(weight, (fastest - 1.0 - RINGING) / (fastest * (1.0 + RINGING)))
     response = weight * substep * inverse
     if coupled is None:
         coupled = bool(np.abs(decay - np.diag(np.diagonal(decay))).max(initial=0.0) > COUPLED)

@@ -22,6 +22,8 @@ NUDGE = 1e-6
 """rad (m) of the differences that give slopes."""
 LONGEST = 0.2
 """rad (m) of a step towards the equilibrium: springs are steep, and gravity turns over."""
+FLAT = 1e-3
+"""N m/rad (N/m) that a joint is believed to be stiff at least."""
 ROUNDS = 200
 
 
@@ -38,12 +40,16 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         goals.append((float(first[0]), float(second[0])))
     external = sampled[2][0]
     sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
-    # An integral action lets nothing sag.
-    q = np.array([goals[j][0] if _holds(drive) else drive.initial_position for j, drive in enumerate(drives)])
+    q = np.array([_unloaded(drive, goals[j]) for j, drive in enumerate(drives)])
     still = np.zeros(len(drives))
 
+    def weight(positions: Array) -> Array:
+        """(joints,) N m. On a robot in free fall gravity pulls all alike; one that stands has its base held."""
+        falls = not scenario.fixed_base and scenario.world.empty
+        return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
+
     def balance(positions: Array) -> Array:
-        held = -np.asarray(model.bias(positions, still)) + external
+        held = external - weight(positions)
         for j in sprung:
             held[j] += link_torque(drives[j], float(positions[j]), goals[j])
         return np.asarray(held[sprung])
@@ -57,29 +63,31 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
             moved = q.copy()
             moved[j] += NUDGE
             slopes[:, column] = (balance(moved) - left) / NUDGE
+        # A spring at its limit has no stiffness, and an overturned link a negative one: both then move the way they are pushed.
+        np.fill_diagonal(slopes, np.minimum(slopes.diagonal(), -FLAT))
         step = np.linalg.lstsq(slopes, -left, rcond=None)[0]
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
         q[sprung] += step
         left = balance(q)
     if len(sprung) and not np.abs(left).max() < 1e3 * BALANCED:
         worst = drives[sprung[int(np.argmax(np.abs(left)))]].name
-        message = f"joint '{worst}' finds no equilibrium: its spring cannot hold it"
+        message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(
             Problem(message=message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
         )
     found = []
     for j, drive in enumerate(drives):
-        place = float(q[j])
+        position = float(q[j])
         positions: tuple[float, ...] | None = None
         integrals: tuple[float, ...] = ()
         if drive.drive and drive.drive.mode.controller:
             if drive.dynamic_motors:
-                positions = resting = resting_motors(drive.drive, place, goals[j])
-                integrals = resting_integrals(drive.drive, place, resting)
+                positions = resting = resting_motors(drive.drive, position, goals[j])
+                integrals = resting_integrals(drive.drive, position, resting)
             elif _holds(drive):
-                load = float(np.asarray(model.bias(q, still))[j] - external[j]) - link_torque(drive, place, goals[j])
+                load = float(weight(q)[j] - external[j]) - link_torque(drive, position, goals[j])
                 integrals = (_limited(drive, load),)
-        found.append(replace(drive, initial_position=place, motor_positions=positions, integrals=integrals))
+        found.append(replace(drive, initial_position=position, motor_positions=positions, integrals=integrals))
     return tuple(found)
 
 
@@ -88,11 +96,20 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> fl
     spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
-        places = resting_motors(drive.drive, q, goals)
-        torque = sum(drive.drive.actuator.elastic_torques(q, *places, drive.elastic))
+        motors = resting_motors(drive.drive, q, goals)
+        torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.passive_stiffness * (drive.joint.spring_reference - q)
+
+
+def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
+    """rad (m) where the joint rests without load; where it is if nothing holds it."""
+    if not (_gives_way(drive) or _holds(drive)):
+        return drive.initial_position
+    if drive.drive is None or not (drive.drive.mode.spring or drive.drive.mode.controller):
+        return drive.joint.spring_reference
+    return drive.drive.actuator.equilibrium_position(*goals) if drive.drive.mode.spring else goals[0]
 
 
 def _gives_way(drive: SteppedJoint) -> bool:

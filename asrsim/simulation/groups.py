@@ -26,7 +26,7 @@ class Group:
     """Motors with dynamics in their modes."""
     drives: tuple[SteppedJoint, ...]
     pick: Any
-    """Picks their rows of an array (joints, n): a slice where they are neighbours, which saves a copy."""
+    """Picks their rows of an array (joints, n), as :func:`picking` says."""
 
     @property
     def elastic(self) -> tuple[Any, ...]:
@@ -57,12 +57,13 @@ def spring_groups(drives: Sequence[SteppedJoint]) -> tuple[Group, ...]:
         if drive.actuator and drive.mode and drive.mode.spring:
             members.setdefault((drive.actuator, drive.dynamic_motors), []).append(j)
     return tuple(
-        Group(actuator=actuator, motors=motors, drives=tuple(drives[j] for j in rows), pick=_pick(rows))
+        Group(actuator=actuator, motors=motors, drives=tuple(drives[j] for j in rows), pick=picking(rows))
         for (actuator, motors), rows in members.items()
     )
 
 
-def _pick(rows: list[int]) -> Any:
+def picking(rows: list[int]) -> Any:
+    """What picks rows of an array: a slice where they are neighbours, which saves a copy."""
     neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
     return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)
 

@@ -157,7 +157,7 @@ class Loop:
         return stepped_stretch(engine, kernel, one, self.joints, friction=bool(self._varying))
 
     def reset(self) -> None:
-        """Joints as at the start of a run; the engine is somebody else's to put there."""
+        """Joints as at the start of a run; the caller sets the engine's state."""
         positions, velocities = self.engine.read()
         count = len(self.drives)
         joints = zip(self.drives, self._sensings, self._flat, positions, velocities, strict=True)
@@ -215,23 +215,23 @@ class Loop:
         """Substeps `start` to `end` of `block`; returns (n, joints, columns) raw records, columns as :data:`RAW`."""
         rows = np.empty((end - start, len(self.drives), len(RAW)))
         first = block.first
-        marks = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH) if self._refreshed else ())
+        pauses = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH) if self._refreshed else ())
         if self.watch is not None:
-            marks |= set(range((-first) % self.every, end, self.every))
+            pauses |= set(range((-first) % self.every, end, self.every))
         position = start
-        for mark in sorted(mark for mark in marks | {end} if start <= mark <= end):
-            if mark > position:
-                self._smooth(block, position, mark, rows[position - start : mark - start])
-                position = mark
-            if mark == end:
+        for pause in sorted(pause for pause in pauses | {end} if start <= pause <= end):
+            if pause > position:
+                self._smooth(block, position, pause, rows[position - start : pause - start])
+                position = pause
+            if pause == end:
                 break
-            if self.watch is not None and (first + mark) % self.every == 0:
-                self.watch(first + mark)
-            if self._refreshed and first + mark:
-                self.refresh_response(first + mark)
-            if first + mark in block.events:
-                rows[mark - start] = self._splits.run(block, mark)
-                position = mark + 1
+            if self.watch is not None and (first + pause) % self.every == 0:
+                self.watch(first + pause)
+            if self._refreshed and first + pause:
+                self.refresh_response(first + pause)
+            if first + pause in block.events:
+                rows[pause - start] = self._splits.run(block, pause)
+                position = pause + 1
         return rows
 
     def _smooth(self, block: Block, start: int, end: int, rows: Array) -> None:

@@ -56,8 +56,8 @@ def joint_row(
         BOUND: drive.joint.friction, COULOMB: drive.joint.friction, STRIBECK: drive.joint.stribeck_friction,
         FADE: 1.0 / drive.joint.stribeck_velocity, SHARE: drive.joint.load_friction,
     }  # fmt: skip
-    for place, value in given.items():
-        row[place] = float(value)
+    for column, value in given.items():
+        row[column] = float(value)
     rings = [_ring(drive, sensing, i, position, velocity) for i in range(2)]
     if compiled:
         state = [float(number) for number in drive.initial_state]

@@ -96,8 +96,8 @@ class Splits:
             if piece.on_time:
                 rows = self._advance_all(piece, k, positions, lagging, velocities, states, 0.0)
                 side = 1
-            looked = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
-            for j, row in enumerate(looked):
+            records = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
+            for j, row in enumerate(records):
                 external = piece.rows[2][j]
                 sides[side, j] += 2.0 * piece.fraction * np.array([*row, external])
                 means[j] += piece.fraction / length * np.array([row[2], row[LINK_TORQUE], external])
@@ -136,15 +136,15 @@ class Splits:
         now = [row[LINK_TORQUE] for row in rows]
         for j, row in enumerate(joints):
             row[BRAKE] = brakes[j] * min(float(free[:, j].sum()) / (2.0 * length), 1.0)
-            for place in range(len(row) - 2 * count, len(row) - count):
-                row[place] = row[place] * length
+            for column in range(len(row) - 2 * count, len(row) - count):
+                row[column] = row[column] * length
         if self._damping is not None:
             self._damping(0, None, self.joints, None, [rows])
         for j, row in enumerate(joints):
-            for place in range(len(row) - 2 * count, len(row) - count):
-                row[place] = row[place] / length
+            for column in range(len(row) - 2 * count, len(row) - count):
+                row[column] = row[column] / length
             held = float(row[BRAKE])
-            # The brake's torque where it acts; the row tells of the time after the jump.
+            # The brake's torque in the share of the kick in which it acts; the row is of the time after the jump.
             drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / held if held else 0.0
             limit = float(row[EFFORT])
             rows[j][LINK_TORQUE] = min(max(now[j] + drag, -limit), limit) if brakes[j] else now[j]

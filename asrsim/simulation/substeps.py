@@ -68,7 +68,7 @@ def reachable_stiffness(
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
-    # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
+    # The released code moves an adjuster by a motor, in mode 4 by a torque: its range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
@@ -87,8 +87,8 @@ def reachable_stiffness(
         pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
         if mode.direct:
-            told = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
-            pull = min(pull, float(np.max(told)))
+            torques = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
+            pull = min(pull, float(np.max(torques)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
             speed = min(fastest, OVERSHOOT * change / interval)
@@ -104,7 +104,7 @@ def reachable_stiffness(
             value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
             best = max(best, value) if math.isfinite(value) else math.inf
     if drive.hysteresis is not None:
-        # Where its motion turns, a spring's hysteresis is a spring beside it.
+        # Where a motion turns round, hysteresis is as stiff as a spring of its torque over its deflection.
         best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
     return best
 
@@ -116,12 +116,12 @@ def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, lim
     law = energy_over_arrays(drive.actuator)
     second = sigma if drive.actuator.adjuster else -spread
 
-    def taken(deflection: float) -> float:
+    def absorbed(deflection: float) -> float:
         points = np.array([-deflection, 0.0])
         stored = law(points, np.full(2, spread), np.full(2, second), drive.elastic)
         return float(stored[0] - stored[1])
 
-    return _largest_below(taken, energy, limit)
+    return _largest_below(absorbed, energy, limit)
 
 
 def _torques(drive: SteppedJoint, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:

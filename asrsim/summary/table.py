@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 
@@ -31,15 +32,10 @@ def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
         Column(heading="settling\ns", cells=cells([joint.measures.settling for joint in joints], "{:.3f}")),
         Column(heading=f"peak defl.\n{length}", cells=cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")),
     ]
-    for heading, counts in (
-        ("effort\nlimit", [joint.effort for joint in joints]),
-        ("velocity\nlimit", [joint.velocity for joint in joints]),
-        ("motor\nlimit", [joint.saturation for joint in joints]),
-        ("deflection\nlimit", [joint.deflection for joint in joints]),
-        ("joint\nstop", [joint.stop for joint in joints]),
-    ):
-        if any(counts):
-            columns.append(Column(heading=heading, cells=tuple(share(count, summary.total_substeps) for count in counts)))
+    for kind, heading in LIMITS.items():
+        found = tuple(share(joint.limits[kind], summary.total_substeps) for joint in joints)
+        if any(joint.limits[kind] for joint in joints):
+            columns.append(Column(heading=heading.replace(" ", "\n"), cells=found))
     return tuple(columns)
 
 
@@ -58,7 +54,7 @@ def headline(summary: RunSummary) -> str:
 
 def limit_note(summary: RunSummary) -> str | None:
     """What the limits' columns mean, if there are any; or that no limit was met."""
-    if any(joint.effort or joint.velocity or joint.saturation or joint.deflection or joint.stop for joint in summary.joints):
+    if any(any(joint.limits.values()) for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
     return "no limit of effort, velocity, motor torque, deflection or position was met"
 

@@ -11,6 +11,7 @@ from typing import Any
 from asrsim.errors import AsrsimError, InputError, Problem, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.metrics import JointSummary
+from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
@@ -24,7 +25,6 @@ from asrsim.sweeps.laws import Values
 from asrsim.sweeps.study import Study
 
 MEASURES = tuple(field.name for field in fields(JointSummary))
-LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
 TIP = ("largest", "rms", "last")
 PROBES = 4096
 """Runs among which the extreme ones are sought."""
