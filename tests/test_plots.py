@@ -17,6 +17,8 @@ from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
+from asrsim.plots.view import split
+from asrsim.plots.world import Curve
 
 pytestmark = pytest.mark.once
 
@@ -256,6 +258,15 @@ def test_what_is_too_fast_for_pixels_or_samples_is_an_envelope(tmp_path: Path, f
     np.testing.assert_allclose(np.abs(middle[:, 1]), 1.0, atol=0.1)
     line = lines(axes)["joint_1.link_torque.0"]
     assert np.isnan(line.get_ydata()).mean() > 0.8
+
+
+def test_a_chirp_turns_into_an_envelope_once_and_for_good():
+    time = np.linspace(0.0, 20.0, 20_001)
+    for offset in (0.0, 0.3, 0.7):
+        curve = Curve(time=time, values=np.sin(2 * np.pi * ((0.5 + offset) * time + 0.1375 * time**2)))
+        hidden = np.isnan(split(curve, 0.0, 20.0, 750.0).line.values)
+        assert hidden[-1]
+        assert np.count_nonzero(np.diff(hidden.astype(int))) == 1
 
 
 def test_slow_motions_steps_and_noise_stay_lines(tmp_path: Path):
