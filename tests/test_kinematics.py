@@ -198,13 +198,6 @@ def test_a_robot_that_starts_elsewhere_is_told_where_to_start():
     assert "one: -" in problem.hint
 
 
-def test_unknown_names_are_reported_together():
-    faulty = CartesianTask(link="hand", poses=line((0.0, 0.35, 0.1)), joints=("three",))
-    with pytest.raises(ScenarioError) as error:
-        plan(faulty, Planar2R(), [qbmove("one", mode=4), qbmove("two")], {}, 1.0)
-    assert [problem.code for problem in error.value.problems] == ["unknown-link", "unknown-joint", "mode-not-planned"]
-
-
 def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
     model = Planar2R()
     drives = [qbmove("one"), qbmove("two")]

@@ -21,6 +21,8 @@ from asrsim.signals.base import Signal
 
 GRID = 2000
 """Points at which a reference is looked at over the duration, besides its jumps."""
+PLANNED_MODES = (1, 2, 3, 5, 6)
+"""Modes whose references are positions: the only ones that a Cartesian path can drive."""
 
 
 def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
@@ -54,7 +56,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _task(scenario))
+    errors.extend(placed(scenario, problem) for problem in _task(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
@@ -131,9 +133,16 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-mode")
 
 
-def _task(scenario: Scenario) -> Iterator[Problem]:
-    """Poses that the run ends before: the robot would never be asked to go there."""
-    for index, pose in enumerate(scenario.task.poses if scenario.task else ()):
+def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Modes that no path can drive, and poses that the run ends before."""
+    if scenario.task is None:
+        return
+    for block in robot.actuators:
+        if block.mode not in PLANNED_MODES:
+            message = f"a Cartesian task drives positions, which mode {block.mode} does not take"
+            choices = tuple(map(str, PLANNED_MODES))
+            yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
+    for index, pose in enumerate(scenario.task.poses):
         # The rounding of a duration that is counted in steps is no overrun.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
