@@ -13,7 +13,12 @@ from random_runs import random_run
 import asrsim
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
 from asrsim.actuators.modes import Mode
+from asrsim.engines import ENGINES
+from asrsim.scenario.data import Scenario
+from asrsim.signals import Constant
+from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
+from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.steppings import STEPPINGS
 from validation.models import Body, chain, column, run
 
@@ -95,3 +100,22 @@ def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> No
     keys = {**replace(given, joints=joints).keys(), "initial": "equilibrium", "duration": 0.1}
     result = simulate(asrsim.make_scenario(given.write(tmp_path), compiled=False, **keys))
     assert np.ptp(result.samples.values["link_position"], axis=0).max() < 1e-8
+
+
+@pytest.mark.parametrize("engine", [name for name in ("mujoco", "bullet") if ENGINES.get(name).available])
+@pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
+def test_other_numbers_have_an_equilibrium_of_their_own(parameters: dict[str, dict[str, float]], engine: str) -> None:
+    robot = chain(*[Body(actuator="sea", **ARM)] * 2)
+    scenario = Scenario(
+        name="other", engine=engine, robot=robot.path, gravity=(0.0, 0.0, -9.81), modes={"*": 6}, duration=0.05,
+        initial_equilibrium=True, references={"*": {"equilibrium_position": Constant(value=FIRST)}}, compiled=False,
+    )  # fmt: skip
+    given = prepare(scenario, robot)
+    with Simulation(given) as simulation, Simulation(given.vary(parameters)) as fresh:
+        before = simulation.observe().link_position
+        simulation.advance(20)
+        simulation.reset(parameters=parameters)
+        assert np.array_equal(simulation.observe().link_position, fresh.observe().link_position)
+        assert not np.array_equal(simulation.observe().link_position, before)
+        simulation.advance(50)
+        np.testing.assert_allclose(simulation.observe().link_position, fresh.observe().link_position, atol=1e-8)

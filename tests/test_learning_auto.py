@@ -57,7 +57,7 @@ def learned(arm, folder, robot=None, *, noise=0.0, **ilc):
         return prepared, learn(prepared.problem, simulate, prepared.settings, law=prepared.law), errors
 
 
-@pytest.mark.parametrize("seed", [1, 5, 6, 10, 17])
+@pytest.mark.parametrize("seed", [5, 6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 10, 17))])
 def test_arms_that_can_follow_do_without_tuning(seed, tmp_path):
     prepared, result, errors = learned(random_arm(seed), tmp_path)
     assert not prepared.out_of_reach
@@ -226,7 +226,7 @@ def test_what_was_learned_does_not_jump_at_the_end(tmp_path):
     assert steps[-300:].max() < 2.0 * steps[1000:-300].max()
 
 
-@pytest.mark.parametrize("seed", [6, 10])
+@pytest.mark.parametrize("seed", [6, pytest.param(10, marks=pytest.mark.slow)])
 def test_masses_stiffnesses_and_delay_are_identified_from_a_trial(seed, tmp_path):
     """From one trial with 1 mrad of noise; inverted again, the robot follows a tenth as far off."""
     arm = random_arm(seed)

@@ -60,7 +60,7 @@ def size_of(residuals: Array) -> float:
 
 
 def swings(residuals: Array, share: float = 0.0) -> bool:
-    """Whether residuals (n,) hold a swing: a band of their spectrum that chance lets stand out so one time in a thousand, and that
+    """Whether residuals (n,) hold a swing: a band of their spectrum that chance lets stand out one time in a thousand, and that
     has more than a share of their power.
 
     Swings fade and change their frequency, so that bands of several widths are tried where the rest is white (but for one lag);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -65,7 +65,13 @@ def align(
                 Problem(message="a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
             )
         return Alignment(lag=float(choice), how="set")
-    require_overlap(time_simulation, time_recording)
+    start = float(time_recording[0] - time_simulation[0])
+    if start and not _overlap(time_simulation, time_recording):
+        # A clock that began long before: sought from where both begin together, and believed where it fits.
+        together = align(time_simulation, simulation, time_recording - start, recording, limit=limit, name=name)
+        if together.how.startswith("not aligned"):
+            require_overlap(time_simulation, time_recording)
+        return replace(together, lag=together.lag + start)
     found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
     if found is None:
         return _unaligned(f"{name} does not move in both", None)
@@ -89,6 +95,10 @@ def align(
 def _unaligned(why: str, found: Lag | None) -> Alignment:
     problem = Problem(message=f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
+
+
+def _overlap(one: Array, other: Array) -> bool:
+    return bool(min(one[-1], other[-1]) > max(one[0], other[0]))
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:

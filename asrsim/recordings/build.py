@@ -112,7 +112,8 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
 def _columns(
     path: Path, raw: Raw, explicit: dict[int, ColumnMap], joints: Sequence[str] | None, findings: list[Problem]
 ) -> list[Column]:
-    plain = [split_header(series.name)[0] for series in raw.series]
+    # The second "angle" of a file is angle#2, and no joint 2.
+    plain = [split_header(re.sub(r"#\d+$", "", series.name))[0] for series in raw.series]
     counted = joint_numbers(plain)
     has_q = has_positions(tokens_of(name) for name in plain)
     named = tuple(dict.fromkeys(series.joint for series in raw.series if series.joint is not None))

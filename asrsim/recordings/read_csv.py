@@ -12,8 +12,8 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.messages import named_joints
-from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
+from asrsim.recordings.messages import mixed_names, named_joints
+from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero, past_midnight
 from asrsim.recordings.time_columns import TIME_WORDS, time_columns
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import Unit, find_unit, split_header, unknown_unit
@@ -39,6 +39,9 @@ def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
 def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float | None, *, form: str = "csv") -> Raw:
     """The series of a table on clean times. Raises RecordingError with what was found and expected."""
     findings = list(table.findings)
+    table, passed = past_midnight(table)
+    if passed is not None:
+        findings.append(Problem(message=passed, file=path, code="midnight"))
     table, epoch = one_zero(table)
     for merge in (merge_seconds, merge_date):
         table, start, merged = merge(table)
@@ -53,6 +56,12 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
     else:
         bases, start = _bases(path, table, names, stated, maps, findings)
         epoch = epoch if start is None else start
+    mixed = mixed_names(table.layout.names, table.layout.text, table.words)
+    if mixed is not None and not maps:
+        raise RecordingError(
+            Problem(message="names other joints from row to row: its columns are of several joints", file=path, key=mixed,
+                    code="mixed-joints", hint="Keep the rows of one publisher, or say with --map what a column is")
+        )  # fmt: skip
     joints = named_joints(table.layout.names, table.words, path.stem)
     series: list[RawSeries] = []
     owner: int | None = None

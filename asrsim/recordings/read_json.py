@@ -13,6 +13,7 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.cells import kind_of
 from asrsim.recordings.delimited import Faults, Table, report, value_of
 from asrsim.recordings.header import unique
+from asrsim.recordings.messages import NAME_FIELDS
 from asrsim.recordings.sniff import Layout, encoding_of
 
 _LONGEST = 64
@@ -98,10 +99,19 @@ def _of(data: Any) -> list[Record]:
         return [_flat(one) for one in data.values()]  # pandas writes records by their index
     tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     if tables:
-        return [_flat(one) for one in max(tables, key=len) if isinstance(one, Mapping)]
-    columns = dict(_columns(data, ""))
+        shared = {key: data[key] for key in NAME_FIELDS if isinstance(data.get(key), list)}
+        return [_flat({**shared, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
+    columns = _of_pairs(dict(_columns(data, "")))
     length = max((len(column) for column in columns.values()), default=0)
     return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]
+
+
+def _of_pairs(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """`{"hip": [[t, q], ...], "knee": [[t, q], ...]}` as one time and a column each; any other as it is."""
+    times = [column for name, column in columns.items() if name.endswith("[0]")]
+    if len(times) < 2 or len(columns) != 2 * len(times) or any(time != times[0] for time in times):
+        return columns
+    return {"time": times[0], **{name.removesuffix("[1]"): column for name, column in columns.items() if name.endswith("[1]")}}
 
 
 def _units(text: str) -> dict[str, str]:

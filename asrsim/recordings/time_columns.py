@@ -43,6 +43,8 @@ TIME_WORDS = {
 """Words that name a time, or say which."""
 _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
+_COUNTERS = {"tick", "ticks", "count", "counts", "counter", "cycle", "cycles", "sample", "samples", "frame", "frames", "index"}
+"""Words of what rises evenly and is no time, for want of what one of it takes."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 
 
@@ -98,13 +100,17 @@ def time_columns(
         i for i in free if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
     ]
     # What counts 0, 1, 2 and is not called a time is an index, no time in ms: pandas writes one, under a blank name.
-    counters = [i for i in rising if _steps_by_one(table.values[:, i]) or _is_index(table, i)]
+    counters = [
+        i for i in rising
+        if _steps_by_one(table.values[:, i]) or _is_index(table, i) or set(tokens_of(names[i])) & _COUNTERS
+    ]  # fmt: skip
     rising = [i for i in rising if i not in counters]
     if counters and not rising:
         nameless = counters[0] in table.layout.unnamed
         which = f"column {counters[0] + 1}, which has no name," if nameless else f"'{labels[counters[0]]}'"
+        what = "the rows" if _steps_by_one(table.values[:, counters[0]]) else "something"
         raise RecordingError(
-            Problem(message=f"no time column found; {which} counts the rows", file=path, code="no-time",
+            Problem(message=f"no time column found; {which} counts {what}", file=path, code="no-time",
                     hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]")
         )  # fmt: skip
     if rising:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from asrsim.engines.base import Engine
+from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
 from asrsim.robot import drive_of
 from asrsim.robot.model import Robot
@@ -15,6 +15,7 @@ from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
@@ -104,8 +105,24 @@ class Prepared:
         """The same with other numbers, without reading or checking files again; substeps stay as they are.
 
         parameters: joint -> name of an actuator's parameter, `damping` or `friction`; link -> `mass`, `x`, `y`, `z` (centre of
-        mass) or `ixx` .. `izz` (about it, in the inertial frame). Raises RobotError naming what is unknown or not physical.
+        mass) or `ixx` .. `izz` (about it, in the inertial frame). A start at equilibrium is sought again. Raises RobotError
+        naming what is unknown or not physical, ScenarioError for an arm that nothing holds.
         """
+        varied = self.with_numbers(parameters)
+        if not self.scenario.initial_equilibrium:
+            return varied
+        engine = varied.make_engine()
+        return replace(varied.settled(engine.model), _spare=[engine])
+
+    def settled(self, model: Model | None) -> Prepared:
+        """The same, beginning at rest where the scenario asks for that; model: of this robot. Raises ScenarioError."""
+        if model is None or not self.scenario.initial_equilibrium:
+            return self
+        drives = at_equilibrium(self.scenario, self.drives, model)
+        return replace(self, drives=drives, initial_positions=tuple(drive.initial_position for drive in drives))
+
+    def with_numbers(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
+        """As :meth:`vary`, with the start as it was."""
         robot = varied_robot(self.robot, parameters)
         blocks = {block.joint: block for block in robot.actuators}
         joints = {joint.name: joint for joint in robot.joints}
