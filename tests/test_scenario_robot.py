@@ -89,6 +89,12 @@ def test_a_fitting_scenario_has_no_problems(load):
             "task.poses.1.time",
             "after the run's end at 2 s",
         ),
+        (
+            "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}]}\nmodes: {vsa: 4}",
+            8,
+            "modes.vsa",
+            "which mode 4 does not take (got 4); choose from 1, 2, 3, 5, 6",
+        ),
         ("ilc: {trajectory: {x: 1}, tolerance: 1}", 7, "ilc.trajectory.x", "no actuated joint"),
         ("expect:\n- {joint: x, quantity: deflection, measure: maximum, value: 1}", 8, "expect.0.joint", "no moving joint"),
     ],

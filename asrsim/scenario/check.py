@@ -17,6 +17,9 @@ from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
 from asrsim.scenario.signal_doubts import over_run, reference_key, signal_doubts, signal_faults
 
+PLANNED_MODES = (1, 2, 3, 5, 6)
+"""Modes whose references are positions: the only ones that a Cartesian path can drive."""
+
 
 def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
     """The scenario's robot as its file has it, read unless given, and warnings. Raises RobotError, or ScenarioError with
@@ -49,7 +52,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _task(scenario))
+    errors.extend(placed(scenario, problem) for problem in _task(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
@@ -129,9 +132,16 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-mode")
 
 
-def _task(scenario: Scenario) -> Iterator[Problem]:
-    """Poses that the run ends before: the robot would never be asked to go there."""
-    for index, pose in enumerate(scenario.task.poses if scenario.task else ()):
+def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Modes that no path can drive, and poses that the run ends before."""
+    if scenario.task is None:
+        return
+    for block in robot.actuators:
+        if block.mode not in PLANNED_MODES:
+            message = f"a Cartesian task drives positions, which mode {block.mode} does not take"
+            choices = tuple(map(str, PLANNED_MODES))
+            yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
+    for index, pose in enumerate(scenario.task.poses):
         # The rounding of a duration that is counted in steps is no overrun.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
