@@ -53,6 +53,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _task(scenario, changed))
+    warnings.extend(placed(scenario, problem) for problem in _default_start(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
@@ -161,6 +162,18 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
             yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
+
+
+def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Joints that start at 0, since nothing else is said, where their limits do not let them be."""
+    if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
+        return
+    for joint in robot.moving_joints:
+        low, high = joint.stops
+        if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
+            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
+            hint = f"Say under `initial` where it starts, such as {low if low > 0.0 else high:g}"
+            yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
