@@ -233,10 +233,14 @@ def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
 
 def _pair(job: PlotJob) -> str:
     """The frequency response in words."""
-    output, given = (
-        (text or default).replace("_", " ") for text, default in ((job.output, OUTPUT), (job.given, "its reference"))
-    )
+    output, given = (_in_words(text) for text in (job.output or OUTPUT, job.given or "its reference"))
     return f"{output} to {given}"
+
+
+def _in_words(series: str) -> str:
+    """`elbow_1.link_torque` as `link torque of elbow_1`."""
+    joint, _, quantity = series.rpartition(".")
+    return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def _judged(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:

@@ -99,8 +99,8 @@ def _of(data: Any) -> list[Record]:
         return [_flat(one) for one in data.values()]  # pandas writes records by their index
     tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     if tables:
-        names = {key: data[key] for key in NAME_FIELDS if isinstance(data.get(key), list)}
-        return [_flat({**names, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
+        shared = {key: data[key] for key in NAME_FIELDS if isinstance(data.get(key), list)}
+        return [_flat({**shared, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
     columns = _of_pairs(dict(_columns(data, "")))
     length = max((len(column) for column in columns.values()), default=0)
     return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]

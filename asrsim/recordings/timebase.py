@@ -83,7 +83,7 @@ def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list
     step = float(np.median(steps)) if len(steps) else 0.0
     if not step or _SLOWEST >= step * factor >= _FASTEST:
         return []
-    others = [unit for unit, other in _SECONDS.items() if other != factor and 2e-5 <= step * other <= 0.2]
+    others = [unit for unit, other in _SECONDS.items() if _FASTEST <= step * other <= 0.2]
     if not others:
         return []
     return [

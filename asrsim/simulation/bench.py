@@ -62,7 +62,7 @@ def run_bench(
 
 
 def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
-    """Length of each row's step in s, as whoever wrote the times meant it: 0.001 and not 0.0010000000000000009."""
+    """Length of each row's step in s, as the times were meant: 0.001 and not 0.0010000000000000009."""
     if len(time) < 2:
         return [first_step if first_step is not None else (float(time[0]) or 1e-3)]
     steps = np.diff(time)

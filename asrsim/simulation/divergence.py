@@ -82,7 +82,7 @@ class EnergyGuard:
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
         if energy is None:
             return None
-        # What springs gave without having it is theirs, and counts once.
+        # Energy that an actuator made (its residual) is reported above; the links are not blamed for it again.
         created = energy - self._start - float(np.sum(given)) - float(np.sum(residual))
         self._fastest = max(self._fastest, kinetic)
         if created > scale + SHARE * self._fastest:

@@ -49,11 +49,9 @@ class EnergyMeter:
 
     def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
         """groups: of the joints with springs; whole: energies of every row are asked for, not only the balance at the last."""
-        self.drives = tuple(drives)
-        self.substep = substep
         self._rows = slice(None) if whole else slice(-1, None)
         self._springs = [_Springs(group, substep, whole=whole) for group in groups]
-        joints = len(self.drives)
+        joints = len(drives)
         self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
         self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
@@ -196,7 +194,7 @@ class _Springs:
 
         moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
         """
-        # Of springs with motors only the ends of a block count, unless somebody wants it all.
+        # Of springs with motors only the ends of a block count, unless all rows are asked for.
         ends = slice(None) if self._whole else [0, -2]
         energy: Array = np.zeros_like(raw[POSITION])
         energy[:, ends] = self._energy(*(raw[column][:, ends] for column in (POSITION, MOTOR_1, MOTOR_2)))
@@ -274,7 +272,7 @@ class _Springs:
     def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Array) -> Array:
         """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
 
-        Where they jump (cut) the link's position at that moment counts: they give what is absorbed. pushed: on hysteresis.
+        In a step in which they jump (cut) their work is what the rest has absorbed, in J. pushed: their work on the hysteresis.
         """
         q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle = 0.5 * (q[:, :-1] + q[:, 1:])
@@ -286,5 +284,5 @@ class _Springs:
         q, theta, place = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
         work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
-        # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
+        # In a step in which it jumps its work is what spring, link and motor have absorbed.
         return np.asarray(np.where(cut, change + spring * (moved - _change(theta)), work))

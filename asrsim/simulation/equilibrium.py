@@ -63,7 +63,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
             moved = q.copy()
             moved[j] += NUDGE
             slopes[:, column] = (balance(moved) - left) / NUDGE
-        # Springs at their limit are flat, and what gravity turns over is pushed on: both go where they are driven.
+        # A spring at its limit has no stiffness, and an overturned link a negative one: both then move the way they are pushed.
         np.fill_diagonal(slopes, np.minimum(slopes.diagonal(), -FLAT))
         step = np.linalg.lstsq(slopes, -left, rcond=None)[0]
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))

@@ -157,7 +157,7 @@ class Loop:
         return stepped_stretch(engine, kernel, one, self.joints, friction=bool(self._varying))
 
     def reset(self) -> None:
-        """Joints as at the start of a run; the engine is somebody else's to put there."""
+        """Joints as at the start of a run; the caller sets the engine's state."""
         positions, velocities = self.engine.read()
         count = len(self.drives)
         joints = zip(self.drives, self._sensings, self._flat, positions, velocities, strict=True)

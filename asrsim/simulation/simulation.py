@@ -1,4 +1,4 @@
-"""A simulation that somebody else steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
+"""A simulation that its user steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
 
 from __future__ import annotations
 

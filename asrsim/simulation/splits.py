@@ -144,7 +144,7 @@ class Splits:
             for column in range(len(row) - 2 * count, len(row) - count):
                 row[column] = row[column] / length
             held = float(row[BRAKE])
-            # The brake's torque where it acts; the row tells of the time after the jump.
+            # The brake's torque in the share of the kick in which it acts; the row is of the time after the jump.
             drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / held if held else 0.0
             limit = float(row[EFFORT])
             rows[j][LINK_TORQUE] = min(max(now[j] + drag, -limit), limit) if brakes[j] else now[j]

@@ -67,7 +67,7 @@ def reachable_stiffness(
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
-    # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
+    # The released code moves an adjuster by a motor, in mode 4 by a torque: its range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
@@ -103,7 +103,7 @@ def reachable_stiffness(
             value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
             best = max(best, value) if math.isfinite(value) else math.inf
     if drive.hysteresis is not None:
-        # Where its motion turns, a spring's hysteresis is a spring beside it.
+        # Where a motion turns round, hysteresis is as stiff as a spring of its torque over its deflection.
         best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
     return best
 

@@ -43,7 +43,7 @@ def fit_together(prepared: Prepared, substeps: int) -> int:
     """Runs of so many substeps that are looked at together while their numbers fit into the processor's cache; 1: none."""
     scenario = prepared.scenario
     if not (scenario.world.empty and scenario.fixed_base) or scenario.task is not None:
-        # What is looked at while the engine is there is nothing for afterwards.
+        # Poses and contacts are asked of the engine as the run goes on: such a run cannot be evaluated later.
         return 1
     return max(1, CHUNK_NUMBERS // (substeps * len(prepared.drives)))
 
@@ -98,7 +98,7 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     for one, (_, mine), fine in zip(tracks, guards, sane, strict=True):
         counts = Counts(**{name: count if name == "substeps" else count[mine] for name, count in vars(recorder.counts).items()})
         run = run_of(simulation, "complete", wall_time=one.wall_time, prepared=one.prepared, counts=counts)
-        # The simulation itself may stand anywhere by now.
+        # The simulation has gone on to other runs: its own time is not this run's.
         runs.append(replace(run, simulated_time=simulation.last * first.substep) if fine else None)
     return runs
 
