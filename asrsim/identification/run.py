@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
-from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
+from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty, whitened
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
@@ -27,6 +27,7 @@ from asrsim.identification.steps import ROUNDS, followed
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
+from asrsim.identification.trust_region import cost_of, solve
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
 from asrsim.workers import cores, executor
