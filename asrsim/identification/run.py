@@ -94,8 +94,6 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
-            for track in setup.tracks:
-                track.held = setup.fitted[0].held
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
                 if not followed(residuals, best.x):
@@ -106,6 +104,8 @@ def _identify(
         except Stopped:
             status = "interrupted"
             residuals.share = 1.0
+    for track in setup.tracks:
+        track.held = best.held
     teller.deaf = True
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
 
