@@ -214,7 +214,8 @@ def _judged(
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += substep_remarks(residuals, x, found) if status == "complete" else []
-    if held := setup.fitted[0].held:
+    held = setup.fitted[0].held
+    if held:
         remarks.append(
             f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
             "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
@@ -242,5 +243,6 @@ def _judged(
         evaluations=counter.evaluations, seconds=clock.perf_counter() - teller.began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
         scenario=setup.scenario, robot=setup.robot, whole=whole,
+        stairs=frozenset(c.source for track in setup.tracks for c in track.data.commands if c.key in held),
         profiles=shapes,
     )  # fmt: skip
