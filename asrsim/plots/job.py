@@ -123,13 +123,13 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
     """
     formats = check_formats(job.formats)
     if job.layout not in LAYOUTS:
-        raise InputError(Problem(message=f"no layout is called '{job.layout}'", key="layout", choices=LAYOUTS))
+        raise InputError(f"no layout is called '{job.layout}'", key="layout", choices=LAYOUTS)
 
     def told(what: str, number: int, count: int) -> Callable[[float], None] | None:
         return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
 
     if not job.logs:
-        raise InputError(Problem(message="no log was named", key="logs", code="no-log"))
+        raise InputError("no log was named", key="logs", code="no-log")
     alone = not job.experiments and not job.bode
     runs = distinct_labels(
         [

@@ -40,7 +40,7 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     for block in changed.actuators:
         for doubt in block_doubts(block) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
-                yield Problem(message=doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
+                yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     yield from _not_released(scenario, changed)
 
 
@@ -97,7 +97,7 @@ def _start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             if fastest * scenario.step > FARTHEST:
                 key = f"initial.{joint.name if joint.name in table else '*'}.{part}"
                 message = f"is more than {FARTHEST:g} a step of {scenario.step:g} s (in rad/s or m/s)"
-                yield Problem(message=message, key=key, value=fastest, code="fast-start")
+                yield Problem(message, key=key, value=fastest, code="fast-start")
     for block in robot.actuators:
         table, place = scenario.initial_motor_positions, for_joint(scenario.initial_positions, block.joint, 0.0)
         places = for_joint(table, block.joint, ())[: ACTUATORS.get(block.actuator).motors]
@@ -106,7 +106,7 @@ def _start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if farthest > limit:
             key = f"initial.{block.joint if block.joint in table else '*'}.motor_positions"
             message = f"is further from the link than its spring reaches, {limit:.4g} rad"
-            yield Problem(message=message, key=key, value=f"{farthest:g} rad", code="far-motor")
+            yield Problem(message, key=key, value=f"{farthest:g} rad", code="far-motor")
 
 
 def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

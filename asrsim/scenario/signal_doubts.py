@@ -39,14 +39,14 @@ def signal_faults(scenario: Scenario) -> Iterator[Problem]:
                 time = _grid(scenario, signal)
                 bad = np.flatnonzero(~np.isfinite(signal.values(time)))
         except Exception as error:  # a user's own signal may raise anything
-            yield Problem(message=f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal")
+            yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal")
             continue
         jumps = len(time) - LOOKS - 1
         if bad.size:
-            yield Problem(message=f"is not finite at {time[bad[0]]:g} s", key=key, code="signal")
+            yield Problem(f"is not finite at {time[bad[0]]:g} s", key=key, code="signal")
         elif jumps > MOST_JUMPS * max(steps, LOOKS):
             message = f"jumps {jumps} times in {steps:.0f} steps, too often to follow"
-            yield Problem(message=message, key=key, code="signal")
+            yield Problem(message, key=key, code="signal")
 
 
 def signal_doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

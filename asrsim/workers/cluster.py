@@ -15,14 +15,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, Problem, SimulationError
+from asrsim.errors import AsrsimError, InputError, SimulationError
 from asrsim.versions import numeric_versions
 from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
 
 PATIENCE = 10.0
 """s that a scheduler, and the first worker, have to answer."""
-PIECE = 2.0
-"""s of work of a task of Dask's: the scheduler takes some milliseconds for each."""
+PIECE, SHARE = 2.0, 0.01
+"""s of work of a task of Dask's, at least, and for each thread: scheduler and client take some 4 ms for every task, and are to
+have time to spare with a thousand threads, too."""
 AHEAD = 3
 """Tasks a worker thread, done or waiting: bounds the memory of scheduler and client."""
 COMPARED = ("python", "asrsim", "numpy", "mujoco-core", "pybullet")
@@ -115,7 +116,7 @@ class Cluster:
                 if data is None and threads:
                     with suppress(OSError):
                         data = self._scatter(sent)
-                slots = AHEAD * max(1, threads)
+                slots, pace.wanted = AHEAD * max(1, threads), max(PIECE, SHARE * threads)
                 while data is not None and waiting and len(pieces) < slots:
                     size = 1 if waiting[0] in alone else pace.size(len(waiting), 2 * slots)
                     numbers = [waiting.popleft() for _ in range(size)]
@@ -190,7 +191,7 @@ def _job_queue(path: Path) -> Any:
 
     def wrong(message: str, choices: tuple[str, ...] = ()) -> InputError:
         hint = "Write for example slurm: {jobs: 10, cores: 8, memory: 16GB, walltime: '02:00:00'}"
-        return InputError(Problem(message=message, file=path, choices=choices, hint=hint, code="cluster"))
+        return InputError(message, file=path, choices=choices, hint=hint, code="cluster")
 
     if not isinstance(data, dict) or len(data) != 1 or next(iter(data)) not in JOBS:
         raise wrong("must name one system of jobs", JOBS)
