@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.identification.fit import solve
 from asrsim.identification.intervals import BLOCKS
 from asrsim.identification.keys import LATEST, Parameter
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.solver import solve
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 

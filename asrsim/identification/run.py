@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
-from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
+from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty, whitened
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
@@ -23,6 +23,7 @@ from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
 from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.solver import cost_of, solve
 from asrsim.identification.steps import ROUNDS, followed
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
