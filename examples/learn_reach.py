@@ -13,37 +13,61 @@ import time
 from pathlib import Path
 
 import numpy as np
+import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
 
 from asrsim.environment.env import State
 from asrsim.environment.reach import distance, make_reach
 
-EPISODES = 20
-STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+EPISODES, LOOKS = 20, 10
+STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 60_000
 FOLDER = Path(sys.argv[2] if len(sys.argv) > 2 else "out/learn_reach")
 
 
-class Watched:
-    """Ends of episodes under a policy, in mm from the goal."""
+class Watched(BaseCallback):
+    """Looks now and then, while a policy learns, how far from their goals its episodes end."""
 
     def __init__(self, envs: VecNormalize) -> None:
-        self.envs, self.last = envs, np.nan
-        self.env = make_reach(terminated=self._look, render_mode="rgb_array")
+        super().__init__()
+        self.envs, self.last, self.began = envs, np.nan, time.perf_counter()
+        self.env = make_reach(terminated=self._note, render_mode="rgb_array")
+        self.curve: list[tuple[int, list[float]]] = []
+        """Control steps, and mm at the end of each episode."""
 
-    def _look(self, state: State) -> bool:
+    def _on_training_start(self) -> None:
+        self._look()
+
+    def _on_rollout_end(self) -> None:
+        if self.num_timesteps >= len(self.curve) * STEPS / LOOKS:
+            self._look()
+
+    def _on_training_end(self) -> None:
+        self._look()
+
+    def _look(self) -> None:
+        steps, ends = self.num_timesteps, self.ends()
+        self.curve.append((steps, ends))
+        taken = time.perf_counter() - self.began
+        print(f"{steps:7d} steps, {taken:4.0f} s: {np.median(ends):.1f} mm from the goal (median)", flush=True)
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _note(self, state: State) -> bool:
         self.last = distance(state)
         return False
 
-    def ends(self, policy: PPO) -> list[float]:
+    def ends(self) -> list[float]:
         """Of the same episodes every time."""
         found = []
         for seed in range(EPISODES):
             observation, _ = self.env.reset(seed=1000 + seed)
             over = False
             while not over:
-                action, _ = policy.predict(self.envs.normalize_obs(observation), deterministic=True)
+                action, _ = self.model.predict(self.envs.normalize_obs(observation), deterministic=True)
                 observation, _, ended, truncated, _ = self.env.step(action)
                 over = ended or truncated
             found.append(1e3 * self.last)
@@ -51,25 +75,23 @@ class Watched:
 
 
 def main() -> None:
-    """Learn in ten parts and look after each."""
+    """Learn, and draw how it went."""
     import matplotlib as mpl
 
     mpl.use("agg")
     import matplotlib.pyplot as plt
 
     FOLDER.mkdir(parents=True, exist_ok=True)
+    # Networks this small lose by more.
+    torch.set_num_threads(1)
     envs = VecNormalize(make_vec_env("asrsim/Reach-v0", n_envs=4, seed=0), gamma=0.95)
     policy = PPO(
-        "MlpPolicy", envs, n_steps=256, batch_size=256, gamma=0.95, seed=0,
-        learning_rate=1e-3, policy_kwargs={"net_arch": [64, 64]}, device="cpu",
+        "MlpPolicy", envs, n_steps=256, batch_size=256, gamma=0.95, seed=0, learning_rate=lambda left: 1e-3 * left,
+        policy_kwargs={"net_arch": [64, 64], "log_std_init": -1.0}, device="cpu",
     )  # fmt: skip
-    watched, began = Watched(envs), time.perf_counter()
-    curve = [(0, watched.ends(policy))]
-    for _ in range(10):
-        policy.learn(STEPS // 10, reset_num_timesteps=False)
-        curve.append((policy.num_timesteps, watched.ends(policy)))
-        steps, ends = curve[-1]
-        print(f"{steps:7d} steps, {time.perf_counter() - began:4.0f} s: {np.median(ends):.1f} mm from the goal (median)")
+    watched = Watched(envs)
+    policy.learn(STEPS, callback=watched)
+    curve = watched.curve
     figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
     steps = [count for count, _ in curve]
     axes.plot(steps, [np.median(ends) for _, ends in curve], marker="o", label="median")

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
-from asrsim.identification import make_task, read_task
+from asrsim.identification import make_task, pool, read_task
 from asrsim.identification.data import Command
 from asrsim.identification.fit import is_loud
 from asrsim.identification.inverse import is_driven_by_torque
@@ -182,6 +182,21 @@ def test_a_spring_of_another_law_does_not_fit(tmp_path):
     right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
     assert right.fits, right.misfit
     assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_derivatives_by_other_processes_are_the_same_bits(lab, monkeypatch):
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
+    alone = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, workers=1)
+    asked, ask = [], pool.Pool.of_tracks
+    monkeypatch.setattr(pool, "LONG", 0.0)
+    monkeypatch.setattr(pool.Pool, "of_tracks", lambda *given: asked.append(ask(*given)) or asked[-1])
+    together = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, workers=3)
+    assert asked
+    assert all(found is not None for found in asked)
+    assert together.x.tolist() == alone.x.tolist()
+    assert together.evaluations == alone.evaluations
+    assert [(one.low, one.high) for one in together.estimates] == [(one.low, one.high) for one in alone.estimates]
 
 
 def test_two_recordings_share_what_is_the_robots(lab):

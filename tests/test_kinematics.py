@@ -146,25 +146,6 @@ def test_a_late_first_pose_is_approached_from_the_start():
     assert positions[:, 0] == pytest.approx([0.0, 0.1, 0.2])
 
 
-@pytest.mark.parametrize(
-    ("poses", "interpolation", "code"),
-    [
-        ((), "linear", "no-poses"),
-        (line((0.0, 0.1, 0.1)), "bezier", "unknown-interpolation"),
-        (line((1.0, 0.1, 0.1), (1.0, 0.2, 0.1)), "linear", "times-not-ascending"),
-        (
-            (*line((0.0, 0.1, 0.1)), CartesianPose(time=1.0, position=(0.2, 0.1, 0.0), rpy=(0.0, 0.0, 0.0))),
-            "linear",
-            "mixed-orientation",
-        ),
-    ],
-)
-def test_faulty_trajectories_are_named(poses, interpolation, code):
-    with pytest.raises(ScenarioError) as error:
-        PoseTrajectory.through(poses, interpolation)
-    assert [problem.code for problem in error.value.problems] == [code]
-
-
 def test_closest_point_of_an_unreachable_pose_lies_on_the_outer_circle():
     reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.6, 0.6, 0.0]), None, np.array([0.1, 0.2]))
     assert reach.point == pytest.approx(np.array([1, 1, 0]) * (A + B) / math.sqrt(2), abs=1e-6)
@@ -215,13 +196,6 @@ def test_a_robot_that_starts_elsewhere_is_told_where_to_start():
     assert problem.code == "start-off-path"
     assert problem.hint is not None
     assert "one: -" in problem.hint
-
-
-def test_unknown_names_are_reported_together():
-    faulty = CartesianTask(link="hand", poses=line((0.0, 0.35, 0.1)), joints=("three",))
-    with pytest.raises(ScenarioError) as error:
-        plan(faulty, Planar2R(), [qbmove("one", mode=4), qbmove("two")], {}, 1.0)
-    assert [problem.code for problem in error.value.problems] == ["unknown-link", "unknown-joint", "mode-not-planned"]
 
 
 def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():

@@ -14,9 +14,11 @@ import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
+from asrsim.live.fastdds import settings
 from asrsim.log import open_log
 from asrsim.runs.repeat import repeat
 
@@ -52,6 +54,33 @@ def test_a_ros_environment_that_does_not_fit_is_told_apart(tmp_path, asrsim_comm
     assert "sourced" in done.err
     assert "env -u PYTHONPATH" in done.err
     assert "Traceback" not in done.err
+
+
+PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+
+
+@pytest.mark.parametrize("network", [False, True])
+def test_fast_dds_is_told_where_to_listen_unless_the_user_did(monkeypatch, network):
+    for name in (PROFILES, RANGE, "ROS_DISTRO"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delitem(sys.modules, "rclpy", raising=False)
+    with settings(network=network):
+        path = Path(os.environ[PROFILES])
+        root = ElementTree.parse(path).getroot()
+        assert os.environ.get(RANGE) == (None if network else "SYSTEM_DEFAULT")
+    said = {element.tag.rpartition("}")[2]: element for element in root.iter()}
+    assert said["useBuiltinTransports"].text == "false"
+    assert ("interfaceWhiteList" in said) == ("initialPeersList" in said) == (not network)
+    assert set(os.environ).isdisjoint({PROFILES, RANGE})
+    assert not path.exists()
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    with settings(network=network):
+        assert PROFILES not in os.environ
+    monkeypatch.delenv("ROS_DISTRO")
+    monkeypatch.setenv(PROFILES, "mine.xml")
+    with settings(network=network):
+        assert os.environ[PROFILES] == "mine.xml"
+        assert os.environ.get(RANGE) == (None if network else "LOCALHOST")
 
 
 @pytest.fixture(scope="session")
@@ -109,10 +138,18 @@ def watch(python, seconds, rate):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+def listening(process):
+    """Addresses (hexadecimal, as Linux lists them) of a process's UDP sockets."""
+    owned = {str(path.readlink()) for path in Path(f"/proc/{process.pid}/fd").iterdir()}
+    lines = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    return {line[1].split(":")[0] for line in lines if f"socket:[{line[9]}]" in owned}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["jazzy", "kilted"])
 def test_a_peer_hears_every_topic_and_moves_the_arm(server, peers, name):
     process, folder = server
+    assert listening(process) == {"0100007F"}
     seen = watch(peers(name), 4.0, 100)
     assert len(seen["outlets"]) >= 20
     assert set(seen["outlets"]) - {"/robot_description"} == set(seen["counts"])

@@ -30,8 +30,8 @@ FREE = {"motor_1_damping": 0.0, "motor_1_friction_torque": 0.0, "motor_1_max_tor
 DC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 20.0, "motor_1_resistance": 2.0, "motor_1_inertia": 0.02}
 """n k_t = 1 N m/A, R = 2 ohm: (n k_t)^2 / R = 0.5 N m s/rad, a time constant of 40 ms."""
 EVERYTHING = {
-    "stribeck_friction": 0.03, "stribeck_velocity": 0.2, "load_friction": 0.1, "torque_constant": 0.05, "gear_ratio": 30.0,
-    "resistance": 3.0, "max_voltage": 12.0, "max_current": 3.0,
+    "stribeck_friction": 0.03, "stribeck_velocity": 0.2, "load_friction": 0.1, "friction_stiffness": 300.0,
+    "torque_constant": 0.05, "gear_ratio": 30.0, "resistance": 3.0, "max_voltage": 12.0, "max_current": 3.0,
 }  # fmt: skip
 
 
@@ -182,6 +182,13 @@ def test_a_joint_rubs_by_its_load(engine: str) -> None:
         )
         moved = 0.5 * max(torque * 0.8 - 0.1, 0.0) / INERTIA * 0.25
         assert column(result, "link_position")[-1] == pytest.approx(moved, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 1000.0, 5000.0])
+def test_a_motor_that_sticks_gives_way_by_its_bristles(stiffness: float) -> None:
+    numbers = {"motor_1_friction_torque": 0.5, "motor_1_friction_stiffness": stiffness, "motor_1_damping": 2.0}
+    result = bench(4, {**FREE, **numbers, "spring_stiffness": 1e-12}, references={"motor_1_torque": 0.2}, duration=0.5)
+    assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
 
 
 def test_a_motor_rubs_by_its_load() -> None:

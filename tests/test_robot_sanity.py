@@ -251,6 +251,13 @@ SCENARIOS = {
     "absurd-load": "external_torques: {elbow: {step: {at: 1, to: -1e6}}}",
     "absurd-load force": "wrenches: [{link: arm, force: [null, null, 1e4]}]",
     "absurd-load torque": "wrenches: [{link: arm, torque: [{pulse_train: {high: 100, period: 1, width: 0.0001}}, null, null]}]",
+    "absurd-load of a mode": "modes: 0\nreferences: {'*': {link_torque: {step: {at: 1, to: 100}}}}",
+    "absurd-load of a motor": "modes: 4\nreferences: {elbow: {motor_1_torque: -100}}",
+    "fast-start": "initial: {elbow: {velocity: -2000}}",
+    "fast-start of a motor": "initial: {'*': {motor_velocities: [2000]}}",
+    "far-motor": "initial: {elbow: {position: 0.2, motor_positions: [50]}}",
+    "unused-tolerance": "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, "
+    "tolerance: 0.1}]",
     "large-damping": "link_damping: {elbow: {constant: 1e6}}",
     "large-damping ratio": "link_damping: {'*': {ratio: 1e6, inertia: 0.01}}",
     "few-samples": "log_rate: 2",
@@ -288,11 +295,31 @@ def test_what_a_scenario_hardly_means_is_told_of(case: str, tiny) -> None:
         "references: {elbow: {equilibrium_position: {multisine: {amplitude: 0.1, frequencies: [1, 20, 300]}}}}",
         "references: {elbow: {equilibrium_position: {pulse_train: {high: 0.1, period: 0.003, width: 0.0014}}}}",
         "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
+        "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
         "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
     ],
 )  # fmt: skip
 def test_what_is_meant_is_not_doubted(more: str, tiny) -> None:
     assert not warned(tiny, more)
+
+
+@pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",
+                                    "{pulse_train: {high: 1, period: 1e-5, width: 5e-6}}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "place",
+    [
+        "external_torques: {elbow: %s}", "wrenches: [{link: arm, force: [0, %s, 0]}]", "desired: {elbow: %s}",
+        "engine: bench\nmotion: {elbow: %s}", "references: {elbow: {equilibrium_position: %s}}",
+        "ilc: {trajectory: {elbow: %s}, tolerance: 1}",
+    ],
+)  # fmt: skip
+def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: str, signal: str, tiny) -> None:
+    base = "" if "references:" in place else tiny.scenario.read_text().split("duration: 1.5\n")[1]
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{place % signal}\n")
+    (scenario,) = load_scenario(tiny.scenario)
+    errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
+    assert [problem.code for problem in errors] == ["signal"]
+    assert errors[0].line
 
 
 def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:

@@ -5,12 +5,12 @@ Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Point
+from asrsim.engines.base import Model, Point
 from asrsim.engines.foreign import quiet
 from asrsim.robot.poses import Pose
 from asrsim.samples import Array
@@ -21,12 +21,12 @@ class BulletModel:
     """See :class:`asrsim.engines.base.Model`. The robot is `body`, whose moving joints Bullet numbers `indices`.
 
     gravity: m/s^2, as the client has it; fixed: the base is held; links: link of the file -> Bullet's number of the body that
-    it is part of, and its pose in that body's frame.
+    it is part of, and its pose in that body's frame; other: a model of the same robot by another engine.
     """
 
     def __init__(
         self, p: Any, client: int, body: int, indices: Sequence[int], *, joints: tuple[str, ...], gravity: Vector, fixed: bool,
-        links: Mapping[str, tuple[int, Pose]],
+        links: Mapping[str, tuple[int, Pose]], other: Callable[[], Model],
     ) -> None:  # fmt: skip
         self._p, self._client, self._body = p, client, body
         self._indices = list(indices)
@@ -42,7 +42,13 @@ class BulletModel:
         if indices:
             # Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
             with quiet():
-                self.mass_matrix(self._zero)
+                try:
+                    self.mass_matrix(self._zero)
+                except SystemError:
+                    # Bullet steps links with inertias that no body has, but its dynamics decline them.
+                    instead = other()
+                    for name in ("mass_matrix", "bias", "inverse_dynamics", "link_point"):
+                        setattr(self, name, getattr(instead, name))
 
     def index_of(self, link: str) -> int:
         """Bullet's number of the body that a link of the file is part of."""

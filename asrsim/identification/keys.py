@@ -59,7 +59,8 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
         values, prismatic = block.values(), robot.joint(block.joint).kind == "prismatic"
         for one in ACTUATORS.get(block.actuator).all_parameters():
             start = values[one.name]
-            loss = any(word in one.name for word in ("damping", "friction", "hysteresis_torque"))
+            lossy = any(word in one.name for word in ("damping", "friction", "hysteresis_torque"))
+            loss = lossy and not one.name.endswith("_stiffness")
             low, high = one.minimum, one.maximum
             logarithmic = low >= 0.0 and start > 0.0 and math.isfinite(start) and not loss
             if logarithmic:

@@ -18,6 +18,7 @@ from asrsim.identification.judge import HELD, channel_fits, coarse_joints, forei
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import settled
+from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
@@ -28,6 +29,7 @@ from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
+from asrsim.workers import cores, executor
 
 
 def identify(
@@ -39,6 +41,7 @@ def identify(
     begin: Mapping[str, float] | None = None,
     check: bool = False,
     profiled: bool = False,
+    workers: int | None = None,
     **options: Any,
 ) -> Result:
     """Fit parameters to recordings: everything that `asrsim identify` does but the files.
@@ -52,6 +55,7 @@ def identify(
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
         check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
+        workers: processes that evaluate derivatives of long fits, None: one a core; results are the same bits.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
@@ -59,19 +63,21 @@ def identify(
     """
     task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
     with ExitStack() as stack:
-        return _identify(set_up(task, stack), progress, stop, begin or {}, check=check, profiled=profiled)
+        setup, count = set_up(task, stack), cores() if workers is None else workers
+        pool = Pool(task, stack.enter_context(executor(count, task.plugins)) if count > 1 else None)
+        return _identify(setup, pool, progress, stop, begin or {}, check=check, profiled=profiled)
 
 
 def _identify(
-    setup: Setup, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, begin: Mapping[str, float],
-    *, check: bool, profiled: bool,
+    setup: Setup, pool: Pool, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None,
+    begin: Mapping[str, float], *, check: bool, profiled: bool,
 ) -> Result:  # fmt: skip
     task, layout = setup.task, setup.layout
     teller = Teller(progress, stop)
     counter = Counter(tell=teller.tick)
     teller.counter = counter
     weights = [[Weights(c.floor) for c in track.channels] for track in setup.tracks]
-    residuals = Residuals(setup.fitted, layout, weights, setup.ends, counter)
+    residuals = Residuals(setup.fitted, layout, weights, setup.ends, counter, pool)
     start = np.zeros(len(layout))
     for i, entry in enumerate(layout.entries):
         if entry.name in begin:

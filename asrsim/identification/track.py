@@ -192,6 +192,8 @@ class Track:
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
         """Run with so many substeps from now on."""
+        if (substeps, motor_substeps) == (self.prepared.resolution.substeps, self.prepared.resolution.motor_substeps):
+            return
         scenario = replace(self.scenario, substeps=substeps, motor_substeps=motor_substeps)
         self.prepared = prepare(scenario, self._robot)
         self.evaluation.close()

@@ -23,8 +23,6 @@ PLAN_STEP = 2e-3
 """s, grid on which the inverse kinematics runs; between, references are straight lines."""
 ORIENTATION_TOLERANCE = 0.01
 """rad by which an orientation may be missed before it counts as unreachable."""
-PLANNED_MODES = (1, 2, 3, 5, 6)
-"""Modes whose references are positions: the only ones that a path can drive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +69,8 @@ def plan(
     loads that a spring or motor cannot hold.
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
-    moving = _moving(task, model, drives)
+    driven = task.joints or tuple(drive.joint for drive in drives)
+    moving = np.array([joint in driven for joint in model.joints])
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     _check_poses(task, model, trajectory, start, moving)
     count = max(round(duration / PLAN_STEP), 1)
@@ -102,34 +101,6 @@ def plan(
         equilibria=np.column_stack(columns) if columns else np.empty((len(time), 0)),
         joints=tuple(drive.joint for drive in drives),
     )
-
-
-def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[Drive]) -> NDArrayBool:
-    """Which of the model's joints the task may move; problems with names, all at once."""
-    driven = tuple(drive.joint for drive in drives)
-    problems = []
-    if task.link not in model.links:
-        problems.append(Problem("no such link", key="task.link", value=task.link, choices=model.links, code="unknown-link"))
-    problems += [
-        Problem("no such actuated joint", key="task.joints", value=name, choices=driven, code="unknown-joint")
-        for name in task.joints
-        if name not in driven
-    ]
-    problems += [
-        Problem(
-            f"a Cartesian task drives positions, which mode {drive.mode.number} does not take",
-            key=f"modes.{drive.joint}",
-            value=drive.mode.number,
-            choices=tuple(str(mode) for mode in PLANNED_MODES),
-            code="mode-not-planned",
-        )
-        for drive in drives
-        if drive.mode.number not in PLANNED_MODES
-    ]
-    if problems:
-        raise ScenarioError(problems)
-    chosen = task.joints or driven
-    return np.array([joint in chosen for joint in model.joints])
 
 
 def _check_poses(

@@ -24,10 +24,11 @@ from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.recorded import recorded
-from asrsim.learning.report import trial_data, write_json
+from asrsim.learning.report import trial_data
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.table import write_inputs
 from asrsim.learning.trial import Law, Trial, trial_of
+from asrsim.outfile import write_json
 from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
 from asrsim.runs.lock import owned

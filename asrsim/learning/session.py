@@ -32,10 +32,11 @@ from asrsim.learning.perturb import outputs_of
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
-from asrsim.learning.report import demand_data, result_data, transfer_data, write_json
+from asrsim.learning.report import demand_data, result_data, transfer_data
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
 from asrsim.learning.trial import LearningResult, Trial, worst
+from asrsim.outfile import write_json
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 from asrsim.workers import Executor, executor

@@ -10,11 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
+from asrsim.live.fastdds import settings
 from asrsim.live.transport import Access, Interface, Received
 
-PROFILES = Path(__file__).with_name("fastdds.xml")
-"""Fast DDS's settings, unless the user names others: ticks must not wait for readers."""
 DEPTH = 1000
 """Messages that a publisher keeps for subscribers that are behind, and a subscription for us."""
 MOST = 1000
@@ -28,29 +27,10 @@ class RosTransport:
     """A node with the run's topics, services and parameters."""
 
     def __init__(self, interface: Interface, access: Access) -> None:
-        if not access.network:
-            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        older = os.environ.get("ROS_DISTRO") in ("humble", "iron", "jazzy")
-        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE" if older else "FASTDDS_DEFAULT_PROFILES_FILE", str(PROFILES))
-        rclpy = load_rclpy()
-        from rclpy.context import Context
-        from rclpy.signals import SignalHandlerOptions
-
         self.lost = 0
         self._interface = interface
-        self._context = Context()
-        try:
-            rclpy.init(
-                context=self._context, domain_id=access.domain, signal_handler_options=SignalHandlerOptions.NO
-            )  # fmt: skip
-            namespace, _, name = interface.node.strip("/").rpartition("/")
-            self._node = rclpy.create_node(
-                name, namespace=namespace or None, context=self._context, use_global_arguments=False, enable_rosout=False
-            )  # fmt: skip
-        except Exception as error:  # of rclpy's own kinds
-            self._context.try_shutdown()
-            message = f"ROS 2 cannot be started: {type(error).__name__}: {error}"
-            raise InputError(Problem(message=message, hint=_cure(), code="ros")) from error
+        with settings(network=access.network):
+            self._context, self._node = self._begin(load_rclpy(), access)
         skipped = self._publish_all()
         self._subscriptions = [self._subscribe(number) for number in range(len(interface.inlets))]
         self._numbers: dict[tuple[int, bytes], int] = {}
@@ -65,6 +45,23 @@ class RosTransport:
             self.where += f" (without topics of {names}, which are not installed here)"
 
     # -- setting up -------------------------------------------------------------------------------------------------
+
+    def _begin(self, rclpy: Any, access: Access) -> tuple[Any, Any]:
+        """Context and node."""
+        from rclpy.context import Context
+        from rclpy.signals import SignalHandlerOptions
+
+        context = Context()
+        namespace, _, name = self._interface.node.strip("/").rpartition("/")
+        try:
+            rclpy.init(context=context, domain_id=access.domain, signal_handler_options=SignalHandlerOptions.NO)
+            return context, rclpy.create_node(
+                name, namespace=namespace or None, context=context, use_global_arguments=False, enable_rosout=False
+            )  # fmt: skip
+        except Exception as error:  # of rclpy's own kinds
+            context.try_shutdown()
+            message = f"ROS 2 cannot be started: {type(error).__name__}: {error}"
+            raise InputError(message, hint=_cure(), code="ros") from error
 
     def _publish_all(self) -> set[str]:
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -209,13 +206,13 @@ def load_rclpy() -> Any:
     ours = spec is not None and "site-packages" in (spec.origin or "")
     if ours and foreign:
         message = f"a ROS environment is sourced: its libraries in {foreign[0]} stand before those of this Python's own rclpy"
-        raise InputError(Problem(message=message, hint=_cure(), code="ros-sourced"))
+        raise InputError(message, hint=_cure(), code="ros-sourced")
     try:
         return import_module("rclpy")
     except Exception as error:  # a library of another build may fail on import in any way
         where = f" of {spec.origin}" if spec is not None and spec.origin else ""
         message = f"rclpy{where} cannot be loaded: {str(error).strip().splitlines()[0] if str(error) else type(error).__name__}"
-        raise InputError(Problem(message=message, hint=_cure(), code="ros-sourced")) from error
+        raise InputError(message, hint=_cure(), code="ros-sourced") from error
 
 
 def _cure() -> str:

@@ -166,7 +166,8 @@ def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] |
     """The highest peak that is 5 % above the low end and inside the band, refined by a parabola through three points."""
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
-    if not 0 < i < len(f) - 1 or trusted[i] < 1.05 * _low_gain(gain):
+    # The last that is believed is an end, too.
+    if not trusted[:i].any() or not trusted[i + 1 :].any() or trusted[i] < 1.05 * _low_gain(gain):
         return None
     x, y = f[i - 1 : i + 2] - f[i], gain[i - 1 : i + 2]
     a, b, c = np.polyfit(x, y, 2)

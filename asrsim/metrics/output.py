@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from asrsim import __version__
-from asrsim.outfile import write_text
+from asrsim.outfile import write_json, write_text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +32,7 @@ _FIELDS = ("source", "joint", "quantity", "measure", "value", "unit")
 def write_metrics_json(path: Path, rows: Sequence[MetricRow]) -> None:
     """Writes `metrics.json`: a list of rows; undefined numbers are null. Raises OutputError."""
     data = [{**row.__dict__, "value": row.value if math.isfinite(row.value) else None} for row in rows]
-    write_text(path, json.dumps({"generator": f"asrsim {__version__}", "metrics": data}, indent=2) + "\n", "json")
+    write_json(path, {"metrics": data})
 
 
 def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.recordings.cells import kind_of
 from asrsim.recordings.delimited import Faults, Table, report, value_of
 from asrsim.recordings.header import unique
@@ -39,8 +39,8 @@ def read_json(path: Path) -> Table:
     units = _units(text)
     if len(records) < 2 or not labels:
         raise RecordingError(
-            Problem(message=f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
-                    hint="Expected records with a time and signals: one a line, a list of them, or lists by name")
+            f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
+            hint="Expected records with a time and signals: one a line, a list of them, or lists by name",
         )  # fmt: skip
     columns = [[record.get(label, "") for record in records] for label in labels]
     kinds = [kind_of(cells, ".") for cells in columns]
@@ -82,7 +82,7 @@ def _records(text: str, path: Path) -> tuple[list[Record], list[int]]:
         said, place = type(whole).__name__, None
         if isinstance(whole, json.JSONDecodeError):
             said, place = whole.msg, whole.lineno
-        raise RecordingError(Problem(message=f"cannot be read as JSON: {said}", file=path, line=place, code="bad-json"))
+        raise RecordingError(f"cannot be read as JSON: {said}", file=path, line=place, code="bad-json")
     return records, bad
 
 

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.errors import RecordingError, did_you_mean
 from asrsim.quantities import PRISMATIC_UNITS
 
 
@@ -149,12 +149,10 @@ def parse_unit(text: str) -> Unit:
     unit = find_unit(text)
     if unit is None:
         raise RecordingError(
-            Problem(
-                message="is not a unit that is known here",
-                value=text,
-                hint=did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}",
-                code="unknown-unit",
-            )
+            "is not a unit that is known here",
+            value=text,
+            hint=did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}",
+            code="unknown-unit",
         )
     return unit
 

@@ -46,6 +46,7 @@ _MOTOR_TAGS = {
     "stribeck_friction": "tauStribeck",
     "stribeck_velocity": "velStribeck",
     "load_friction": "fricLoad",
+    "friction_stiffness": "fricStiff",
     "torque_constant": "kt",
     "resistance": "R",
     "gear_ratio": "gear",

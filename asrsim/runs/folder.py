@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import AsrsimError, InputError, OutputError
-from asrsim.outfile import check_output, is_ours, is_special
+from asrsim.outfile import check_output, is_special, remove_ours
 from asrsim.scenario.data import Scenario
 
 LOG = "log.mcap"
@@ -111,12 +111,7 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, in
 def clear(files: Iterable[Path]) -> None:
     """Take away an earlier run's files, so that none of them stands beside the new run's."""
     for path in files:
-        if not is_ours(path, _kind(path.name)):
-            continue
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot replace it: {error.strerror or error}") from error
+        remove_ours(path, _kind(path.name))
 
 
 @contextmanager

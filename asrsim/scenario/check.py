@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
-from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
 from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
-from asrsim.signals.base import Signal
+from asrsim.scenario.signal_doubts import over_run, reference_key, signal_doubts, signal_faults
 
-GRID = 2000
-"""Points at which a reference is looked at over the duration, besides its jumps."""
+PLANNED_MODES = (1, 2, 3, 5, 6)
+"""Modes whose references are positions: the only ones that a Cartesian path can drive."""
 
 
 def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
@@ -54,11 +52,15 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _task(scenario))
+    errors.extend(placed(scenario, problem) for problem in _task(scenario, changed))
+    warnings.extend(placed(scenario, problem) for problem in _default_start(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
-    for problem, fatal in _references(scenario, changed):
+    faults = list(signal_faults(scenario))
+    errors.extend(placed(scenario, problem) for problem in faults)
+    warnings.extend(placed(scenario, problem) for problem in ([] if faults else signal_doubts(scenario, changed)))
+    for problem, fatal in (*_references(scenario, changed), *(() if faults else _sigma(scenario, changed))):
         (errors if fatal else warnings).append(placed(scenario, problem))
     if not errors:
         from asrsim.kinematics.sizing import holding_findings
@@ -131,9 +133,16 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-mode")
 
 
-def _task(scenario: Scenario) -> Iterator[Problem]:
-    """Poses that the run ends before: the robot would never be asked to go there."""
-    for index, pose in enumerate(scenario.task.poses if scenario.task else ()):
+def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Modes that no path can drive, and poses that the run ends before."""
+    if scenario.task is None:
+        return
+    for block in robot.actuators:
+        if block.mode not in PLANNED_MODES:
+            message = f"a Cartesian task drives positions, which mode {block.mode} does not take"
+            choices = tuple(map(str, PLANNED_MODES))
+            yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
+    for index, pose in enumerate(scenario.task.poses):
         # The rounding of a duration that is counted in steps is no overrun.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
@@ -153,6 +162,18 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
             yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
+
+
+def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Joints that start at 0, since nothing else is said, where their limits do not let them be."""
+    if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
+        return
+    for joint in robot.moving_joints:
+        low, high = joint.stops
+        if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
+            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
+            hint = f"Say under `initial` where it starts, such as {low if low > 0.0 else high:g}"
+            yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -203,12 +224,8 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
                 key = f"references.{block.joint}.{name}"
                 hint = did_you_mean(name, names)
                 yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference"), True
-        for slot, name in enumerate(names):
-            key = f"references.{block.joint if name in own else '*'}.{name}"
-            signal = own.get(name, common.get(name))
-            if signal is not None:
-                yield from _values(scenario, block, slot, key, signal)
-            elif not made_elsewhere(scenario, block.joint):
+        for name in names:
+            if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference"), False
 
@@ -241,33 +258,21 @@ def made_elsewhere(scenario: Scenario, joint: str) -> bool:
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
 
-def _grid(scenario: Scenario, signal: Signal) -> Array:
-    end = scenario.duration
-    return np.sort(np.concatenate([np.linspace(0.0, end, GRID + 1), signal.jumps(0.0, end)]))
-
-
-def _values(scenario: Scenario, block: ActuatorBlock, slot: int, key: str, signal: Signal) -> Iterator[tuple[Problem, bool]]:
-    try:
-        time = _grid(scenario, signal)
-        with np.errstate(all="ignore"):
-            values = signal.values(time)
-    except Exception as error:  # a user's own signal may raise anything
-        yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal"), True
-        return
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        yield Problem(f"is not finite at {time[bad[0]]:g} s", key=key, code="signal"), True
-        return
-    actuator = ACTUATORS.get(block.actuator)
-    length: Any = block.values().get("lever_length")
-    # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
-    torque = block.mode == 4 and released_order(scenario.stepping)
-    if slot == 1 and actuator.adjuster and length is not None and len(MODES[block.mode].references) == 2 and not torque:
-        worst = int(np.argmax(values))
-        if values[worst] >= length:
-            message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[worst]:g} s"
+def _sigma(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
+    """References of adjusters that their lever does not reach: (problem, whether it is an error)."""
+    for block in robot.actuators:
+        names, values = MODES[block.mode].references, block.values()
+        signal = scenario.references_of(block.joint).get(names[-1])
+        # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
+        torque = block.mode == 4 and released_order(scenario.stepping)
+        if signal is None or len(names) < 2 or torque or not ACTUATORS.get(block.actuator).adjuster:
+            continue
+        key, length = reference_key(scenario, block, names[1]), values.get("lever_length", np.inf)
+        time, sigma = over_run(scenario, signal)
+        if (largest := float(sigma.max())) >= length:
+            message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[np.argmax(sigma)]:g} s"
             hint = "There the stiffness is infinite: stay below L"
-            yield Problem(message, key=key, value=float(values[worst]), hint=hint, code="sigma-limit"), True
-        elif values.min() < 0.0:
-            message = f"sigma of '{block.joint}' is negative at {time[int(np.argmin(values))]:g} s"
-            yield Problem(message, key=key, value=float(values.min()), code="sigma-negative"), False
+            yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit"), True
+        elif (least := float(sigma.min())) < 0.0:
+            message = f"sigma of '{block.joint}' is negative at {time[np.argmin(sigma)]:g} s"
+            yield Problem(message, key=key, value=least, code="sigma-negative"), False

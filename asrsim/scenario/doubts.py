@@ -11,8 +11,7 @@ from asrsim.robot import Robot
 from asrsim.robot.attributes import beyond_a_turn
 from asrsim.robot.sanity import block_doubts, most_damping
 from asrsim.scenario.choices import released_order
-from asrsim.scenario.data import Effects, Scenario
-from asrsim.scenario.signal_doubts import signal_doubts
+from asrsim.scenario.data import Effects, Scenario, for_joint
 
 STRONGEST = 30.0
 """m/s^2; Jupiter's gravity is 24.8."""
@@ -20,6 +19,8 @@ LATEST = 1.0
 """s of delay."""
 LOUDEST = {"commands": 5.0, "sensors": 1.0}
 """Standard deviation of noise, and quantisation steps, in the signal's unit (most often rad)."""
+FARTHEST = 1.0
+"""rad or m in a step."""
 MOST_RATIO = 100.0
 HANDFUL = 5
 """Samples between which a log shows nothing."""
@@ -33,13 +34,13 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _orientations(scenario)
     yield from _effects(scenario)
     yield from _damping(scenario, changed)
+    yield from _start(scenario, changed)
     yield from _samples(scenario)
     yield from _claims(scenario)
     for block in changed.actuators:
         for doubt in block_doubts(block) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
                 yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
-    yield from signal_doubts(scenario, changed)
     yield from _not_released(scenario, changed)
 
 
@@ -86,6 +87,28 @@ def _beyond_reason(scenario: Scenario, key: str, effects: Effects, loudest: floa
             yield Problem(message, key=f"{key}.{name}", value=value, code=f"large-{name}")
 
 
+def _start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Starts at which a link or motor is past where a step ends, or a motor where its spring cannot follow."""
+    motors = scenario.initial_motor_velocities
+    links = {name: (speed,) for name, speed in scenario.initial_velocities.items()}
+    for joint in robot.moving_joints:
+        for table, part in ((links, "velocity"), (motors, "motor_velocities")):
+            fastest = max(map(abs, for_joint(table, joint.name, ())), default=0.0)
+            if fastest * scenario.step > FARTHEST:
+                key = f"initial.{joint.name if joint.name in table else '*'}.{part}"
+                message = f"is more than {FARTHEST:g} a step of {scenario.step:g} s (in rad/s or m/s)"
+                yield Problem(message, key=key, value=fastest, code="fast-start")
+    for block in robot.actuators:
+        table, place = scenario.initial_motor_positions, for_joint(scenario.initial_positions, block.joint, 0.0)
+        places = for_joint(table, block.joint, ())[: ACTUATORS.get(block.actuator).motors]
+        farthest = max((abs(one - place) for one in places), default=0.0)
+        limit = min(block.values().get("max_deflection", math.inf), math.tau)
+        if farthest > limit:
+            key = f"initial.{block.joint if block.joint in table else '*'}.motor_positions"
+            message = f"is further from the link than its spring reaches, {limit:.4g} rad"
+            yield Problem(message, key=key, value=f"{farthest:g} rad", code="far-motor")
+
+
 def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for name, damping in scenario.link_damping.items():
         key = f"link_damping.{name}"
@@ -118,6 +141,9 @@ def _claims(scenario: Scenario) -> Iterator[Problem]:
             key, value = ("tolerance", claim.tolerance) if loose else ("value", claim.value)
             message = "so far off that the claim holds, or fails, whatever happens"
             yield Problem(message, key=f"expect.{index}.{key}", value=value, code="empty-claim")
+        elif claim.tolerance and claim.comparison != "==":
+            message = f"does nothing beside {claim.comparison}: it belongs to =="
+            yield Problem(message, key=f"expect.{index}.tolerance", value=claim.tolerance, code="unused-tolerance")
 
 
 def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

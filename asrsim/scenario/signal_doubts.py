@@ -1,10 +1,9 @@
-"""What the signals of a scenario hardly mean: changes that come too late or too fast, places and loads beyond the arm."""
+"""What the signals of a scenario cannot be, and hardly mean: changes too late or too fast, places and loads beyond the arm."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -27,18 +26,38 @@ OFTEN = 0.05
 """Share of the steps that do so, from which on it is no accident."""
 ABSURD = 100.0
 """Times the arm's own weight, or its moment, that no load on it is."""
+MOST_JUMPS = 100
+"""Jumps a step that are still worked through."""
+
+
+def signal_faults(scenario: Scenario) -> Iterator[Problem]:
+    """Errors: signals that fail, that are not finite, or that jump more often than anybody would wait for."""
+    steps = scenario.duration / scenario.step
+    for key, signal in _signals(scenario):
+        try:
+            with np.errstate(all="ignore"):
+                time = _grid(scenario, signal)
+                bad = np.flatnonzero(~np.isfinite(signal.values(time)))
+        except Exception as error:  # a user's own signal may raise anything
+            yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal")
+            continue
+        jumps = len(time) - LOOKS - 1
+        if bad.size:
+            yield Problem(f"is not finite at {time[bad[0]]:g} s", key=key, code="signal")
+        elif jumps > MOST_JUMPS * max(steps, LOOKS):
+            message = f"jumps {jumps} times in {steps:.0f} steps, too often to follow"
+            yield Problem(message, key=key, code="signal")
 
 
 def signal_doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings about the signals of a scenario on its robot, as the scenario changes it. What fails is an error of its own."""
-    with np.errstate(all="ignore"):
-        for key, signal in _signals(scenario):
-            for part, one in _parts(key, signal):
-                yield from _late(scenario, part, one)
-                yield from _fast(scenario, part, one)
-        yield from _presets(scenario, robot)
-        yield from _beyond_limits(scenario, robot)
-        yield from _loads(scenario, robot)
+    """Warnings about the signals of a scenario on its robot, as the scenario changes it; none of them is at fault."""
+    for key, signal in _signals(scenario):
+        for part, one in _parts(key, signal):
+            yield from _late(scenario, part, one)
+            yield from _fast(scenario, part, one)
+    yield from _presets(scenario, robot)
+    yield from _beyond_limits(scenario, robot)
+    yield from _loads(scenario, robot)
 
 
 def _signals(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
@@ -81,34 +100,36 @@ def _parts(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
         yield from _parts(f"{key}.sum.{index}", term)
 
 
-def _values(signal: Signal, time: Array) -> Array:
-    """Values at `time` (n,); none where the signal fails or is not finite."""
-    try:
-        values = np.asarray(signal.values(time), dtype=float)
-    except Exception:  # a user's own signal may raise anything
-        return np.empty(0)
-    return values if np.isfinite(values).all() else np.empty(0)
-
-
-def _over_run(scenario: Scenario, signal: Signal) -> Array:
-    """Values over the run, its jumps among them; none where the signal fails."""
+def _grid(scenario: Scenario, signal: Signal) -> Array:
+    """Times of the run in order, the signal's jumps among them."""
     end = scenario.duration
-    try:
-        jumps = signal.jumps(0.0, end)
-    except Exception:
-        return np.empty(0)
-    return _values(signal, np.concatenate([np.linspace(0.0, end, LOOKS + 1), jumps]))
+    return np.sort(np.concatenate([np.linspace(0.0, end, LOOKS + 1), signal.jumps(0.0, end)]))
+
+
+def over_run(scenario: Scenario, signal: Signal) -> tuple[Array, Array]:
+    """Times of `_grid`, and values there."""
+    time = _grid(scenario, signal)
+    return time, signal.values(time)
+
+
+def _extremes(scenario: Scenario, signal: Signal) -> tuple[float, float]:
+    """The least and the largest value over the run."""
+    _, values = over_run(scenario, signal)
+    return float(values.min()), float(values.max())
 
 
 def _late(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
     """A signal that rests for the whole run and changes after its end."""
     end = scenario.duration
-    values = _over_run(scenario, signal)
-    if not values.size or np.ptp(values) > 0.0 or signal.jumps(0.0, end).size:
+    least, largest = _extremes(scenario, signal)
+    if largest > least or signal.jumps(0.0, end).size:
         return
-    # Changes later than a hundred times the run are no slip of a digit.
-    later = np.sort(np.concatenate([signal.jumps(end, 100.0 * end), np.linspace(end, 100.0 * end, 2001)]))
-    changed = np.flatnonzero(_values(signal, later) != values[0])
+    try:
+        # Changes later than a hundred times the run are no slip of a digit.
+        later = np.sort(np.concatenate([signal.jumps(end, 100.0 * end), np.linspace(end, 100.0 * end, 2001)]))
+        changed = np.flatnonzero(signal.values(later) != least)
+    except Exception:
+        return  # what a signal is after the run's end is no fault of the run
     if changed.size:
         message = f"rests for the whole run of {end:g} s and changes only after its end"
         yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
@@ -119,9 +140,7 @@ def _fast(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
     steps, step = int(scenario.duration / scenario.step), scenario.step
     first = np.unique(np.linspace(0, max(steps - 1, 0), LOOKS).astype(int))
     # The ends from within: what jumps from step to step jumps in none.
-    start, end, *between = (_values(signal, (first + share) * step) for share in (1e-6, 1.0 - 1e-6, *BETWEEN))
-    if not all(one.size for one in (start, end, *between)):
-        return
+    start, end, *between = (signal.values((first + share) * step) for share in (1e-6, 1.0 - 1e-6, *BETWEEN))
     lines = [start + (end - start) * share for share in BETWEEN]
     off = np.max(np.abs(np.subtract(between, lines)), axis=0)
     reach = np.ptp([start, end, *between])
@@ -142,31 +161,32 @@ def _presets(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         limit = block.values().get("max_deflection", math.inf)
         if signal is None or actuator.adjuster or actuator.motors < 2 or "stiffness_preset" not in names:
             continue
-        largest = float(np.abs(_over_run(scenario, signal)).max(initial=0.0))
+        largest = max(map(abs, _extremes(scenario, signal)))
         if largest > limit:
-            key = _reference_key(scenario, block, "stiffness_preset")
+            key = reference_key(scenario, block, "stiffness_preset")
             message = f"is beyond the deflection limit of the springs of '{block.joint}', {limit:g} rad: they are clipped there"
             yield Problem(message, key=key, value=largest, code="large-preset")
 
 
-def _reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
+def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
+    """Where the reference of a joint stands in the scenario."""
     return f"references.{block.joint if name in scenario.references.get(block.joint, {}) else '*'}.{name}"
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Places at which a link is wanted, and which its joint's limits do not let it reach."""
-    for key, name, values in _places(scenario, robot):
+    for key, name, least, largest in _places(scenario, robot):
         joint = robot.joint(name)
-        if joint.kind == "continuous" or joint.lower is None or joint.upper is None or not values.size:
+        if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
             continue
-        if values.min() < joint.lower or values.max() > joint.upper:
+        if least < joint.lower or largest > joint.upper:
             message = f"leaves the limits of '{name}', {joint.lower:g} to {joint.upper:g}"
-            value = f"{values.min():g} to {values.max():g}"
+            value = f"{least:g} to {largest:g}"
             yield Problem(message, key=key, value=value, code="reference-limits")
 
 
-def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, Array]]:
-    """Key, joint, and the link's positions that references ask for, and `desired` and the like."""
+def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float, float]]:
+    """Key, joint, and the extremes of the link's positions that references ask for, and `desired` and the like."""
     time = np.linspace(0.0, scenario.duration, 501)
     for block in robot.actuators:
         mode, actuator, given = MODES[block.mode], ACTUATORS.get(block.actuator), scenario.references_of(block.joint)
@@ -174,30 +194,34 @@ def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, Array]
         if mode.units[0] != "rad" or first not in given:
             continue
         if first != "reference_1" or actuator.motors < 2:
-            yield _reference_key(scenario, block, first), block.joint, _over_run(scenario, given[first])
+            yield reference_key(scenario, block, first), block.joint, *_extremes(scenario, given[first])
         elif second in given:
-            motors = zip(_values(given[first], time), _values(given[second], time), strict=False)
-            places = np.array([actuator.equilibrium_position(*pair) for pair in motors])
-            yield _reference_key(scenario, block, first), block.joint, places
+            motors = zip(given[first].values(time), given[second].values(time), strict=True)
+            places = [actuator.equilibrium_position(*pair) for pair in motors]
+            yield reference_key(scenario, block, first), block.joint, min(places), max(places)
     for section, table in _wanted(scenario).items():
         for joint in robot.moving_joints:
             signal = for_joint(table, joint.name)
             if signal is not None:
                 key = f"{section}.{joint.name if joint.name in table else '*'}"
-                yield key, joint.name, _over_run(scenario, signal)
+                yield key, joint.name, *_extremes(scenario, signal)
 
 
 def _loads(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Loads from outside that are out of all proportion to the arm."""
+    """Loads, from outside and as references, that are out of all proportion to the arm."""
     force, torque = own_weight(robot)
-    loads: list[tuple[str, Signal, str]] = list(_wrenches(scenario))
-    for name, signal in scenario.external_torques.items():
-        sliding = any(joint.kind == "prismatic" for joint in robot.moving_joints if name in (joint.name, "*"))
-        loads.append((f"external_torques.{name}", signal, "force" if sliding else "torque"))
-    for key, signal, kind in loads:
+    loads = {key: (signal, kind) for key, signal, kind in _wrenches(scenario)}
+    driven = [(name, f"external_torques.{name}", signal) for name, signal in scenario.external_torques.items()]
+    for block in robot.actuators:
+        given, mode = scenario.references_of(block.joint), MODES[block.mode]
+        torques = [name for name, unit in zip(mode.references, mode.units, strict=True) if unit == "N m" and name in given]
+        driven += [(block.joint, reference_key(scenario, block, name), given[name]) for name in torques]
+    for joint, key, signal in driven:
+        sliding = any(one.kind == "prismatic" for one in robot.moving_joints if joint in (one.name, "*"))
+        loads[key] = signal, "force" if sliding else "torque"
+    for key, (signal, kind) in loads.items():
         bound, unit, what = (force, "N", "weight") if kind == "force" else (torque, "N m", "weight at its full length")
-        largest = float(np.abs(_over_run(scenario, signal)).max(initial=0.0))
+        largest = max(map(abs, _extremes(scenario, signal)))
         if 0.0 < ABSURD * bound < largest:
             message = f"is {largest / bound:.2g} times the arm's own {what}, {bound:.3g} {unit}"
-            value: Any = f"{largest:g} {unit}"
-            yield Problem(message, key=key, value=value, code="absurd-load")
+            yield Problem(message, key=key, value=f"{largest:g} {unit}", code="absurd-load")

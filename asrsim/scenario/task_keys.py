@@ -55,6 +55,9 @@ class CartesianTask:
             if after <= before:
                 message = f"times must ascend, but {after:g} follows {before:g}"
                 raise ScenarioError(message, key="poses", code="order")
+        if len({pose.rpy is None for pose in self.poses}) > 1:
+            message = "either all poses have an orientation (rpy) or none"
+            raise ScenarioError(message, key="poses", code="mixed-orientation")
 
 
 TASK = block_of(CartesianTask, "Cartesian task")

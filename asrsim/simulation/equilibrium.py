@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.actuators.rest import resting_integrals, resting_motors
 from asrsim.engines.base import Model
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
@@ -72,9 +72,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     if len(sprung) and not np.abs(left).max() < 1e3 * BALANCED:
         worst = drives[sprung[int(np.argmax(np.abs(left)))]].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
-        raise ScenarioError(
-            Problem(message=message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
-        )
+        raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
     found = []
     for j, drive in enumerate(drives):
         position = float(q[j])

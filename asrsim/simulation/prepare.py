@@ -50,7 +50,7 @@ def prepare(
         scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
     elif variant not in (None, scenario.variant) or overrides:
         message = "a scenario that is made already takes no variant and no overrides"
-        raise InputError(Problem(message=message, hint="Give them where it is made", code="usage"))
+        raise InputError(message, hint="Give them where it is made", code="usage")
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
@@ -179,7 +179,7 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
     """
     problems = [
         Problem(
-            message=f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
+            f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
             line=drive.joint.line,
             key=drive.name,
             hint=f"Give link '{drive.joint.child}' an inertia",
@@ -196,11 +196,9 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
         share = np.abs(vectors[:, 0])
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
-            Problem(
-                message=f"joints {names} can move against each other without moving any mass: their motion is not defined",
-                hint="Give the links between them inertias",
-                code="massless-motion",
-            )
+            f"joints {names} can move against each other without moving any mass: their motion is not defined",
+            hint="Give the links between them inertias",
+            code="massless-motion",
         )
 
 

@@ -82,7 +82,7 @@ class Prepared:
         names = tuple(drive.name for drive in self.drives)
         if joint not in names:
             hint = did_you_mean(joint, names)
-            raise InputError(Problem(message=f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint"))
+            raise InputError(f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint")
         j = names.index(joint)
         mode = self.drives[j].mode
         known = mode.references if mode else ()
@@ -90,7 +90,7 @@ class Prepared:
             return j, 2
         if reference not in known:
             message = f"joint '{joint}' has no reference '{reference}'"
-            raise InputError(Problem(message=message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference"))
+            raise InputError(message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference")
         return j, known.index(reference)
 
     def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from asrsim.errors import InputError, Problem, SimulationError
+from asrsim.errors import InputError, SimulationError
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -204,7 +204,7 @@ class Simulation:
             self._inputs.held.pop((j, slot), None)
         else:
             if not math.isfinite(value):
-                raise InputError(Problem(message=f"{reference} of '{joint}' must be finite", code="reference-value"))
+                raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
             low, high = self.prepared.range_of(joint, reference)
             value = min(max(float(value), low), high)
             if self._inputs.held.get((j, slot)) == value:

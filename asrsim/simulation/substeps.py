@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
@@ -238,6 +237,6 @@ def _motor_frequency(drive: SteppedJoint, stiffness: float) -> float:
         if drive.mode and drive.mode.controller:
             springs += drive.electric(index).gain * drive.values[f"controller_{index}_proportional"]
         if any(drive.values[f"motor_{index}_{name}"] for name in FRICTIONS):
-            springs += FRICTION_STIFFNESS
+            springs += drive.values[f"motor_{index}_friction_stiffness"]
         frequency = max(frequency, math.sqrt(max(springs, 0.0) / drive.values[f"motor_{index}_inertia"]))
     return frequency

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from asrsim.summary.collect import Seen
 
 NEAR = 1e-2
-"""rad or m within which a joint rests on a stop, or at its reference."""
+"""rad or m within which a joint rests on a stop, or at its reference; of a short travel, the share."""
 STILL = 1e-6
 """rad or m by which a joint that its friction holds may move."""
 
@@ -82,8 +82,9 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
     for joint in joints:
         limits = run.robot.joint(joint.name)
         rest, error = joint.measures.steady_state, joint.measures.steady_state_error
-        stops = [stop for stop in limits.stops if abs(rest - stop) < NEAR]
-        if joint.stop and stops and not abs(error) < NEAR:
+        near = NEAR * min(1.0, limits.stops[1] - limits.stops[0])
+        stops = [stop for stop in limits.stops if abs(rest - stop) < near]
+        if joint.stop and stops and not abs(error) < near:
             unit = "m" if joint.prismatic else "rad"
             message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""

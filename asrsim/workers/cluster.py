@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, Problem, SimulationError
+from asrsim.errors import AsrsimError, InputError, SimulationError
 from asrsim.versions import numeric_versions
 from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
 
@@ -194,7 +194,7 @@ def _job_queue(path: Path) -> Any:
 
     def wrong(message: str, choices: tuple[str, ...] = ()) -> InputError:
         hint = "Write for example slurm: {jobs: 10, cores: 8, memory: 16GB, walltime: '02:00:00'}"
-        return InputError(Problem(message=message, file=path, choices=choices, hint=hint, code="cluster"))
+        return InputError(message, file=path, choices=choices, hint=hint, code="cluster")
 
     if not isinstance(data, dict) or len(data) != 1 or next(iter(data)) not in JOBS:
         raise wrong("must name one system of jobs", JOBS)

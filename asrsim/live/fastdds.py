@@ -1,0 +1,67 @@
+"""Fast DDS's settings for a live run, which ROS's own interface does not reach: where it listens, and how it sends."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_LOCAL = "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>"
+_PROFILES = """\
+<?xml version="1.0" encoding="UTF-8" ?>
+<dds><profiles xmlns="http://www.eprosima.com">
+  <transport_descriptors><transport_descriptor>
+    <transport_id>udp</transport_id><type>UDPv4</type><maxInitialPeersRange>32</maxInitialPeersRange>{whitelist}
+  </transport_descriptor></transport_descriptors>
+  <participant profile_name="asrsim" is_default_profile="true"><rtps>
+    <builtin>{discovery}</builtin>
+    <userTransports><transport_id>udp</transport_id></userTransports>
+    <useBuiltinTransports>false</useBuiltinTransports>
+  </rtps></participant>
+  <data_writer profile_name="asrsim" is_default_profile="true"><times>
+    <heartbeat_period><sec>0</sec><nanosec>50000000</nanosec></heartbeat_period>
+    <nack_supression_duration><sec>0</sec><nanosec>20000000</nanosec></nack_supression_duration>
+  </times></data_writer>
+</profiles></dds>
+"""
+"""UDP alone: after a peer that was killed or stopped, shared memory is opened and closed again for every message. Publishers
+ask every 50 ms, not every 3 s, what has come, or what nobody has confirmed piles up; and they wait 20 ms before they send
+again, or every message sets a timer of its own, which wakes a thread."""
+_LOCAL_PEERS = (
+    "<metatrafficUnicastLocatorList><locator/></metatrafficUnicastLocatorList>"
+    "<initialPeersList><locator><udpv4><address>127.0.0.1</address></udpv4></locator></initialPeersList>"
+)
+
+
+@contextmanager
+def settings(*, network: bool) -> Iterator[None]:
+    """In force for the participant that is made within; what the user has set stands above them.
+
+    network: also other machines; else the sockets are bound to 127.0.0.1. Fast DDS reads its settings once: where rclpy is at
+    work already, ROS's own way to be local remains, which listens on all interfaces and takes no part of what comes there.
+    """
+    # Until Jazzy the variable had another name.
+    older = os.environ.get("ROS_DISTRO") in ("humble", "iron", "jazzy")
+    variable = "FASTRTPS_DEFAULT_PROFILES_FILE" if older else "FASTDDS_DEFAULT_PROFILES_FILE"
+    changes = {} if network else {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
+        if variable not in os.environ and "rclpy" not in sys.modules:
+            path = Path(folder) / "fastdds.xml"
+            path.write_text(_PROFILES.format(whitelist="" if network else _LOCAL, discovery="" if network else _LOCAL_PEERS))
+            changes[variable] = str(path)
+            if not network:
+                # ROS's own way to be local would bring shared memory back, and listen on all interfaces.
+                changes["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+        before = {name: os.environ.get(name) for name in changes}
+        os.environ.update(changes)
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
