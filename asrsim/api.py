@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import Problem, ScenarioError, SimulationError, did_you_mean
+from asrsim.errors import ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write_summary
 from asrsim.runs.lock import owned
@@ -241,7 +241,7 @@ def _load(
         loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
     elif overrides or file is not None or variant not in (None, scenario.variant):
         message = "a scenario that is made already takes no overrides, no variant and no robot file"
-        raise ScenarioError(Problem(message=message, hint="Give them where it is made", code="usage"))
+        raise ScenarioError(message, hint="Give them where it is made", code="usage")
     else:
         loaded = (scenario,)
     return tuple(with_plugins(one, [Path(path) for path in plugins]) for one in loaded)

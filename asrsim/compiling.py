@@ -53,12 +53,11 @@ def compile_function(
 
     signature = tuple(type_of(value) for value in arguments)
 
-    def compiled(copy: types.FunctionType, kept: bool) -> Callable[..., Any]:
-        dispatcher: Any = numba.njit(signature, cache=kept)(copy)
+    def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
+        dispatcher: Any = numba.njit(signature, cache=cached)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
-        # The function itself, round the dispatcher that would look at the types of every call again. The dispatcher owns its
-        # machine code, so whoever holds the one must hold the other.
+        # The machine code itself: the dispatcher would check the types at every call. It owns that code, so it is kept alive.
         def call(*values: Any) -> Any:
             return entry(*values)
 
@@ -94,8 +93,8 @@ def compile_packed(
 
     kind = type_of(record)
 
-    def compiled(copy: types.FunctionType, kept: bool) -> PackedFunction:
-        callback: Any = numba.cfunc(numba.types.void(numba.types.intp, numba.types.intp), cache=kept)(copy)
+    def compiled(copy: types.FunctionType, cached: bool) -> PackedFunction:
+        callback: Any = numba.cfunc(numba.types.void(numba.types.intp, numba.types.intp), cache=cached)(copy)
         binding.add_symbol(copy.__name__, callback.address)
         call = ctypes.CFUNCTYPE(None, ctypes.c_ssize_t, ctypes.c_ssize_t)(callback.address)
         return PackedFunction(copy.__name__, call, callback)
@@ -177,7 +176,7 @@ def _through_cache(
     version: str,
     inline: tuple[str, ...],
 ) -> T:
-    """compiled(copy, kept) of a copy of the function that carries the digest of all its code; kept: Numba may keep it.
+    """compiled(copy, cached) of a copy of the function that carries the digest of all its code; cached: Numba may cache it.
 
     This process has each only once: loading what is kept costs as much as thousands of substeps.
     """
@@ -185,24 +184,24 @@ def _through_cache(
 
     ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
-    kept = _kept(digest)
-    known = digest, kept
-    if known in _loaded:
-        _loaded.move_to_end(known)
-        return _loaded[known]  # type: ignore[no-any-return]
+    cached = _cache_file(digest)
+    key = digest, cached
+    if key in _loaded:
+        _loaded.move_to_end(key)
+        return _loaded[key]  # type: ignore[no-any-return]
     try:
-        made = compiled(_marked(function, names, digest, kept, inline), kept is not None)
+        made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
     except Exception:
-        # What is kept may be damaged, or the folder not be ours to write: do without.
+        # The cache may be damaged or not writable: compile without it.
         made = compiled(_marked(function, names, digest, None, inline), False)
-    _loaded[known] = made
+    _loaded[key] = made
     if len(_loaded) > LOADED:
         _loaded.popitem(last=False)
     return made
 
 
 def _marked(
-    function: Any, names: Mapping[str, Any], digest: str, kept: Path | None, inline: tuple[str, ...]
+    function: Any, names: Mapping[str, Any], digest: str, cached: Path | None, inline: tuple[str, ...]
 ) -> types.FunctionType:
     import numba
 
@@ -216,10 +215,10 @@ def _marked(
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         return numba.njit(copy, forceinline=copy.__module__ in inline, **options)
 
-    copy: types.FunctionType = rebind(function, wrap=wrap, names=names, mark=f"_{digest}")
-    if kept is not None:
+    copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
+    if cached is not None:
         # Numba keeps code beside the file that it believes a function to be from.
-        copy.__code__ = copy.__code__.replace(co_filename=str(kept))
+        copy.__code__ = copy.__code__.replace(co_filename=str(cached))
     return copy
 
 
@@ -241,7 +240,7 @@ def _plain(code: types.CodeType) -> Any:
     return [code.co_code.hex(), constants, code.co_names, code.co_varnames, code.co_freevars]
 
 
-def _kept(digest: str) -> Path | None:
+def _cache_file(digest: str) -> Path | None:
     """A file in the user's cache beside which Numba keeps its code; None where nothing can be kept."""
     try:
         root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asrsim" / "kernels"

@@ -9,8 +9,12 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict
+
+if TYPE_CHECKING:
+    from typing import Unpack
 
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """Characters that a terminal obeys and does not show, or by which it shows others in another order; not tab and newline."""
@@ -25,7 +29,7 @@ def printable(text: str) -> str:
 class Problem:
     """One fault of an input (an error) or one thing to know about it (a warning)."""
 
-    message: str
+    message: str = field(kw_only=False)
     """What is wrong, a sentence without a full stop."""
     file: Path | None = None
     line: int | None = None
@@ -68,23 +72,49 @@ class Problem:
         return {key: value for key, value in items.items() if value not in (None, "", [])}
 
 
-def _short(text: str, most: int = 120) -> str:
+def _short(text: str) -> str:
     """A value as it is shown: a file's one line may be a megabyte."""
-    return text if len(text) <= most else f"{text[: most - 20]} ... {len(text)} characters"
+    return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 
 
 class AsrsimError(Exception):
     """Base of every error that asrsim raises on purpose."""
 
 
-class InputError(AsrsimError):
-    """An input (file, option) cannot be used; carries every problem found in it."""
+class Details(TypedDict, total=False):
+    """What a :class:`Problem` says of a wrong value."""
 
-    def __init__(self, problems: Problem | Iterable[Problem] | str, *, warnings: Iterable[Problem] = ()) -> None:
+    value: object | None
+    choices: tuple[str, ...]
+    hint: str | None
+
+
+class Place(Details, total=False):
+    """The same with where it stands."""
+
+    line: int | None
+    key: str | None
+
+
+class InputError(AsrsimError):
+    """An input (file, option) cannot be used; carries every problem found in it.
+
+    problems: those, or the message of the only one, which the others complete. warnings: found on the way, not in its text.
+    """
+
+    def __init__(
+        self,
+        problems: Problem | Iterable[Problem] | str,
+        *,
+        warnings: Iterable[Problem] = (),
+        file: Path | None = None,
+        code: str = "",
+        **place: Unpack[Place],
+    ) -> None:
         if isinstance(problems, str):
-            problems = Problem(message=problems)
+            problems = Problem(problems, file=file, code=code, **place)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
-        self.warnings: tuple[Problem, ...] = tuple(warnings)  # found on the way; not part of the message
+        self.warnings: tuple[Problem, ...] = tuple(warnings)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 

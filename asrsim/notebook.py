@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.quantities import unit_of
 
 if TYPE_CHECKING:
@@ -107,4 +107,4 @@ def library(name: str) -> Any:
         return import_module(name)
     except ImportError:
         hint = f"pip install {name}, or asrsim with the extra 'notebook'"
-        raise InputError(Problem(message=f"{name} is not installed here", hint=hint, code="no-library")) from None
+        raise InputError(f"{name} is not installed here", hint=hint, code="no-library") from None

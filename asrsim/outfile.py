@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from asrsim.errors import OutputError
 
@@ -106,6 +107,23 @@ def write_text(path: Path, text: str, kind: str, *, replace: bool = False) -> No
     """Write a UTF-8 file as :func:`written` does; its folder must exist. Raises OutputError."""
     with written(path, kind, replace=replace) as stream:
         stream.write(text.encode())
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write plain data as a JSON document that says which asrsim wrote it. Raises OutputError."""
+    from asrsim import __version__
+
+    document = {"generator": f"asrsim {__version__}", **data}
+    write_text(path, json.dumps(document, indent=2, ensure_ascii=False) + "\n", "json")
+
+
+def remove_ours(path: Path, kind: str) -> None:
+    """Take a file away if asrsim wrote it, as its mark proves. Raises OutputError."""
+    if is_ours(path, kind):
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot replace it: {error.strerror or error}") from error
 
 
 def make_folder(folder: Path) -> Path:

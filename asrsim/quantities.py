@@ -74,6 +74,15 @@ DERIVED: dict[str, Quantity] = {
 }
 """Quantities computed from a log by :mod:`asrsim.log.derived`, not stored."""
 
+LIMITS = {
+    "effort": "effort limit",
+    "velocity": "velocity limit",
+    "saturation": "motor limit",
+    "deflection": "deflection limit",
+    "stop": "joint stop",
+}
+"""Limits whose substeps a run counts, of each joint -> heading of their column."""
+
 PRISMATIC_UNITS = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
 """Unit of a prismatic joint by that of a revolute one, where they differ."""
 

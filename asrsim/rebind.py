@@ -13,19 +13,21 @@ def rebind(
     wrap: Callable[[Any], Any] = lambda copy: copy,
     *,
     names: Mapping[str, Any] | None = None,
-    mark: str = "",
+    suffix: str = "",
 ) -> Any:
     """A copy of `function` in which every global or enclosed value is `exchange(value)`, and so in the functions that it calls.
 
     exchange: returns the value to use instead, or the value itself; wrap: applied to each copied function; names: globals that
-    are exchanged by their name, whatever they are; mark: added to the name of each copy.
+    are exchanged by their name, whatever they are; suffix: added to the name of each copy.
     """
-    return _Copier(exchange, wrap, names or {}, mark).copy(function)
+    return _Copier(exchange, wrap, names or {}, suffix).copy(function)
 
 
 class _Copier:
-    def __init__(self, exchange: Callable[[Any], Any], wrap: Callable[[Any], Any], names: Mapping[str, Any], mark: str) -> None:
-        self._exchange, self._wrap, self._names, self._mark = exchange, wrap, names, mark
+    def __init__(
+        self, exchange: Callable[[Any], Any], wrap: Callable[[Any], Any], names: Mapping[str, Any], suffix: str
+    ) -> None:
+        self._exchange, self._wrap, self._names, self._suffix = exchange, wrap, names, suffix
         self._seen: dict[int, Any] = {}
 
     def copy(self, function: types.FunctionType) -> Any:
@@ -34,10 +36,10 @@ class _Copier:
         names: dict[str, Any] = {"__builtins__": __builtins__, "__name__": function.__module__}
         enclosed = tuple(types.CellType(self._replaced(cell.cell_contents)) for cell in function.__closure__ or ())
         copy = types.FunctionType(
-            function.__code__, names, function.__name__ + self._mark, function.__defaults__, enclosed or None
+            function.__code__, names, function.__name__ + self._suffix, function.__defaults__, enclosed or None
         )
         copy.__module__ = function.__module__
-        copy.__qualname__ = function.__qualname__ + self._mark
+        copy.__qualname__ = function.__qualname__ + self._suffix
         result = self._seen[id(function)] = self._wrap(copy)
         for name in called_names(function):
             if name in self._names:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Generic, TypeVar
 
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, did_you_mean
 
 T = TypeVar("T")
 
@@ -32,7 +32,7 @@ class Registry(Generic[T]):
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:
         """Register `entry`; raises InputError if the name is taken and `replace` is not set."""
         if name in self._entries and not replace:
-            raise InputError(Problem(message=f"{self.noun} '{name}' is registered already", code="name-taken"))
+            raise InputError(f"{self.noun} '{name}' is registered already", code="name-taken")
         self._entries[name] = entry
         return entry
 
@@ -45,15 +45,10 @@ class Registry(Generic[T]):
         except KeyError:
             if name in self._broken:
                 message = f"the {self.noun} '{name}' of an installed package cannot be used: {self._broken[name]}"
-                raise InputError(Problem(message=message, code=f"broken-{self.noun}")) from None
+                raise InputError(message, code=f"broken-{self.noun}") from None
             known = self.names()
             raise InputError(
-                Problem(
-                    message=f"no {self.noun} is called '{name}'",
-                    choices=known,
-                    hint=did_you_mean(name, known),
-                    code=f"unknown-{self.noun}",
-                )
+                f"no {self.noun} is called '{name}'", choices=known, hint=did_you_mean(name, known), code=f"unknown-{self.noun}"
             ) from None
 
     def names(self) -> tuple[str, ...]:

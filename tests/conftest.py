@@ -54,6 +54,13 @@ references:
     equilibrium_position: {step: {at: 0.1, to: 0.5}}
 """
 
+LONGEST = ("test_tutorial.py", "test_examples_command.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest tests go first, so that no worker is left alone with one of them at the end."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
 
 @pytest.fixture(autouse=True)
 def _registries(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,7 +57,9 @@ def motors_of(joint: JointSpec) -> int:
 
 class Truth:
     """State: [base pose 7], joint positions, velocities (base's first, in its own frame), then by joint what it needs:
-    the integral of mode 1; of each motor position, velocity, integral, bristles."""
+    the integral of mode 1; of each motor position, velocity, integral, bristles, hysteresis of its spring."""
+
+    PER_MOTOR = 5
 
     def __init__(self, run: RandomRun) -> None:
         self.run = run
@@ -79,7 +81,7 @@ class Truth:
         place = self.nq + self.nv
         for joint in run.joints:
             self.inner.append(place)
-            place += 4 * motors_of(joint) + (joint.actuator != "" and joint.mode == 1)
+            place += self.PER_MOTOR * motors_of(joint) + (joint.actuator != "" and joint.mode == 1)
         self.size = place
 
     def start(self) -> Array:
@@ -90,7 +92,8 @@ class Truth:
             state[self.q_of[j]] = joint.start
             state[self.nq + self.v_of[j]] = joint.speed
             for i in range(motors_of(joint)):
-                state[self.inner[j] + 4 * i] = joint.start
+                place = self.inner[j] + self.PER_MOTOR * i
+                state[place : place + 2] = joint.motors[i] if joint.motors else (joint.start, 0.0)
         return state
 
     def rate(self, t: float, state: Array, after: bool) -> Array:
@@ -106,7 +109,8 @@ class Truth:
             push = clip(push, joint.effort)
             if joint.external is not None:
                 push += joint.external(t, after)
-            torque[self.v_of[j]] = push + joint.spring * (joint.rest - x) - joint.damping * speed
+            torque[self.v_of[j]] = push + joint.spring * (joint.rest - x)
+            torque[self.v_of[j]] -= (joint.damping + joint.constant_damping) * speed
         slope[nq : nq + nv] = pinocchio.aba(self.model, self.data, q, v, torque)
         if not run.fixed:
             turn = pinocchio.Quaternion(q[3:7]).matrix()
@@ -125,7 +129,7 @@ class Truth:
         if not joint.actuator:
             return 0.0
         p, place = joint.parameters, self.inner[j]
-        goals = [wave(t, after) for wave in joint.references] + [0.0]
+        goals = [wave(max(t - joint.delay, 0.0), after) for wave in joint.references] + [0.0]
         if joint.mode == 0:
             return goals[0]
         if joint.mode == 1:
@@ -137,25 +141,50 @@ class Truth:
         if joint.mode < 4:
             return sum(spring(joint, x, goals[0], goals[1]))
         count = motors_of(joint)
-        motors = [state[place + 4 * i : place + 4 * i + 4] for i in range(count)]
+        motors = [state[place + self.PER_MOTOR * i :][: self.PER_MOTOR] for i in range(count)]
         second = float(motors[1][0]) if count == 2 else goals[1]
-        loads = spring(joint, x, float(motors[0][0]), second)
-        for i, (theta, omega, integral, bristle) in enumerate(motors):
+        loads = list(spring(joint, x, float(motors[0][0]), second))
+        for i, (theta, omega, integral, bristle, lag) in enumerate(motors):
+            here = place + self.PER_MOTOR * i
+            if level := p.get("hysteresis_torque"):
+                stretching = omega - speed
+                slope[here + 4] = (level * stretching - abs(stretching) * lag) / p["hysteresis_deflection"]
+                loads[i] += lag
             error = goals[i] - theta
             push = goals[i]
-            if joint.mode > 4:
+            if joint.mode in (5, 6):
                 push = p[f"controller_{i + 1}_proportional"] * error + integral - p[f"controller_{i + 1}_derivative"] * omega
-                slope[place + 4 * i + 2] = p[f"controller_{i + 1}_integral"] * error
-            push = clip(push, p[f"motor_{i + 1}_max_torque"])
+                slope[here + 2] = p[f"controller_{i + 1}_integral"] * error
+            push = clip(motor_torque(joint, i + 1, push, omega), p[f"motor_{i + 1}_max_torque"])
             # Dahl: bristles bend until they slip.
             slip = p[f"motor_{i + 1}_friction_torque"] / BRISTLES
             bent = clip(bristle, slip)
-            slope[place + 4 * i + 3] = 0.0 if (bristle >= slip and omega > 0.0) or (bristle <= -slip and omega < 0.0) else omega
-            slope[place + 4 * i] = omega
-            slope[place + 4 * i + 1] = (push - loads[i] - BRISTLES * bent - p[f"motor_{i + 1}_damping"] * omega) / p[
+            slope[here + 3] = 0.0 if (bristle >= slip and omega > 0.0) or (bristle <= -slip and omega < 0.0) else omega
+            slope[here] = omega
+            slope[here + 1] = (push - loads[i] - BRISTLES * bent - p[f"motor_{i + 1}_damping"] * omega) / p[
                 f"motor_{i + 1}_inertia"
             ]
         return sum(loads)
+
+
+def motor_torque(joint: JointSpec, number: int, command: float, omega: float) -> float:
+    """N m of a motor before the limit of its torque: tau = n k_t i, u = R i + n k_t omega, all seen from the output."""
+
+    def of(name: str, otherwise: float) -> float:
+        return joint.parameters.get(f"motor_{number}_{name}", otherwise)
+
+    constant, resistance = of("torque_constant", 0.0) * of("gear_ratio", 1.0), of("resistance", 0.0)
+    if not constant:
+        return command
+    current = command
+    if joint.mode == 4:
+        current = command / constant
+    elif joint.mode == 7 or (joint.mode in (5, 6) and resistance):
+        current = (command - constant * omega) / resistance
+    if resistance:
+        most, back = of("max_voltage", np.inf), constant * omega
+        current = min(max(current, (-most - back) / resistance), (most - back) / resistance)
+    return constant * clip(current, of("max_current", np.inf))
 
 
 def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11, longest: float = np.inf) -> dict[str, Array]:

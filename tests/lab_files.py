@@ -161,7 +161,7 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "no header": (table(ABQ), "Columns: column_2, column_3.*--map 'column_2=shoulder.link_position"),
     "unknown names": (table(ABQ, before="t,foo,bar\n"), "Columns: foo, bar"),
     "no overlap": (
-        table([TIME + 1000, A, B], before="t,q1,q2\n"),
+        table([TIME + 1000, (-1.0) ** ORDER, (-1.0) ** ORDER], before="t,q1,q2\n"),
         "from 0 to 3 s, the recording from 1000 to 1002.99 s.*--lag",
     ),
     "too few digits": (table([texts(TIME, "%.1f"), A, B], before="t,q1,q2\n"), "269 of 300 rows.*too few digits.*--rate"),

@@ -4,7 +4,7 @@ numbers for a solution of its own (:mod:`independent_ode`)."""
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ REFERENCES = {
     0: ("link_torque",), 1: ("link_position",), 2: ("reference_1", "reference_2"),
     3: ("equilibrium_position", "stiffness_preset"), 4: ("motor_1_torque", "motor_2_torque"),
     5: ("reference_1", "reference_2"), 6: ("equilibrium_position", "stiffness_preset"),
+    7: ("motor_1_voltage", "motor_2_voltage"), 8: ("motor_1_current", "motor_2_current"),
 }  # fmt: skip
 SPRINGS = {
     "sea": {"spring_stiffness": (5.0, 40.0), "max_deflection": (0.5, 1.5)},
@@ -65,6 +66,12 @@ class JointSpec:
     parameters: dict[str, float] = field(default_factory=dict)
     references: tuple[Wave, ...] = ()
     external: Wave | None = None
+    motors: tuple[tuple[float, float], ...] = ()
+    """Position and velocity of each motor at the start; none: where the link is, at rest."""
+    delay: float = 0.0
+    """s by which commands arrive late."""
+    constant_damping: float = 0.0
+    """N m s/rad on top of `damping`, by the scenario."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +91,12 @@ class RandomRun:
         keys: dict[str, Any] = {
             "duration": self.duration, "gravity": list(self.gravity),
             "base": {"rpy": list(self.rpy), "fixed": self.fixed},
-            "initial": {j.name: {"position": j.start, "velocity": j.speed} for j in self.joints},
+            "initial": {j.name: _start(j) for j in self.joints},
         }  # fmt: skip
+        if damping := {j.name: {"constant": j.constant_damping} for j in self.joints if j.constant_damping}:
+            keys["link_damping"] = damping
+        if late := {j.name: {"delay": j.delay} for j in self.joints if j.delay}:
+            keys["effects"] = {"commands": late}
         driven = [joint for joint in self.joints if joint.actuator]
         if driven:
             keys["actuators"] = {j.name: {"type": j.actuator, "mode": j.mode, "parameters": j.parameters} for j in driven}
@@ -113,8 +124,9 @@ def random_run(
     friction: bool = False,
     duration: float = 0.3,
     passive: float = 0.2,
+    extras: bool = False,
 ) -> RandomRun:
-    """passive: share of joints without actuator; friction: the motors' Dahl friction."""
+    """passive: share of joints without actuator; friction: the motors' Dahl friction; extras: see :func:`_with_extras`."""
     source = np.random.default_rng([seed, 77])
     text = random_urdf(seed, moving=moving, fixed=fixed_links)
     found = re.findall(r'<joint name="(\w+)" type="(\w+)">', text)
@@ -125,6 +137,8 @@ def random_run(
         if kind == "fixed":
             continue
         joint = _joint(source, name, kind, times, friction=friction, passive=passive)
+        if extras and joint.actuator:
+            joint = _with_extras(joint, source)
         joints.append(joint)
         extra.append(
             f'<gazebo reference="{name}"><springStiffness>{joint.spring!r}</springStiffness>'
@@ -141,8 +155,46 @@ def random_run(
         rpy=tuple(tilt.tolist()),
         fixed=fixed,
         duration=duration,
-        jumps=times,
+        jumps=tuple(sorted({*times, *(at + joint.delay for at in times for joint in joints)})),
     )
+
+
+def _start(joint: JointSpec) -> dict[str, Any]:
+    """The scenario's form."""
+    start: dict[str, Any] = {"position": joint.start, "velocity": joint.speed}
+    if joint.motors:
+        start["motor_positions"], start["motor_velocities"] = (list(values) for values in zip(*joint.motors, strict=True))
+    return start
+
+
+def _with_extras(joint: JointSpec, source: np.random.Generator) -> JointSpec:
+    """The joint with electric motors, hysteresis in its springs, motors in motion at the start, late commands and more damping,
+    each by chance."""
+    parameters, mode, count = dict(joint.parameters), joint.mode, len([k for k in joint.parameters if k.endswith("_inertia")])
+    changes: dict[str, Any] = {}
+    if mode == 4:
+        mode = int(source.choice([4, 7, 8]))
+    for i in range(1, count + 1) if mode in (7, 8) or source.random() < 0.5 else ():
+        volts = mode == 7 or source.random() < 0.5
+        ends = {"torque_constant": (0.02, 0.06), "gear_ratio": (20.0, 60.0), "max_current": (1.0, 4.0)}
+        if volts:
+            ends |= {"resistance": (1.0, 4.0), "max_voltage": (4.0, 12.0)}
+        if mode in (5, 6):
+            # Gains of volts or amperes, some of them enough to meet the limits.
+            ends |= {f"proportional of {i}": (10.0, 40.0), f"integral of {i}": (0.0, 60.0), f"derivative of {i}": (0.2, 1.5)}
+        for name, pair in ends.items():
+            part = f"controller_{i}_{name.split()[0]}" if " " in name else f"motor_{i}_{name}"
+            parameters[part] = float(source.uniform(*pair))
+    if count and source.random() < 0.5:
+        parameters |= {"hysteresis_torque": float(source.uniform(0.05, 0.4)), "hysteresis_deflection": 0.1}
+    if count and source.random() < 0.5:
+        off = source.uniform(-0.1, 0.1, (count, 2)) * (1.0, 10.0)
+        changes["motors"] = tuple((joint.start + float(place), float(speed)) for place, speed in off)
+    if source.random() < 0.5:
+        changes["delay"] = float(source.integers(1, 30)) * 1e-3
+    if source.random() < 0.3:
+        changes["constant_damping"] = float(source.uniform(0.02, 0.2))
+    return replace(joint, parameters=parameters, mode=mode, **changes)
 
 
 def _limits(text: str, joint: JointSpec) -> str:

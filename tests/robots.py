@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from asrsim.actuators import MODES, Actuator
+from asrsim.actuators.drive import Drive
+
 PLAIN_ARM = {"lower": -2.0, "upper": 2.0}
 """rad, limits of every joint."""
 
@@ -29,3 +32,15 @@ def write_plain_arm(folder: Path, lengths: Sequence[float] = (0.3, 0.25), masses
     path = folder / "arm.urdf"
     path.write_text("\n".join([*parts, "</robot>"]), encoding="utf-8")
     return path
+
+
+def drive_with(
+    actuator: type[Actuator], spring: Sequence[float], mode: int = 3, joint: str = "j", **motors: Sequence[float]
+) -> Drive:
+    """An actuator on a joint: parameters of its spring in their order; `proportional=(...)` and the like, motor by motor."""
+    values = {parameter.name: parameter.default for parameter in actuator.all_parameters()}
+    values |= dict(zip((parameter.name for parameter in actuator.parameters), spring, strict=True))
+    for name, numbers in motors.items():
+        part = "controller" if name in ("proportional", "integral", "derivative") else "motor"
+        values |= {f"{part}_{i}_{name}": number for i, number in enumerate(numbers, start=1)}
+    return Drive(joint=joint, actuator=actuator, mode=MODES[mode], values=values)

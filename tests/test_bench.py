@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import asrsim
 from asrsim.robot import load_robot
+from asrsim.signals.sinusoid import Sinusoid
 from asrsim.simulation.bench import Motion, run_bench
 
 INERTIA, DAMPING, TORQUE = 0.0233, 0.2698, 6.0
@@ -51,3 +53,23 @@ def test_bench_and_simulation_with_prescribed_motion_agree(tmp_path: Path) -> No
     series = asrsim.run(scenario)["joint"]
     for name in ("motor_1_position", "motor_1_velocity", "link_torque"):
         np.testing.assert_allclose(found[name], series[name], rtol=0, atol=1e-12)
+
+
+def test_a_bench_moves_as_its_signal_says_however_it_is_gone_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Motion is worked out a few steps ahead: forwards, back to a snapshot, and far ahead."""
+    from asrsim.engines import bench
+
+    monkeypatch.setattr(bench, "CHUNK", 8)
+    locked_link(tmp_path, stiffness=20.0, reference=0.3, step=1e-3, duration=0.01)
+    scenario = asrsim.make_scenario(tmp_path / "robot.urdf", duration=0.1, engine="bench", references={"joint": {}})
+    signal = Sinusoid(amplitude=0.5, frequency=7.0, phase=0.3)
+    scenario = replace(scenario, motion={"joint": signal})
+    engine = bench.BenchEngine(scenario, load_robot(scenario.robot))
+    for row in (*range(20), 3, 4, 90, 89, 0, 1, 31, 32):
+        engine.restore(row)
+        before, here = signal.values(np.array([max(row - 1, 0), row]) * scenario.step)
+        (position,), (velocity,) = engine.states()
+        assert position == pytest.approx(here, abs=1e-12)
+        assert velocity == pytest.approx((here - before) / scenario.step, abs=1e-9)
+        engine.advance([0.0])
+        assert engine.states()[0] == pytest.approx(signal.values(np.array([row + 1]) * scenario.step), abs=1e-12)

@@ -80,9 +80,14 @@ def test_an_engine_that_is_wrong_by_a_millionth_is_found(out: bool, tmp_path: Pa
 
 
 def test_a_motion_that_multiplies_differences_accuses_no_engine(tmp_path: Path) -> None:
-    """Three free links fall over and over: what is 1e-12 rad at the start is 1e-3 at the end, in one engine too."""
+    """Three free links fall over and over: what is 1e-12 rad at the start is 1e-3 at the end, in one engine too.
+
+    The first begins on its stop.
+    """
+    stop = '<limit lower="-60" upper="2.5" effort="9" velocity="99"/>'
     links = "".join(
-        f'<joint name="j{i}" type="continuous"><origin xyz="0 0 {-0.2 if i > 1 else 0}"/><parent link="l{i - 1}"/>'
+        f'<joint name="j{i}" type="{"revolute" if i == 1 else "continuous"}">{stop if i == 1 else ""}'
+        f'<origin xyz="0 0 {-0.2 if i > 1 else 0}"/><parent link="l{i - 1}"/>'
         f'<child link="l{i}"/><axis xyz="0 1 0"/></joint><link name="l{i}"><inertial><origin xyz="0 0 -0.1"/>'
         '<mass value="1"/><inertia ixx="3e-3" iyy="3e-3" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>'
         for i in (1, 2, 3)

@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
-from asrsim.identification import make_task, read_task
+from asrsim.identification import make_task, pool, read_task
 from asrsim.identification.data import Command
+from asrsim.identification.fit import is_loud
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, foreign
-from asrsim.identification.noise import autoregression, fine_noise, glitches, quantum_of, swings, whiten
+from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
@@ -181,6 +182,21 @@ def test_a_spring_of_another_law_does_not_fit(tmp_path):
     right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
     assert right.fits, right.misfit
     assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_derivatives_by_other_processes_are_the_same_bits(lab, monkeypatch):
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
+    alone = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, workers=1)
+    asked, ask = [], pool.Pool.of_tracks
+    monkeypatch.setattr(pool, "LONG", 0.0)
+    monkeypatch.setattr(pool.Pool, "of_tracks", lambda *given: asked.append(ask(*given)) or asked[-1])
+    together = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, workers=3)
+    assert asked
+    assert all(found is not None for found in asked)
+    assert together.x.tolist() == alone.x.tolist()
+    assert together.evaluations == alone.evaluations
+    assert [(one.low, one.high) for one in together.estimates] == [(one.low, one.high) for one in alone.estimates]
 
 
 def test_two_recordings_share_what_is_the_robots(lab):
@@ -348,7 +364,21 @@ def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():
     coloured = np.convolve(generator.normal(size=2100), np.exp(-np.arange(100) / 20.0), "valid")[:2000]
     assert not swings(white)
     assert not swings(coloured)
-    assert swings(white + 0.7 * np.exp(-time) * np.sin(2.0 * np.pi * 108.0 * time))
+    ringing = np.exp(-time) * np.sin(2.0 * np.pi * 108.0 * time)
+    assert swings(white + 0.7 * ringing)
+    # One that fades quickly is wide: no single frequency stands out.
+    assert swings(white + 1.8 * ringing * np.exp(-9.0 * time))
+
+
+def test_what_is_off_is_no_noise_though_neighbours_do_not_correlate():
+    white = np.random.default_rng(0).normal(size=2000)
+    outliers = np.where(np.arange(2000) % 100 == 0, 50.0, 0.0)
+    stretch = np.where(np.arange(2000) < 200, 4.0, 1.0)
+    assert not is_loud(white, 1.0)
+    assert not is_loud(white + outliers, 1.0)
+    assert is_loud(white * stretch, 1.0)
+    assert is_loud(white, 0.7)
+    assert lag_correlation(white + 1.0) > 0.3
 
 
 @pytest.mark.slow

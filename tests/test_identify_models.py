@@ -125,3 +125,25 @@ def test_a_motor_under_voltage(tmp_path: Path) -> None:
         "joint_1.spring_stiffness": SPRING,
     }
     holds(tmp_path, lab, truth, list(truth), 0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stairs", [True, False])
+def test_commands_of_a_digital_controller_are_held(tmp_path: Path, stairs: bool) -> None:
+    # 50 Hz: half a sample is 10 ms, which damping would have to make good.
+    time = np.arange(0.0, 4.0005, 2e-2)
+    goal = waves(time)
+    fine = np.arange(0.0, 4.0005, 1e-4)
+    told = goal[np.minimum((fine / 2e-2 + 1e-6).astype(int), len(time) - 1)] if stairs else waves(fine)
+    q = solve_ivp(
+        lambda t, y: [y[1], (SPRING * (told[min(int(t * 1e4 + 1e-6), len(told) - 1)] - y[0]) - DAMPING * y[1]) / INERTIA],
+        (0.0, 4.0), [0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=1e-4,
+    ).y[0]  # fmt: skip
+    recorded(tmp_path, {"time [s]": time, "reference_1 [rad]": goal, "link_position [rad]": q}, {"link_position [rad]": 5e-4})
+    lab = {"mode": 2, "damping": 0.04, "tags": "<spring_k>5</spring_k><max_def>3</max_def>", "duration": 4.0}
+    scenario = write(tmp_path, "lab", {**SEA, **{k: lab[k] for k in ("mode", "damping", "tags")}}, duration=4.0)
+    result = identify(scenario, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert any("stairs" in text for text in result.remarks) == stairs
+    assert result.fits, result.misfit
+    for key, value in (("spring_stiffness", SPRING), ("damping", DAMPING)):
+        assert result.find(f"joint_1.{key}").value == pytest.approx(value, rel=0.01)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 
 import asrsim
 from asrsim.cli.app import app
-from asrsim.errors import OutputError
+from asrsim.errors import OutputError, RobotError
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.start_file import SCHEMA_FILE, write_starter
@@ -55,6 +56,25 @@ def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
     )
     for scenario in scenarios:
         assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
+    robot = write_robot(tmp_path, {"name": "weld", "kind": "fixed"})
+    robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
+    assert [problem.code for problem in load_robot(robot).warnings] == []
+    with pytest.raises(RobotError, match="no moving joint"):
+        write_starter(robot, tmp_path / "start.yaml", actuators={"*": "qbmove"})
+    assert not (tmp_path / "start.yaml").exists()
+
+
+@pytest.mark.parametrize("upper", [-0.6108652381980153, -math.pi / 7, -0.1234567890123456789])
+def test_a_start_on_a_limit_of_many_digits_is_within_it(tmp_path, upper):
+    robot = write_robot(tmp_path, {"name": "calf", "lower": -2.7, "upper": upper})
+    out = tmp_path / "start.yaml"
+    write_starter(robot, out)
+    for scenario in load_scenario(out):
+        assert scenario.initial_positions["calf"] == upper
+        assert check_against_robot(scenario, load_robot(robot))[0] == []
 
 
 @pytest.mark.parametrize("mode", [5, 6])

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from robots import drive_with
 
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
-from asrsim.kinematics import ClikSettings, JointDrive, PoseTrajectory, closest, follow, plan
+from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
 from asrsim.kinematics.clik import bounded_step
 from asrsim.kinematics.reach import ORIENTATION_WEIGHT
 from asrsim.kinematics.trajectory import minimum_jerk
@@ -66,7 +67,7 @@ def line(*poses):
 
 
 def qbmove(joint, mode=3, **changes):
-    return JointDrive(joint=joint, actuator=QbMove, mode=mode, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
+    return drive_with(QbMove, mode=mode, joint=joint, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
 
 
 def test_the_loop_tracks_the_closed_form_solution():
@@ -145,25 +146,6 @@ def test_a_late_first_pose_is_approached_from_the_start():
     assert positions[:, 0] == pytest.approx([0.0, 0.1, 0.2])
 
 
-@pytest.mark.parametrize(
-    ("poses", "interpolation", "code"),
-    [
-        ((), "linear", "no-poses"),
-        (line((0.0, 0.1, 0.1)), "bezier", "unknown-interpolation"),
-        (line((1.0, 0.1, 0.1), (1.0, 0.2, 0.1)), "linear", "times-not-ascending"),
-        (
-            (*line((0.0, 0.1, 0.1)), CartesianPose(time=1.0, position=(0.2, 0.1, 0.0), rpy=(0.0, 0.0, 0.0))),
-            "linear",
-            "mixed-orientation",
-        ),
-    ],
-)
-def test_faulty_trajectories_are_named(poses, interpolation, code):
-    with pytest.raises(ScenarioError) as error:
-        PoseTrajectory.through(poses, interpolation)
-    assert [problem.code for problem in error.value.problems] == [code]
-
-
 def test_closest_point_of_an_unreachable_pose_lies_on_the_outer_circle():
     reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.6, 0.6, 0.0]), None, np.array([0.1, 0.2]))
     assert reach.point == pytest.approx(np.array([1, 1, 0]) * (A + B) / math.sqrt(2), abs=1e-6)
@@ -216,13 +198,6 @@ def test_a_robot_that_starts_elsewhere_is_told_where_to_start():
     assert "one: -" in problem.hint
 
 
-def test_unknown_names_are_reported_together():
-    faulty = CartesianTask(link="hand", poses=line((0.0, 0.35, 0.1)), joints=("three",))
-    with pytest.raises(ScenarioError) as error:
-        plan(faulty, Planar2R(), [qbmove("one", mode=4), qbmove("two")], {}, 1.0)
-    assert [problem.code for problem in error.value.problems] == ["unknown-link", "unknown-joint", "mode-not-planned"]
-
-
 def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
     model = Planar2R()
     drives = [qbmove("one"), qbmove("two")]
@@ -239,7 +214,7 @@ def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
         for index, drive in enumerate(drives):
             references = planned.references[drive.joint]
             motors = QbMove.motor_references(references["equilibrium_position"][row], references["stiffness_preset"][row])
-            assert sum(QbMove.elastic_torques(q[index], *motors, drive.spring)) == pytest.approx(loads[index], abs=1e-11)
+            assert sum(QbMove.elastic_torques(q[index], *motors, drive.elastic)) == pytest.approx(loads[index], abs=1e-11)
     assert np.abs(planned.equilibria - planned.path.positions).max() > 0.1
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from robots import write_plain_arm
+from robots import drive_with, write_plain_arm
 
 from asrsim.actuators import ACTUATORS, AwasII, Bavs, QbMove, Sea
-from asrsim.kinematics import JointDrive, equilibrium_for_load, resting_motors
-from asrsim.kinematics.compensation import LoadError, drive_of
-from asrsim.robot import load_robot
+from asrsim.actuators.rest import resting_motors
+from asrsim.kinematics import equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError
+from asrsim.robot import drive_of, load_robot
 from asrsim.robot.mounting import with_actuators
 
 CASES = {
@@ -23,7 +24,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_spring_carries_exactly_the_load(name):
     actuator, spring, preset, loads = CASES[name]
-    drive = JointDrive(joint="j", actuator=actuator, mode=3, spring=spring)
+    drive = drive_with(actuator, mode=3, spring=spring)
     for load in loads:
         for position in (-0.4, 0.0, 0.8):
             equilibrium = equilibrium_for_load(drive, position, load, preset)
@@ -32,17 +33,17 @@ def test_the_spring_carries_exactly_the_load(name):
 
 
 def test_a_symmetric_spring_without_load_rests_at_the_link():
-    drive = JointDrive(joint="j", actuator=QbMove, mode=3, spring=(11.0, 0.02, 11.0, 0.02, 0.8))
+    drive = drive_with(QbMove, mode=3, spring=(11.0, 0.02, 11.0, 0.02, 0.8))
     assert equilibrium_for_load(drive, 0.3, 0.0, 0.2) == pytest.approx(0.3, abs=1e-14)
 
 
 def test_the_spring_of_a_series_elastic_actuator_gives_load_over_stiffness():
-    drive = JointDrive(joint="j", actuator=Sea, mode=3, spring=(200.0, 0.8))
+    drive = drive_with(Sea, mode=3, spring=(200.0, 0.8))
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0) == pytest.approx(0.55, abs=1e-13)
 
 
 def test_too_large_a_load_names_what_can_be_held():
-    drive = JointDrive(joint="elbow", actuator=Sea, mode=3, spring=(10.0, 0.8))
+    drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     with pytest.raises(LoadError, match=r"elbow: the spring cannot hold 9 N m .* most it can hold that way is 8 N m") as error:
         equilibrium_for_load(drive, 0.0, 9.0, 0.0)
     assert error.value.largest == pytest.approx(8.0)
@@ -52,38 +53,32 @@ def test_too_large_a_load_names_what_can_be_held():
 
 
 def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
-    drive = JointDrive(
-        joint="j", actuator=Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(0.0,), max_torque=(20.0,)
-    )
+    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(0.0,), max_torque=(20.0,))
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
 
 
 def test_motors_at_rest_balance_their_springs():
     spring = (11.0, 0.02, 11.0, 0.02, 0.8)
-    drive = JointDrive(
-        joint="j", actuator=QbMove, mode=6, spring=spring,
+    drive = drive_with(QbMove, mode=6, spring=spring,
         proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(12.0, 12.0),
     )  # fmt: skip
-    theta = resting_motors(drive, 0.1, 0.3, 0.6)
+    theta = resting_motors(drive, 0.1, drive.actuator.motor_references(0.3, 0.6), limited=False)
     torques = QbMove.elastic_torques(0.1, *theta, spring)
     for reference, resting, torque in zip((0.9, -0.3), theta, torques, strict=True):
         assert 125.0 * (reference - resting) == pytest.approx(torque, abs=1e-10)
     equilibrium = equilibrium_for_load(drive, 0.1, 1.5, 0.4, droop=True)
-    theta = resting_motors(drive, 0.1, equilibrium, 0.4)
+    theta = resting_motors(drive, 0.1, drive.actuator.motor_references(equilibrium, 0.4), limited=False)
     assert sum(QbMove.elastic_torques(0.1, *theta, spring)) == pytest.approx(1.5, abs=1e-10)
 
 
 def test_an_integral_term_leaves_no_droop():
-    drive = JointDrive(
-        joint="j", actuator=Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(1.0,), max_torque=(20.0,)
-    )
-    assert resting_motors(drive, 0.0, 0.4, 0.0)[0] == 0.4
+    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(1.0,), max_torque=(20.0,))
+    assert resting_motors(drive, 0.0, drive.actuator.motor_references(0.4, 0.0), limited=False)[0] == 0.4
 
 
 def test_a_motor_too_weak_for_the_pretension_is_named():
     """The paper's stiff preset 0.6 asks 7.35 N m of each motor with AlterEgo's springs."""
-    drive = JointDrive(
-        joint="j", actuator=QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8),
+    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8),
         proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(6.0, 6.0),
     )  # fmt: skip
     with pytest.raises(LoadError, match=r"motor 1 would have to hold 7\.351 N m") as error:
@@ -101,8 +96,7 @@ def random_drive(generator):
         (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), generator.uniform(0.003, 0.02)),
     ][generator.integers(4)]
     count = actuator.motors
-    return JointDrive(
-        joint="j", actuator=actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count,
+    return drive_with(actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count,
         integral=(0.0,) * count, max_torque=(1e6,) * count,
     ), preset  # fmt: skip
 
@@ -115,11 +109,11 @@ def test_springs_at_their_deflection_limit_still_have_statics():
         law = drive.actuator.elastic_torques
         for side in (-1.0, 1.0):
             far = drive.actuator.motor_references(side * 5.0, preset)
-            most = sum(law(0.0, far[0], preset if drive.actuator.adjuster else far[1], drive.spring))
+            most = sum(law(0.0, far[0], preset if drive.actuator.adjuster else far[1], drive.elastic))
             for share in (0.0, generator.uniform(0.0, 1.0), 0.9, 0.999999, 1.0):
                 equilibrium = equilibrium_for_load(drive, 0.0, share * most, preset, droop=True)
-                motors = resting_motors(drive, 0.0, equilibrium, preset)
-                assert sum(law(0.0, *motors, drive.spring)) == pytest.approx(share * most, rel=1e-9, abs=1e-9)
+                motors = resting_motors(drive, 0.0, drive.actuator.motor_references(equilibrium, preset), limited=False)
+                assert sum(law(0.0, *motors, drive.elastic)) == pytest.approx(share * most, rel=1e-9, abs=1e-9)
 
 
 def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
@@ -127,8 +121,8 @@ def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
     for _ in range(300):
         drive, preset = random_drive(generator)
         position, equilibrium = generator.uniform(-3.0, 3.0, 2)
-        motors = resting_motors(drive, position, equilibrium, preset)
-        torques = drive.actuator.elastic_torques(position, *motors, drive.spring)
+        motors = resting_motors(drive, position, drive.actuator.motor_references(equilibrium, preset), limited=False)
+        torques = drive.actuator.elastic_torques(position, *motors, drive.elastic)
         references = drive.actuator.motor_references(equilibrium, preset)
         for motor in range(drive.actuator.motors):
             assert motors[motor] == pytest.approx(references[motor] - torques[motor] / drive.proportional[motor], abs=1e-9)
@@ -144,7 +138,7 @@ def test_a_drive_has_the_numbers_of_its_block(actuator, mode, tmp_path):
     robot = with_actuators(load_robot(tmp_path / "arm.urdf"), {"joint_1": (actuator, mode)}, {"joint_1": parameters})
     drive = drive_of(robot.actuators[0])
     moving = range(1, kind.motors + 1) if mode > 3 else ()
-    assert drive.spring == tuple(parameters[one.name] for one in kind.parameters)
+    assert drive.elastic == tuple(parameters[one.name] for one in kind.parameters)
     for name, values in (("max_torque", drive.max_torque), ("inertia", drive.motor_inertia), ("damping", drive.motor_damping),
                          ("friction_torque", drive.motor_friction), ("max_velocity", drive.max_velocity)):  # fmt: skip
         assert values == tuple(parameters[f"motor_{i}_{name}"] for i in moving)

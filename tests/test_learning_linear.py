@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from random_arms import random_arm
+from robots import drive_with
 
 from asrsim.actuators import QbMove, Sea
-from asrsim.kinematics import JointDrive
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
@@ -35,8 +35,8 @@ class Pendulum:
 
 def sea(mode=3, k=2.0, **changes):
     motors = {"proportional": (125.0,), "integral": (0.0,), "derivative": (4.5,), "max_torque": (6.0,)}
-    motors |= {"motor_inertia": (0.0233,), "motor_damping": (0.27,), "motor_friction": (0.0,), "max_velocity": (6.0,)}
-    return JointDrive(joint="one", actuator=Sea, mode=mode, spring=(k, 0.8), **({**motors, **changes} if mode == 6 else {}))
+    motors |= {"inertia": (0.0233,), "damping": (0.27,), "friction_torque": (0.0,), "max_velocity": (6.0,)}
+    return drive_with(Sea, mode=mode, joint="one", spring=(k, 0.8), **({**motors, **changes} if mode == 6 else {}))
 
 
 def linear_at(drive, position=0.0, motors=(0.0, 0.0), damping=0.0, count=41, end=2.0):
@@ -114,7 +114,7 @@ def test_what_an_input_does_follows_the_motion(mode):
 
 def test_slopes_of_two_springs_are_those_of_the_law():
     spring = (11.0, 0.02, 7.0, 0.05, 0.8)
-    drive = JointDrive(joint="one", actuator=QbMove, mode=3, spring=spring)
+    drive = drive_with(QbMove, mode=3, joint="one", spring=spring)
     slopes = spring_slopes(drive, np.array([0.1]), np.array([[0.5, 0.1]]))
     assert slopes.sum() == pytest.approx(QbMove.stiffness(0.1, 0.5, 0.1, spring), rel=1e-8)
 

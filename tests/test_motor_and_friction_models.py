@@ -30,8 +30,8 @@ FREE = {"motor_1_damping": 0.0, "motor_1_friction_torque": 0.0, "motor_1_max_tor
 DC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 20.0, "motor_1_resistance": 2.0, "motor_1_inertia": 0.02}
 """n k_t = 1 N m/A, R = 2 ohm: (n k_t)^2 / R = 0.5 N m s/rad, a time constant of 40 ms."""
 EVERYTHING = {
-    "stribeck_friction": 0.03, "stribeck_velocity": 0.2, "load_friction": 0.1, "torque_constant": 0.05, "gear_ratio": 30.0,
-    "resistance": 3.0, "max_voltage": 12.0, "max_current": 3.0,
+    "stribeck_friction": 0.03, "stribeck_velocity": 0.2, "load_friction": 0.1, "friction_stiffness": 300.0,
+    "torque_constant": 0.05, "gear_ratio": 30.0, "resistance": 3.0, "max_voltage": 12.0, "max_current": 3.0,
 }  # fmt: skip
 
 
@@ -182,6 +182,13 @@ def test_a_joint_rubs_by_its_load(engine: str) -> None:
         )
         moved = 0.5 * max(torque * 0.8 - 0.1, 0.0) / INERTIA * 0.25
         assert column(result, "link_position")[-1] == pytest.approx(moved, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 1000.0, 5000.0])
+def test_a_motor_that_sticks_gives_way_by_its_bristles(stiffness: float) -> None:
+    numbers = {"motor_1_friction_torque": 0.5, "motor_1_friction_stiffness": stiffness, "motor_1_damping": 2.0}
+    result = bench(4, {**FREE, **numbers, "spring_stiffness": 1e-12}, references={"motor_1_torque": 0.2}, duration=0.5)
+    assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
 
 
 def test_a_motor_rubs_by_its_load() -> None:
@@ -460,3 +467,23 @@ def test_an_actuator_of_a_users_own_has_all_of_it() -> None:
     assert column(result, "hysteresis_loss")[-1] > 1e-4
     assert np.abs(column(result, "motor_2_voltage")).max() <= 12.0 + 1e-9
     assert np.abs(column(result, "energy_residual")).max() < 1e-3
+
+
+@pytest.mark.parametrize("motor_substeps", [1, 3, 9])
+def test_a_spring_that_moves_along_keeps_what_it_remembers(motor_substeps: int) -> None:
+    """Motor and link go 3 rad together, a hundred times the deflection of memory, and the spring between stays as it is."""
+    parameters = {
+        **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,
+        "hysteresis_torque": 0.5, "hysteresis_deflection": 0.02,
+    }  # fmt: skip
+    moving: dict[str, Any] = {"initial_velocities": {"joint_1": 3.0}, "initial_motor_velocities": {"joint_1": (3.0,)}}
+    result = run(
+        chain(Body(actuator="sea", mass=1e-3, reach=1e-3, inertia=1e3)), mode=4, gravity=0.0, duration=1.0, compiled=False,
+        references={"motor_1_torque": 0.6 + 0.5 * 3.0}, parameters=parameters, substeps=1, motor_substeps=motor_substeps,
+        **moving,
+    )  # fmt: skip
+    deflection = column(result, "motor_1_position") - column(result, "link_position")
+    remembered = column(result, "elastic_torque_1") - 30.0 * deflection
+    assert np.ptp(column(result, "link_position")[300:]) > 2.0
+    assert remembered[300] > 0.2
+    np.testing.assert_allclose(remembered[300:], remembered[300], atol=1e-3)

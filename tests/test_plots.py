@@ -17,6 +17,8 @@ from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
+from asrsim.plots.view import split
+from asrsim.plots.world import Curve
 
 pytestmark = pytest.mark.once
 
@@ -258,6 +260,15 @@ def test_what_is_too_fast_for_pixels_or_samples_is_an_envelope(tmp_path: Path, f
     assert np.isnan(line.get_ydata()).mean() > 0.8
 
 
+def test_a_chirp_turns_into_an_envelope_once_and_for_good():
+    time = np.linspace(0.0, 20.0, 20_001)
+    for offset in (0.0, 0.3, 0.7):
+        curve = Curve(time=time, values=np.sin(2 * np.pi * ((0.5 + offset) * time + 0.1375 * time**2)))
+        hidden = np.isnan(split(curve, 0.0, 20.0, 750.0).line.values)
+        assert hidden[-1]
+        assert np.count_nonzero(np.diff(hidden.astype(int))) == 1
+
+
 def test_slow_motions_steps_and_noise_stay_lines(tmp_path: Path):
     time = np.arange(1001) * 1e-3
     rng = np.random.default_rng(0)
@@ -328,3 +339,12 @@ def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
 
     info = open_log(simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.02)).info
     assert {claim.body for claim in logged_claims(info, tmp_path)} == {"box"}
+
+
+def test_line_styles_can_be_told_apart_in_a_legend():
+    """Dashes and gaps are some points long, and no two styles alike: a handle of a legend, 28 points, shows each whole."""
+    dashes = [pattern[1] for pattern in style.LINE_STYLES if pattern != "-"]
+    assert len(set(dashes)) == len(dashes) == len(style.LINE_STYLES) - 1
+    for pattern in dashes:
+        assert all(1.0 <= length <= 8.0 for length in pattern)
+        assert sum(pattern) <= 28.0

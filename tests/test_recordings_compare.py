@@ -179,16 +179,19 @@ def test_unmarked_degrees_are_suspected_in_a_comparison(tmp_path: Path) -> None:
     assert {f.key for f in cured.findings if f.code == "suspected-unit"} == {"elbow.reference_1"}
 
 
-def test_no_overlap_in_time_names_both_ranges(tmp_path: Path) -> None:
+def test_a_clock_without_overlap_is_aligned_where_the_motion_fits_and_else_refused_with_both_ranges(tmp_path: Path) -> None:
     t = 100 + np.arange(0, 5, 0.01)
-    np.savetxt(tmp_path / "lab.csv", np.column_stack([t, motion(t - 100)]), delimiter=",", header="time,elbow_pos", comments="")
+    fits, noise = motion(t - 100.3), np.random.default_rng(1).normal(size=len(t))
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([t, fits]), delimiter=",", header="time,elbow_pos", comments="")
+    assert compare(simulation(), read(tmp_path / "lab.csv")).alignment.lag == pytest.approx(100.3, abs=3e-3)
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([t, noise]), delimiter=",", header="time,elbow_pos", comments="")
     recording = read(tmp_path / "lab.csv")
     with pytest.raises(RecordingError, match=r"from 0 to 5 s.*from 100 to 104") as error:
         compare(simulation(), recording)
     assert "--lag start" in str(error.value)
     with pytest.raises(RecordingError, match="no overlap"):
         compare(simulation(), recording, lag="off")
-    assert compare(simulation(), recording, lag="start").series[0].metrics["rmse"] < 1e-6
+    assert compare(simulation(), recording, lag="start").alignment.lag == 100.0
 
 
 @pytest.mark.parametrize("late", [0.0, 0.3])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ pytestmark = pytest.mark.once
 JOINTS = ("joint_1", "joint_2")
 SENT = 1_700_000_000_000_000_000 + np.round(TIME * 1e9).astype(np.int64)
 GOT = SENT + np.random.default_rng(0).integers(0, 3_000_000, COUNT)
+SENT_TEXT = texts(SENT, "%d")
 SECONDS, REST = texts(SENT // 10**9, "%d"), texts(SENT % 10**9, "%d")
 NONE = [""] * COUNT
 
@@ -100,6 +102,42 @@ UNDERSTOOD: dict[str, tuple[bytes, str, str]] = {
         json.dumps({"robot": "arm", "t_ms": list(TIME * 1e3), "q": np.column_stack([A, B]).tolist(), "gains": [1, 2]}).encode(),
         "joint_1", "joint_2",
     ),
+    "names above a controller's points": (
+        table([SENT_TEXT, ["joint_2"] * COUNT, ["joint_1"] * COUNT, A, B, B, A],
+              before="%time,field.joint_names0,field.joint_names1,field.actual.positions0,field.actual.positions1,"
+              "field.desired.positions0,field.desired.positions1\n"), "joint_2", "joint_1",
+    ),
+    "a trajectory in json": (
+        json.dumps({"joint_names": ["joint_2", "joint_1"], "points": [
+            {"positions": [a, b], "time_from_start": {"secs": int(t), "nsecs": round(t % 1 * 1e9)}}
+            for t, a, b in zip(TIME, A, B, strict=True)]}).encode(), "joint_2", "joint_1",
+    ),
+    "json pairs of time and value": (
+        json.dumps({f"joint_{i}": np.column_stack([TIME, v]).tolist() for i, v in ((1, A), (2, B))}).encode(),
+        "joint_1", "joint_2",
+    ),
+    "a timeval": (
+        table([SECONDS, texts(SENT % 10**9 // 1000, "%d"), A, B], before="tv_sec,tv_usec,q1,q2\n"), "joint_1", "joint_2",
+    ),
+    "past midnight": (
+        table([[str(datetime(2024, 5, 6, 23, 59, 58) + timedelta(seconds=t))[11:] for t in TIME], A, B], before="time,q1,q2\n"),
+        "joint_1", "joint_2",
+    ),
+    "a time in steps of a quarter of a millisecond": (
+        table([texts(TIME * 4000, "%.6f"), A, B], before="time [250us],q1,q2\n"), "joint_1", "joint_2",
+    ),
+    "actual and desired": (
+        table([TIME, A, B, B, A], before="t,actual_joint_1,actual_joint_2,desired_joint_1,desired_joint_2\n"),
+        "joint_1", "joint_2",
+    ),
+    "Ist and Soll": (
+        table([TIME, A, B, B, A], before="t,Istwinkel joint_1,Istwinkel joint_2,Sollwinkel joint_1,Sollwinkel joint_2\n"),
+        "joint_1", "joint_2",
+    ),
+    "ActPos and SetPos": (
+        table([TIME, A, B, B, A], before="t,Axis1.ActPos,Axis2.ActPos,Axis1.SetPos,Axis2.SetPos\n"),
+        "joint_1", "joint_2",
+    ),
     "json by pandas": (
         json.dumps({n: {str(i): v for i, v in enumerate(c)} for n, c in (("time", TIME), ("q1", A), ("q2", B))}).encode(),
         "joint_1", "joint_2",
@@ -114,6 +152,11 @@ def test_understood(tmp_path: Path, name: str) -> None:
 
 
 REFUSED: dict[str, tuple[bytes, str]] = {
+    "ticks of an unknown clock": (table([texts(ORDER * 64, "%d"), A, B], before="ticks,q1,q2\n"), "'ticks' counts something"),
+    "two publishers of one topic": (
+        table([TIME, ["joint_1", "joint_2"] * (COUNT // 2), A], before="time,name0,position0\n"),
+        "other joints from row to row",
+    ),
     "an index only": (table([texts(ORDER, "%d"), A, B], before=",q1,q2\n"), "counts the rows.*--rate"),
     "an index by pandas": (table([texts(ORDER + 1, "%d"), A, B], before="Unnamed: 0,q1,q2\n"), "counts the rows.*--rate"),
     "an index by reset_index": (table([texts(ORDER, "%d"), A, B], before="level_0,q1,q2\n"), "'level_0' counts the rows"),
@@ -131,6 +174,21 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "a command that rises is no time": (table([TIME, A], before="q_ref,q1\n"), "no time column found"),
     "json of another kind": (b'{"name": "arm", "joints": 2}\n', "is JSON with 0 records"),
 }
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("N.mm", 1e-3), ("N mm", 1e-3), ("N-m", 1.0), ("lb-ft", 1.3558179), ("lbf in", 0.112984829), ("oz-in", 7.06155e-3)],
+)
+def test_torques_in_units_of_the_trade(tmp_path: Path, unit: str, factor: float) -> None:
+    recording = read(tmp_path, table([TIME, A, B], before=f"t,q1,tau_joint_1 [{unit}]\n"))
+    np.testing.assert_allclose(recording.column("joint_1", "link_torque").values, B * factor, rtol=1e-6)
+
+
+def test_a_second_column_of_one_name_is_no_second_joint(tmp_path: Path) -> None:
+    recording = read(tmp_path, table([TIME, A, B], before="t,angle,angle\n"))
+    assert recording.joints == ()
+    assert "angle, angle#2" in said(recording.findings, "unclear-joint")
 
 
 @pytest.mark.parametrize("name", REFUSED)

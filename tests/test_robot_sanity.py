@@ -81,6 +81,8 @@ def test_what_other_programs_add_is_no_slip(tiny) -> None:
         ("<mass ", '<mass value="5"/><mass ', "repeated-element"),
         ("<limit ", '<limit effort="1" velocity="1"/><limit ', "repeated-element"),
         ("<spring_k>10<", "<spring_k>0<", "no-spring"),
+        ('damping="0.2"', 'damping="1e6"', "stuck-joint"),
+        ('friction="0"', 'friction="1e5"', "stuck-joint"),
         ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><ctrl_P>-1</ctrl_P>", "negative-gain"),
     ],
 )
@@ -94,7 +96,8 @@ def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> 
 def test_sound_robots_are_not_doubted() -> None:
     """Nothing improbable in the examples, nor wheels that turn for ever."""
     doubted = {
-        "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain"
+        "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain",
+        "stuck-joint",
     }  # fmt: skip
     for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         assert not codes(load_robot(path).warnings) & doubted, path
@@ -232,6 +235,35 @@ SCENARIOS = {
     "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
     "slow-rate": "effects: {commands: {elbow: {rate: 0.5}}}",
     "no-spring": "parameters: {elbow: {spring_k: 0}}",
+    "aliased": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 450}}}}",
+    "aliased at the step's rate": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 1000}}}",
+    "aliased at twice the rate": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 2000, phase: 1}}}",
+    "aliased in its last third": "references: {elbow: {equilibrium_position: {chirp: {amplitude: 0.1, from: 1, to: 700, "
+    "duration: 1.5}}}}",
+    "aliased term": "external_torques: {elbow: {sum: [{ramp: {duration: 1, to: 4}}, {sinusoid: {amplitude: 0.01, "
+    "frequency: 777}}]}}",
+    "aliased pulses": "wrenches: [{link: arm, force: [null, {pulse_train: {high: 1, period: 0.0011, width: 0.0004}}, null]}]",
+    "reference-limits": "references: {elbow: {equilibrium_position: {step: {at: 1.2, to: 3.1}}}}",
+    "reference-limits of a motor": "modes: 5\nreferences: {elbow: {reference_1: -3.1}}",
+    "reference-limits desired": "desired: {elbow: {sinusoid: {amplitude: 3.1, frequency: 1}}}",
+    "reference-limits desired of all": "desired: {'*': 4}",
+    "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
+    "absurd-load": "external_torques: {elbow: {step: {at: 1, to: -1e6}}}",
+    "absurd-load force": "wrenches: [{link: arm, force: [null, null, 1e4]}]",
+    "absurd-load torque": "wrenches: [{link: arm, torque: [{pulse_train: {high: 100, period: 1, width: 0.0001}}, null, null]}]",
+    "absurd-load of a mode": "modes: 0\nreferences: {'*': {link_torque: {step: {at: 1, to: 100}}}}",
+    "absurd-load of a motor": "modes: 4\nreferences: {elbow: {motor_1_torque: -100}}",
+    "fast-start": "initial: {elbow: {velocity: -2000}}",
+    "fast-start of a motor": "initial: {'*': {motor_velocities: [2000]}}",
+    "far-motor": "initial: {elbow: {position: 0.2, motor_positions: [50]}}",
+    "unused-tolerance": "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, "
+    "tolerance: 0.1}]",
+    "large-damping": "link_damping: {elbow: {constant: 1e6}}",
+    "large-damping ratio": "link_damping: {'*': {ratio: 1e6, inertia: 0.01}}",
+    "few-samples": "log_rate: 2",
+    "empty-claim": "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1e9}]",
+    "empty-claim below": "expect: [{joint: elbow, quantity: link_position, measure: maximum, comparison: <, value: 1e9}]",
+    "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
@@ -258,10 +290,36 @@ def test_what_a_scenario_hardly_means_is_told_of(case: str, tiny) -> None:
         "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "effects: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
         "link_damping: {elbow: {ratio: 0.1, inertia: 0.01}}", "references: {elbow: {equilibrium_position: 0.3}}",
         "references: {elbow: {equilibrium_position: {step: {at: 1.4, to: 0.5}}}}", "base: {rpy: [0, -3.15, 6.28]}",
+        "external_torques: {elbow: {pulse_train: {high: 20, period: 0.5, width: 0.001}}}", "desired: {elbow: -2.9}",
+        "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 2.9, frequency: 250}}}}", "log_rate: 10",
+        "references: {elbow: {equilibrium_position: {multisine: {amplitude: 0.1, frequencies: [1, 20, 300]}}}}",
+        "references: {elbow: {equilibrium_position: {pulse_train: {high: 0.1, period: 0.003, width: 0.0014}}}}",
+        "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
+        "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
+        "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
     ],
 )  # fmt: skip
 def test_what_is_meant_is_not_doubted(more: str, tiny) -> None:
     assert not warned(tiny, more)
+
+
+@pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",
+                                    "{pulse_train: {high: 1, period: 1e-5, width: 5e-6}}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "place",
+    [
+        "external_torques: {elbow: %s}", "wrenches: [{link: arm, force: [0, %s, 0]}]", "desired: {elbow: %s}",
+        "engine: bench\nmotion: {elbow: %s}", "references: {elbow: {equilibrium_position: %s}}",
+        "ilc: {trajectory: {elbow: %s}, tolerance: 1}",
+    ],
+)  # fmt: skip
+def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: str, signal: str, tiny) -> None:
+    base = "" if "references:" in place else tiny.scenario.read_text().split("duration: 1.5\n")[1]
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{place % signal}\n")
+    (scenario,) = load_scenario(tiny.scenario)
+    errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
+    assert [problem.code for problem in errors] == ["signal"]
+    assert errors[0].line
 
 
 def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:

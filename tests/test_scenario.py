@@ -104,7 +104,7 @@ world:
     box: {shape: box, size: [0.1, 0.2, 0.3], mass: 2, friction: 0.23}
     ball: {shape: sphere, size: 0.03}
     hand: {shape: mesh, mesh: hand.stl}
-task: {link: tip, poses: [{time: 0, position: [0, 0, 1]}, {time: 1, position: [0, 1, 1], rpy: [0, 0, 0]}], preset: 0.3}
+task: {link: tip, poses: [{time: 0, position: [0,0,1], rpy: [0,0,0]}, {time: 1, position: [0,1,1], rpy: [0,0,0]}], preset: 0.3}
 ilc: {trajectory: {a: {minimum_jerk: {to: 0.8, duration: 1}}}, tolerance: 0.08, gain: model, joint_gains: {a: 0.3}}
 expect:
   - {joint: a, quantity: link_position, measure: steady_state, value: 1, tolerance: 0.1}
@@ -180,6 +180,14 @@ expect:
             "task.poses",
             "must ascend",
         ),
+        (
+            "task: {link: a, poses: [{time: 0, position: [0, 0, 0], rpy: [0, 0, 0]}, {time: 1, position: [0, 0, 0]}]}",
+            3,
+            "task.poses",
+            "either all poses have an orientation",
+        ),
+        ("task: {link: a, poses: []}", 3, "task.poses", "at least 1 entries"),
+        ("task: {link: a, poses: [{time: 0, position: [0, 0, 0]}], interpolation: bezier}", 3, "task.interpolation", "linear"),
         ("ilc: {trajectory: {a: 1}}", 3, "ilc", "'tolerance' is missing"),
         ("ilc: {trajectory: {a: 1}, tolerance: 1, gain: modle}", 3, "ilc.gain", "number or model"),
         ("expect: [{quantity: link_position, measure: x, value: 1}]", 3, "expect.0", "joint, or body"),

@@ -9,7 +9,7 @@ import pytest
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
 from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot
-from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario
+from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 
@@ -79,6 +79,7 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("wrenches: [{link: tip, force: [1, 0, 0]}]", 7, "wrenches.0.link", "vsa_link"),
         ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
         ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
+        ("desired: {x: 1}", 7, "desired.x", "no moving joint"),
         ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no actuated joint"),
         ("task: {link: tip, poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.link", "no link"),
         ("task: {link: vsa_link, joints: [x], poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.joints", "no actuated"),
@@ -87,6 +88,12 @@ def test_a_fitting_scenario_has_no_problems(load):
             7,
             "task.poses.1.time",
             "after the run's end at 2 s",
+        ),
+        (
+            "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}]}\nmodes: {vsa: 4}",
+            8,
+            "modes.vsa",
+            "which mode 4 does not take (got 4); choose from 1, 2, 3, 5, 6",
         ),
         ("ilc: {trajectory: {x: 1}, tolerance: 1}", 7, "ilc.trajectory.x", "no actuated joint"),
         ("expect:\n- {joint: x, quantity: deflection, measure: maximum, value: 1}", 8, "expect.0.joint", "no moving joint"),
@@ -196,3 +203,19 @@ def test_a_checked_robot_is_the_files_and_what_does_not_fit_is_one_error():
     with pytest.raises(ScenarioError) as error:
         checked_robot(wrong, robot)
     assert {problem.code for problem in error.value.problems} == {"initial-limits", "unknown-joint"}
+
+
+STARTS = [({}, True), ({"arm": -1.5}, False), ({"*": -1.5}, False)]
+
+
+@pytest.mark.parametrize(("initial", "told"), STARTS)
+def test_a_start_at_0_beyond_the_limits_is_told_of(tmp_path: Path, initial: dict[str, float], told: bool) -> None:
+    text = (
+        '<robot name="r"><link name="l"/><joint name="arm" type="revolute"><parent link="l"/><child link="m"/>'
+        '<limit lower="-2" upper="-1" effort="9" velocity="9"/></joint><link name="m"><inertial><mass value="1"/>'
+        '<inertia ixx="1e-2" iyy="1e-2" izz="1e-2" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    )
+    (tmp_path / "r.urdf").write_text(text, encoding="utf-8")
+    keys = {"initial": initial} if initial else {}
+    warnings = checked_robot(make_scenario(tmp_path / "r.urdf", duration=1.0, **keys))[1]
+    assert any(problem.code == "default-start" for problem in warnings) == told

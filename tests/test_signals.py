@@ -16,7 +16,7 @@ from asrsim.document.block import declare
 from asrsim.document.kinds import Number
 from asrsim.errors import InputError, ScenarioError
 from asrsim.signals import SIGNALS, Chirp, Constant, Delay, Multisine, Signal, Sinusoid, Step, parse_signal
-from asrsim.signals.series import interpolate
+from asrsim.signals.common import interpolate
 
 
 def at(data, *times):

@@ -27,13 +27,18 @@ def scenario_of(robot: Path, **keys: object):
     return make_scenario(robot, **{"duration": 4.0, **keys})
 
 
+FURTHER_RESTS = (("sea", 0.45, 6), ("qbmove", 0.3, 3), ("qbmove", 0.45, 6), ("bavs", 0.3, 3))
+
+
 def judged(scenario, **options):
     robot, _ = checked_robot(scenario)
     return sizing(scenario, apply_to_robot(scenario, robot), **options)
 
 
-@pytest.mark.parametrize(("preset", "mode"), [(0.3, 3), (0.45, 6)])
-@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+@pytest.mark.parametrize(
+    ("actuator", "preset", "mode"),
+    [("sea", 0.3, 3), ("bavs", 0.45, 6), *(pytest.param(*case, marks=pytest.mark.slow) for case in FURTHER_RESTS)],
+)
 def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuator, preset, mode):
     """Ideal motors, or weak controllers, which droop: the run, strongly damped, ends at rest, and sags as it was foretold."""
     weak = {"controller_{}_proportional": 6.0, "motor_{}_friction_torque": 0.0}
@@ -216,7 +221,7 @@ def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     assert proposal["joint_1"]["motor_1_max_torque"] > 50
 
 
-@pytest.mark.parametrize("seed", [40, 55, 56])
+@pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (55, 56))])
 def test_what_init_writes_begins_at_rest_and_gets_where_it_is_asked(tmp_path, seed):
     """Sliders under their weight, without any damping: nothing moves before the step, and in the mean they then are within
     0.06 m of where they are sent, which would be little of a radian."""

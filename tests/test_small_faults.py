@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -65,17 +64,13 @@ def test_the_filter_keeps_a_ramp_to_its_ends(cutoff: float, order: int) -> None:
 
 
 @pytest.mark.parametrize("factor", [1.25, 0.5])
-def test_a_heavier_link_has_more_inertia_in_data_and_text(factor: float) -> None:
+def test_a_heavier_link_has_more_inertia(factor: float) -> None:
     robot = load_robot(EXAMPLES / "urdf" / "dof1_qbmove.urdf")
     (joint,) = robot.moving_joints
     changed = _heavier(robot, joint.name, factor)
     before, after = (next(link for link in one.links if link.name == joint.child) for one in (robot, changed))
     assert after.mass == pytest.approx(factor * before.mass)
     np.testing.assert_allclose(after.inertia, factor * np.array(before.inertia))
-    link = next(link for link in ElementTree.fromstring(changed.text).iter("link") if link.get("name") == joint.child)
-    assert float(link.find("inertial/mass").get("value")) == pytest.approx(after.mass)
-    written = link.find("inertial/inertia")
-    np.testing.assert_allclose([float(written.get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")], after.inertia)
 
 
 @pytest.mark.parametrize(("stepping", "order"), [("leapfrog", 2), ("euler", 1)])

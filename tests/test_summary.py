@@ -12,8 +12,8 @@ import pytest
 
 import asrsim
 from asrsim.samples import Samples
-from asrsim.summary import collect, joint_measures
-from asrsim.summary.table import headline, joint_columns, limit_note
+from asrsim.summary import Collector, collect
+from asrsim.summary.table import headline, joint_columns, limit_note, share
 
 pytestmark = pytest.mark.once
 
@@ -72,6 +72,22 @@ def test_two_saturated_motors_are_one_saturated_joint() -> None:
         assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
 
 
+def test_a_joint_that_its_friction_holds_is_told_of(tiny) -> None:
+    """It never moves, which no limit shows; what is left of its position is rounding, and no number to read."""
+    text = tiny.robot.read_text(encoding="utf-8")
+    tiny.robot.write_text(text.replace('friction="0"', 'friction="5"'), encoding="utf-8")
+    result = asrsim.run(tiny.scenario, overrides=["duration=0.2"])
+    (told,) = [problem for problem in result.summary.warnings if problem.code == "stuck"]
+    assert told.key == "elbow"
+    assert "friction of 5 N m" in told.message
+    cells = {column.heading: column.cells for column in joint_columns(result.summary)}
+    assert cells["steady\nrad"] == ("0",)
+
+
+def test_all_substeps_are_a_hundred_percent() -> None:
+    assert [share(count, 1000) for count in (0, 5, 999, 1000)] == ["-", "0.5 %", "100 %", "100 %"]
+
+
 def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:
     result = asrsim.run(tiny.scenario, overrides=["modes=0", "references={elbow: {link_torque: 0}}", "duration=0.1"])
     joint = result.summary.as_dict()["joints"][0]
@@ -86,10 +102,16 @@ def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.Mo
     result = asrsim.run(tiny.scenario)
     samples, joints = result.samples, result.run.info.joints
     n = len(samples.time)
-    chunks = [_rows(samples, slice(start, start + 97)) for start in range(0, n, 97)]
-    whole = joint_measures(chunks, joints, samples=n)[0]
+
+    def measured():
+        collector = Collector(joints, samples=n)
+        for start in range(0, n, 97):
+            collector.write(_rows(samples, slice(start, start + 97)))
+        return collector.seen().measures[0]
+
+    whole = measured()
     monkeypatch.setattr(collect, "KEPT", 400)
-    thin = joint_measures(chunks, joints, samples=n)[0]
+    thin = measured()
     assert thin.peak_deflection == whole.peak_deflection
     assert thin != whole
     assert thin.steady_state == pytest.approx(whole.steady_state, abs=1e-3)

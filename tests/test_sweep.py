@@ -21,6 +21,7 @@ from asrsim.sweeps import runner as runner_module
 from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import lost
 from asrsim.sweeps.runner import Runner
+from asrsim.sweeps.sensitivity import influences
 from asrsim.sweeps.show import say_summary
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
@@ -186,7 +187,7 @@ def test_runs_that_are_looked_at_together_have_the_rows_of_runs_alone(monkeypatc
     whole = runner_module.finish
     monkeypatch.setattr(runner_module, "finish", lambda tracks, write: together.append(len(tracks)) or whole(tracks, write))
     rows = dict(Runner(payload).several((run, run) for run in range(16)))
-    assert (sum(together), max(together)) == (12, 4)
+    assert (sum(together), max(together)) == (12, 8)
     alone = Runner(payload)
     assert without_time(rows.values()) == without_time(alone(run) for run in range(16))
     assert [row[payload.names.index("status")] for _, row in sorted(rows.items())].count("failed") == 4
@@ -464,3 +465,30 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
 def test_saltelli_takes_the_next_power_of_two(samples, points):
     over = {"link_1.mass": "uniform(0.3, 0.5)", "joint_1.damping": "uniform(0.1, 0.2)"}
     assert len(study_of(over, design="saltelli", samples=samples)) == points * 4
+
+
+@pytest.mark.slow
+def test_sobol_indices_and_ranks_are_those_of_a_function_that_is_known(tmp_path):
+    """Ishigami's function, whose indices are closed forms (1990), and a sum, whose shares are its variances."""
+    keys = ["a.x", "a.y", "a.z"]
+    study = study_of(dict.fromkeys(keys, "uniform(-3.141592653589793, 3.141592653589793)"), design="saltelli", samples=2048)
+    x, y, z = study.table.T
+    results = {"ishigami": np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x), "sum": 3.0 * x - 2.0 * y}
+    columns = [("run", "int"), ("variant", "text"), ("status", "text"), *((name, "float") for name in (*keys, *results))]
+    how = {"design": "saltelli", "samples": 2048, "keys": keys, "drawn": [[key] for key in keys]}
+    store = open_store(
+        tmp_path, columns, len(x), {**SMALL, **how, "columns": columns, "runs": len(x)}, resume=False, overwrite=False
+    )
+    store.add([(run, "a", "complete", *row) for run, row in enumerate(zip(x, y, z, *results.values(), strict=True))])
+    store.finish()
+    expected = {
+        "ishigami": {"a.x": (0.3139, 0.5576), "a.y": (0.4424, 0.4424), "a.z": (0.0, 0.2437)},
+        "sum": {"a.x": (9 / 13, 9 / 13), "a.y": (4 / 13, 4 / 13), "a.z": (0.0, 0.0)},
+    }
+    for result, indices in expected.items():
+        found = {one.key: (one.first, one.total) for one in influences(Table(tmp_path), result)}
+        for key in keys:
+            assert found[key] == pytest.approx(indices[key], abs=0.02)
+    ranks = {one.key: one.rank for one in influences(Table(tmp_path), "sum")}
+    assert ranks["a.x"] > 0.8
+    assert ranks["a.y"] < -0.5

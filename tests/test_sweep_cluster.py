@@ -15,6 +15,7 @@ import asrsim
 from asrsim import versions
 from asrsim.errors import SimulationError
 from asrsim.sweeps import make_study
+from asrsim.sweeps.run import Progress
 from asrsim.workers import cluster
 
 pytest.importorskip("pyarrow")
@@ -70,25 +71,31 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_dask_gives_the_rows_of_one_process_though_a_worker_is_killed(address: str, tmp_path: Path):
+def test_dask_gives_the_rows_of_one_process_though_one_worker_and_then_all_are_killed(address: str, tmp_path: Path):
+    """With the last of them goes the study that they were given."""
     study = study_of(300)
     workers = [start_worker(address) for _ in range(2)]
-    killed = []
+    dead: list[subprocess.Popen[bytes]] = []
 
-    def kill_one(_: object) -> None:
-        if not killed:
-            killed.append(workers[0])
-            workers[0].kill()
+    def kill(progress: Progress) -> None:
+        if not dead:
+            dead.append(workers.pop())
+        elif progress.done >= 100 and len(dead) < 3:
+            dead.extend(workers)
+            workers.clear()
+        for process in dead:
+            process.kill()
+        while len(workers) < 2:
             workers.append(start_worker(address))
 
     try:
-        there = asrsim.sweep(study, out=tmp_path / "dask", cluster=address, progress=kill_one)
+        there = asrsim.sweep(study, out=tmp_path / "dask", cluster=address, progress=kill)
     finally:
-        for process in workers:
+        for process in (*workers, *dead):
             process.kill()
             process.wait()
     here = asrsim.sweep(study, out=tmp_path / "here", workers=1)
-    assert killed
+    assert len(dead) == 3
     assert there.to_arrow().drop_columns("seconds").equals(here.to_arrow().drop_columns("seconds"))
 
 

@@ -107,6 +107,7 @@ def test_no_name_swallows_the_scripts_of_a_report(tiny, name: str) -> None:
 def test_of_many_places_it_is_said_how_many_are_left(count: int) -> None:
     problems = [Problem(message="odd", key=f"joint_{i}", code="odd") for i in range(count)]
     (line,) = problem_lines(problems)
+    assert "None" not in line
     assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
     assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
 

@@ -99,3 +99,14 @@ def test_engines_differ_by_rounding(feature: str, tmp_path: Path) -> None:
         assert turned_alike(poses, mujoco.bodies[name]) < SAME, name
     limits = [[joint.as_dict()["limits"] for joint in run.summary.joints] for run in (bullet, mujoco)]
     assert limits[0] == limits[1]
+
+
+@pytest.mark.parametrize("base", ["", FLOATING], ids=["held", "floating"])
+def test_inertias_that_no_body_has_are_the_same_in_both(base: str, tmp_path: Path) -> None:
+    """Many published robots have them. They are warned of, and then calculated with as they stand."""
+    impossible = ROBOT.replace('ixx="1e-3" iyy="2e-3" izz="1.5e-3"', 'ixx="1e-3" iyy="2e-3" izz="9e-3"')
+    (tmp_path / "robot.urdf").write_text(impossible, encoding="utf-8")
+    (tmp_path / "scenario.yaml").write_text(SCENARIO + base, encoding="utf-8")
+    runs = [asrsim.run(tmp_path / "scenario.yaml", overrides=[f"engine={name}"]) for name in ("bullet", "mujoco")]
+    positions = [run.samples.values["link_position"] for run in runs]
+    np.testing.assert_allclose(*positions, atol=SAME)

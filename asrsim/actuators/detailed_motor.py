@@ -49,7 +49,8 @@ DETAILS = tuple(f"motor_{i}_{name}" for i in (1, 2) for name in ("stribeck_frict
 
 def is_detailed(values: Mapping[str, float], motors: int) -> bool:
     """Whether any motor has more than the toolbox's."""
-    return any(values.get(name, 0.0) > 0.0 for name in DETAILS[: 3 * motors])
+    stiff = (values.get(f"motor_{i}_friction_stiffness", FRICTION_STIFFNESS) for i in range(1, motors + 1))
+    return any(values.get(name, 0.0) > 0.0 for name in DETAILS[: 3 * motors]) or any(k != FRICTION_STIFFNESS for k in stiff)
 
 
 def command_of(values: Mapping[str, float], index: int, mode: Mode) -> str:
@@ -109,7 +110,7 @@ def detailed_kick(
     """
     (
         p, hold, i_step, d, old, new, step, inertia, damping, gain, lag, emf, stall, limit, fastest,
-        coulomb, excess, fade, share,
+        coulomb, excess, fade, share, stiffness,
     ) = coefficients  # fmt: skip
     error = reference - hold * position
     push = p * error + integral
@@ -118,11 +119,11 @@ def detailed_kick(
     stretch = position - anchor
     torque = friction = after = 0.0
     for _ in range(2):
-        slip = (level + excess * exp(-(mean * fade) * (mean * fade))) / FRICTION_STIFFNESS
+        slip = (level + excess * exp(-(mean * fade) * (mean * fade))) / stiffness
         stretch = position - anchor
         if abs(stretch) > slip:
             stretch = slip if stretch > 0.0 else -slip
-        friction = FRICTION_STIFFNESS * stretch
+        friction = stiffness * stretch
         drag = damping + gain * d + lag
         after = (velocity * (inertia - old * step * drag) + step * (gain * push - load - friction)) / (
             inertia + new * step * drag
@@ -162,5 +163,5 @@ def detailed_coefficients(
         p, 1.0 if mode.controller else 0.0, i * step, d, 1.0 - implicitness, implicitness, step,
         values[f"{motor}_inertia"], values[f"{motor}_damping"], *electric, values[f"{motor}_max_velocity"],
         values[f"{motor}_friction_torque"], values[f"{motor}_stribeck_friction"], 1.0 / values[f"{motor}_stribeck_velocity"],
-        values[f"{motor}_load_friction"],
+        values[f"{motor}_load_friction"], values[f"{motor}_friction_stiffness"],
     )  # fmt: skip

@@ -10,6 +10,8 @@ STRIBECK = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994)"
 LOAD_FRICTION = "Duclusaud et al. (2025), extended friction models of servo actuators (BAM), M3"
 DC_MOTOR = "DC motor without inductance: n k_t i, u = R i + n k_t omega"
 DAHL = "Dahl (1968)"
+FRICTION_STIFFNESS = 1000.0
+"""N m/rad, pre-sliding stiffness K of the Dahl friction (paper eq. 8; fixed in the released toolbox)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +91,10 @@ def _friction_parameters(motor: str) -> tuple[Parameter, ...]:
             name=f"{motor}_load_friction", default=0.0, unit="1", minimum=0.0, source=LOAD_FRICTION, optional=True,
             doc="share of the spring's torque on the motor that adds to the Coulomb level",
         ),
+        Parameter(
+            name=f"{motor}_friction_stiffness", default=FRICTION_STIFFNESS, unit="N m/rad", minimum=0.0, exclusive_minimum=True,
+            source=DAHL, optional=True, doc="pre-sliding stiffness of the friction's bristles",
+        ),
     )  # fmt: skip
 
 
@@ -148,6 +154,3 @@ LINK_CONTROLLER_DEFAULTS = {
     "controller_1_derivative": 0.2,
 }
 """Defaults that replace the motor controller's in mode 1, where the PID acts on the link (released toolbox)."""
-
-FRICTION_STIFFNESS = 1000.0
-"""N m/rad, pre-sliding stiffness K of the Dahl friction (paper eq. 8; fixed in the released toolbox)."""

@@ -29,7 +29,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """
     path = Path(path)
     if not path.is_file():
-        raise ActuatorError(Problem(message="no such plugin file", file=path, code="missing-file"))
+        raise ActuatorError("no such plugin file", file=path, code="missing-file")
     module = _run(path)
     found = [
         entry
@@ -41,11 +41,8 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     ]
     if not found:
         raise ActuatorError(
-            Problem(
-                message="defines no actuator", file=path, code="no-actuator",
-                hint="Derive a class from asrsim.actuators.Actuator",
-            )
-        )  # fmt: skip
+            "defines no actuator", file=path, code="no-actuator", hint="Derive a class from asrsim.actuators.Actuator"
+        )
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
     names = [getattr(actuator, "name", None) for actuator in found]
     problems.extend(_taken(path, found))
@@ -138,7 +135,7 @@ def law_fault(error: BaseException) -> ActuatorError | None:
             message = f"the law raised {type(error).__name__}: {error}"
             hint = "asrsim check --actuator NAME --plugin FILE tries a law over its whole range"
             file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
-            return ActuatorError(Problem(message=message, file=file, line=line, key=key, hint=hint, code="law-raised"))
+            return ActuatorError(message, file=file, line=line, key=key, hint=hint, code="law-raised")
     return None
 
 
@@ -181,7 +178,7 @@ def _run(path: Path) -> ModuleType:
     name = f"{MODULES}{re.sub(r'[^0-9A-Za-z_]', '_', path.stem)}_{abs(hash(str(path.resolve()))):x}"
     spec = spec_from_file_location(name, path.resolve())
     if spec is None or spec.loader is None:
-        raise ActuatorError(Problem(message="is not a Python file", file=path, code="not-python"))
+        raise ActuatorError("is not a Python file", file=path, code="not-python")
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:
@@ -191,10 +188,8 @@ def _run(path: Path) -> ModuleType:
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise ActuatorError(
-            Problem(
-                message=f"the plugin file raised {type(error).__name__}: {error}", file=path, line=_line_of(error, path),
-                code="plugin-raised",
-            )
+            f"the plugin file raised {type(error).__name__}: {error}", file=path, line=_line_of(error, path),
+            code="plugin-raised",
         ) from error  # fmt: skip
     return module
 
@@ -214,5 +209,5 @@ def _problem(actuator: type[Actuator], message: str, code: str, *, key: str, val
     except (OSError, TypeError):
         line = None
     return Problem(
-        message=message, file=Path(file) if file else None, line=line, key=f"{actuator.__name__}.{key}", value=value, code=code
+        message, file=Path(file) if file else None, line=line, key=f"{actuator.__name__}.{key}", value=value, code=code
     )

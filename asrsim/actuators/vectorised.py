@@ -101,7 +101,10 @@ def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array],
     def evaluate(first: Array, second: Array) -> tuple[Array, Array]:
         if fast is not None:
             try:
-                goals = fast(first, second)
+                goals: tuple[Any, Any] = fast(first, second)
+                # What has the shape already is most often so, and asking is quicker than broadcasting.
+                if np.shape(goals[0]) == np.shape(goals[1]) == first.shape:
+                    return goals
                 return np.broadcast_to(goals[0], first.shape), np.broadcast_to(goals[1], first.shape)
             except (ValueError, TypeError):
                 pass

@@ -85,23 +85,17 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
             rows = list(csv.reader(stream))
     except (OSError, UnicodeDecodeError) as error:
         said = error.strerror if isinstance(error, OSError) else error
-        raise RecordingError(
-            Problem(message=f"cannot be read: {said}", file=path, hint=similar_file(path), code="unreadable")
-        ) from error
+        raise RecordingError(f"cannot be read: {said}", file=path, hint=similar_file(path), code="unreadable") from error
     if len(rows) < 2:
         raise RecordingError(
-            Problem(
-                message="has no rows; expected a header with time, <joint>.position, <joint>.velocity", file=path, code="empty"
-            )
+            "has no rows; expected a header with time, <joint>.position, <joint>.velocity", file=path, code="empty"
         )
     header = [name.strip() for name in rows[0]]
     joints, problems = _check_header(path, header, robot)
     table = np.full((len(rows) - 1, len(header)), math.nan)
     for line, row in enumerate(rows[1:], start=2):
         if len(row) != len(header):
-            problems.append(
-                Problem(message=f"has {len(row)} cells, the header {len(header)}", file=path, line=line, code="ragged-row")
-            )
+            problems.append(Problem(f"has {len(row)} cells, the header {len(header)}", file=path, line=line, code="ragged-row"))
             continue
         for index, text in enumerate(row):
             try:
@@ -111,7 +105,7 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
             if not math.isfinite(value):
                 problems.append(
                     Problem(
-                        message="must be a finite number",
+                        "must be a finite number",
                         file=path,
                         line=line,
                         key=header[index],
@@ -126,9 +120,7 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
         time = table[:, header.index("time")]
         backward = np.flatnonzero(np.diff(time) <= 0.0)
         if len(backward):
-            problems.append(
-                Problem(message="time must ascend", file=path, line=int(backward[0]) + 3, key="time", code="backward-time")
-            )
+            problems.append(Problem("time must ascend", file=path, line=int(backward[0]) + 3, key="time", code="backward-time"))
     if problems:
         raise RecordingError(problems)
 
@@ -162,7 +154,7 @@ def _check_header(path: Path, header: list[str], robot: Robot) -> tuple[list[str
         if name not in valid:
             problems.append(
                 Problem(
-                    message="is not a column of the bench",
+                    "is not a column of the bench",
                     file=path,
                     line=1,
                     key=name,
@@ -171,11 +163,11 @@ def _check_header(path: Path, header: list[str], robot: Robot) -> tuple[list[str
                 )
             )
         elif header.count(name) > 1:
-            problems.append(Problem(message="stands twice in the header", file=path, line=1, key=name, code="duplicate-column"))
+            problems.append(Problem("stands twice in the header", file=path, line=1, key=name, code="duplicate-column"))
     joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in header)]
     required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
     problems += [
-        Problem(message="column is missing", file=path, line=1, key=name, code="missing-column")
+        Problem("column is missing", file=path, line=1, key=name, code="missing-column")
         for name in required
         if name not in header
     ]

@@ -142,7 +142,8 @@ def _joined(group: Sequence[Problem]) -> str:
         return str(first)
     places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group[:SHOWN]]
     more = f" and {len(group) - SHOWN} more" if len(group) > SHOWN else ""
-    text = f"{first.file}: {len(group)} times: {first.message}: {', '.join(places)}{more}"
+    file = f"{first.file}: " if first.file else ""
+    text = f"{file}{len(group)} times: {first.message}: {', '.join(places)}{more}"
     return text + (f". {first.hint}" if first.hint else "")
 
 

@@ -142,7 +142,7 @@ def _unbuildable(scenario: Scenario, robot: Robot, path: Path) -> tuple[Problem,
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
     """The problems that an error carries, or the error as one."""
-    return error.problems if isinstance(error, InputError) else (Problem(message=str(error), file=path),)
+    return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path),)
 
 
 def unique(problems: list[Problem]) -> tuple[Problem, ...]:

@@ -69,6 +69,10 @@ def identify(
         Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/fit")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", "-j", min=1, help="Processes, for derivatives of long fits.", show_default="one a core"),
+    ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
@@ -96,7 +100,7 @@ def identify(
         load_plugins(plugin)
         task = _task(scenario, experiment or [], given)
         folder = out or Path("out") / task.name / "fit"
-        result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot)
+        result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, workers=workers)
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
             from asrsim.cli.console import say_json
@@ -126,7 +130,9 @@ def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
     return make_task(path, experiments, **given)
 
 
-def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool) -> tuple[Result, int]:
+def _run(
+    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, workers: int | None
+) -> tuple[Result, int]:
     from asrsim.cli.identify_progress import IdentifyProgress
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.identification import identify
@@ -137,7 +143,9 @@ def _run(task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, pr
         Interruption("asrsim: stopping; the best so far is judged and kept (Ctrl-C again to abort)") as interruption,
         IdentifyProgress(task.name, show=not quiet) as progress,
     ):
-        result = identify(task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled)
+        result = identify(
+            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled, workers=workers
+        )
     if result.status == "interrupted":
         return result, INTERRUPTED
     return result, 0 if result.fits else 2

@@ -118,7 +118,7 @@ def ilc(
 
 def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
     """Those to be learned, by name."""
-    from asrsim.errors import Problem, ScenarioError, did_you_mean
+    from asrsim.errors import ScenarioError, did_you_mean
     from asrsim.learning.plant import trajectories
 
     known = trajectories(scenario)
@@ -127,9 +127,7 @@ def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
     if name not in known:
         names = tuple(filter(None, known))
         hint = did_you_mean(name, names)
-        raise ScenarioError(
-            Problem(message=f"has no trajectory '{name}'", file=scenario.path, key="ilc.trajectories", choices=names, hint=hint)
-        )
+        raise ScenarioError(f"has no trajectory '{name}'", file=scenario.path, key="ilc.trajectories", choices=names, hint=hint)
     return {name: known[name]}
 
 
@@ -183,16 +181,14 @@ def _next(
 
 
 def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list[Path]) -> Scenario:
-    from asrsim.errors import Problem, ScenarioError
+    from asrsim.errors import ScenarioError
     from asrsim.scenario import load_scenario
 
     load_plugins(plugins)
     scenarios = load_scenario(path, variant=variant, overrides=overrides)
     if len(scenarios) > 1:
         names = tuple(scenario.variant for scenario in scenarios)
-        raise ScenarioError(
-            Problem(message="has several variants: choose one with --variant", file=path, choices=names, code="variants")
-        )
+        raise ScenarioError("has several variants: choose one with --variant", file=path, choices=names, code="variants")
     return scenarios[0]
 
 
@@ -200,13 +196,13 @@ def _learn(
     scenario: Scenario, folder: Path, *, resume: bool, with_transfer: bool, draws: int | None, keep_logs: KeepLogs | None,
     processes: int, plugins: list[Path], overwrite: bool, plot: bool, silent: bool,
 ) -> Session:  # fmt: skip
-    from asrsim.errors import Problem, ScenarioError
+    from asrsim.errors import ScenarioError
     from asrsim.learning.plant import make_plant
     from asrsim.learning.session import run_session
 
     if with_transfer and not scenario.learning.get("transfer"):
         message = "--transfer needs the block `ilc.transfer`: what differs, and by how much"
-        raise ScenarioError(Problem(message=message, file=scenario.path, key="ilc.transfer", code="no-transfer"))
+        raise ScenarioError(message, file=scenario.path, key="ilc.transfer", code="no-transfer")
     table = TrialTable()
     return run_session(
         make_plant(scenario),

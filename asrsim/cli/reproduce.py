@@ -64,5 +64,5 @@ def _report(one: Reproduction, *, quiet: bool) -> None:
     for claim in one.claims:
         if not claim.holds:
             complain(
-                f"FAIL figure {one.number}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.expected}", "red"
+                f"FAIL figure {one.number}: {claim.text}: {claim.quantity} is {claim.found}, expected {claim.bound}", "red"
             )

@@ -234,8 +234,6 @@ class Block(Kind[T], Generic[T]):
         return merge_items(self.opened(base), self.opened(over), kinds.get)
 
 
-def block_of(
-    cls: Callable[..., T], noun: str, *, groups: Sequence[Key] = (), main: str = "", line_argument: str = ""
-) -> Block[T]:
+def block_of(cls: Callable[..., T], noun: str, *, main: str = "", line_argument: str = "") -> Block[T]:
     """The block whose keys a dataclass declares."""
-    return Block(keys=declared_keys(cls, groups), build=cls, noun=noun, main=main, line_argument=line_argument)
+    return Block(keys=declared_keys(cls), build=cls, noun=noun, main=main, line_argument=line_argument)

@@ -91,6 +91,12 @@ class Number(Kind[float]):
         return " ".join(["number", " and ".join(bounds)]).strip()
 
 
+NUMBER = Number()
+POSITIVE = Number(above=0.0)
+NOT_NEGATIVE = Number(minimum=0.0)
+SHARE = Number(minimum=0.0, maximum=1.0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Integer(Kind[int]):
     """A whole number."""

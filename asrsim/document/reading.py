@@ -46,7 +46,7 @@ class Reading:
         """Record a problem and give back the exception to raise (or to drop, to go on)."""
         self.problems.append(
             Problem(
-                message=message,
+                message,
                 file=node.file if node else None,
                 line=line if line is not None else (node.line if node else None),
                 key=".".join(path) or None,

@@ -14,7 +14,7 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def key_table(keys: Iterable[Key], prefix: str = "") -> str:
+def key_table(keys: Iterable[Key]) -> str:
     """Key, value, unit, default and meaning, a row a key."""
-    rows = [(f"`{prefix}{key.name}`", key.kind.text, key.unit, key.default_text.strip(), key.doc) for key in keys]
+    rows = [(f"`{key.name}`", key.kind.text, key.unit, key.default_text.strip(), key.doc) for key in keys]
     return markdown_table(("key", "value", "unit", "default", "meaning"), rows)

@@ -44,25 +44,21 @@ def plain_scalar(text: str) -> bool | int | float | str | None:
     return text
 
 
-def read_yaml(
-    path: Path, *, error: type[InputError] = InputError, max_bytes: int = MAX_BYTES, faults: list[Problem] | None = None
-) -> tuple[Node, str]:
+def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[Problem] | None = None) -> tuple[Node, str]:
     """The document of a file and its text; raises `error` if it cannot be read or is no sound YAML; `faults` as below."""
     try:
         if path.is_dir():
-            raise error(Problem(message="is a folder, not a file", file=path, code="no-file"))
+            raise error("is a folder, not a file", file=path, code="no-file")
         # Pipes and devices have no size, so the reading itself is bounded.
         with path.open("rb") as stream:
-            data = stream.read(max_bytes + 1)
-        if len(data) > max_bytes:
-            message = f"has more than {max_bytes} bytes; at most that many are read"
-            raise error(Problem(message=message, file=path, code="too-large"))
+            data = stream.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise error(f"has more than {MAX_BYTES} bytes; at most that many are read", file=path, code="too-large")
         text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig").read()
     except UnicodeDecodeError as fault:
-        raise error(Problem(message=f"is not UTF-8 text ({fault.reason})", file=path, code="encoding")) from None
+        raise error(f"is not UTF-8 text ({fault.reason})", file=path, code="encoding") from None
     except OSError as fault:
-        hint = similar_file(path)
-        raise error(Problem(message=f"cannot be read: {fault.strerror}", file=path, hint=hint, code="no-file")) from None
+        raise error(f"cannot be read: {fault.strerror}", file=path, hint=similar_file(path), code="no-file") from None
     return parse_yaml(text, file=path, error=error, faults=faults), text
 
 
@@ -84,14 +80,12 @@ def parse_yaml(
         message = f"is no valid YAML: {fault.problem or fault.context}"
         if "tab" in message or "'\\t'" in message:
             message += " (tabs cannot indent)"
-        problem = Problem(message=message, file=file, line=mark.line + 1 if mark else None, code="yaml")
-        raise error(problem) from None
+        raise error(message, file=file, line=mark.line + 1 if mark else None, code="yaml") from None
     except yaml.YAMLError as fault:
-        problem = Problem(message=f"is no valid YAML: {_reason(fault)}", file=file, code="yaml")
-        raise error(problem) from None
+        raise error(f"is no valid YAML: {_reason(fault)}", file=file, code="yaml") from None
     except (_Refused, RecursionError) as fault:
         message = str(fault) if isinstance(fault, _Refused) else "is nested too deeply"
-        raise error(Problem(message=message, file=file, code="yaml")) from None
+        raise error(message, file=file, code="yaml") from None
     if faults is not None:
         faults += converter.problems
     elif converter.problems:
@@ -176,7 +170,7 @@ class _Converter:
             raise _Refused(f"\\u{ord(half):04x} in line {line} is half a character, which no text can hold")
 
     def _complain(self, message: str, line: int, *, key: str | None = None, code: str = "yaml") -> None:
-        self.problems.append(Problem(message=message, file=self.file, line=line, key=key, code=code))
+        self.problems.append(Problem(message, file=self.file, line=line, key=key, code=code))
 
 
 def _loader() -> Any:

@@ -14,8 +14,8 @@ from weakref import finalize, proxy
 import numpy as np
 
 from asrsim.engines.base import EngineKernel
-from asrsim.engines.bullet_companion import Companion, without_stops
-from asrsim.engines.bullet_loading import free_of_losses, load_body
+from asrsim.engines.bullet_companion import Companion, model_beside, without_stops
+from asrsim.engines.bullet_loading import free_of_losses, load_body, set_inertias
 from asrsim.engines.bullet_model import BulletModel
 from asrsim.engines.bullet_saved import SavedState, disconnect
 from asrsim.engines.bullet_world import BulletWorld
@@ -61,10 +61,11 @@ class BulletEngine:
         try:
             self._body = load_body(pybullet, self._client, text, scenario, robot)
             self._set_up()
+            set_inertias(pybullet, self._client, self._body, self._link_index, shown)
             links = {name: (self._link_index[place.body], place.pose) for name, place in merged.places.items()}
             self.model = BulletModel(
                 pybullet, self._client, self._body, self._indices, joints=self.joints, gravity=scenario.gravity,
-                fixed=scenario.fixed_base, links=links,
+                fixed=scenario.fixed_base, links=links, other=partial(model_beside, scenario, robot),
             )  # fmt: skip
             self._world = BulletWorld(pybullet, self._client, self._body, scenario.world, fixed=scenario.fixed_base)
         except BaseException:
@@ -217,12 +218,12 @@ class BulletEngine:
         if self._companion is not None:
             self._companion.wrench(index, values)
         p, client, body = self._p, self._client, self._body
-        (place, rotation), force, torque = self.model.frame_now(wrench.link), np.array(values[:3]), np.array(values[3:])
+        (position, rotation), force, torque = self.model.frame_now(wrench.link), np.array(values[:3]), np.array(values[3:])
         if wrench.frame != "world":
             force, torque = rotation @ force, rotation @ torque
         number = self.model.index_of(wrench.link)
         centre = np.array(self.model.inertial_frame(number)[0])
-        turn = torque + np.cross(place + rotation @ np.array(wrench.point) - centre, force)
+        turn = torque + np.cross(position + rotation @ np.array(wrench.point) - centre, force)
         p.applyExternalForce(body, number, force.tolist(), centre.tolist(), p.WORLD_FRAME, physicsClientId=client)
         p.applyExternalTorque(body, number, turn.tolist(), p.WORLD_FRAME, physicsClientId=client)
 

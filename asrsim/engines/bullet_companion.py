@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.engines import mujoco_stages as stages
-from asrsim.engines.base import EngineKernel
+from asrsim.engines.base import EngineKernel, Model
 from asrsim.engines.mujoco import MujocoEngine
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario, World
@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 def without_stops(robot: Robot) -> Robot:
     """The robot with free ways of its joints: their stops are somebody else's."""
     return replace(robot, joints=tuple(replace(joint, lower=None, upper=None) for joint in robot.joints))
+
+
+def model_beside(scenario: Scenario, robot: Robot) -> Model:
+    """MuJoCo's model of the robot alone."""
+    return MujocoEngine(replace(scenario, world=World(), wrenches=()), robot).model
 
 
 class Companion:
@@ -102,8 +107,8 @@ class Companion:
         world.previous[:] = 2.0 * self._start - now
 
     def _take_base(self) -> None:
-        place, self._rotation, velocity = self._engine.base_state()
-        self._world.qpos[:3] = place
+        position, self._rotation, velocity = self._engine.base_state()
+        self._world.qpos[:3] = position
         self._mujoco.set_orientation(self._rotation)
         self._world.qvel[:6] = velocity
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from asrsim.engines.foreign import crashes, quiet
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import RobotError
+from asrsim.robot.inertia import principal_axes
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
@@ -37,11 +39,22 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
             with quiet():
                 if "<mesh" in urdf and crashes(load):
                     message = "PyBullet crashes when it loads this robot; most likely a mesh is at fault"
-                    raise RobotError(Problem(message=message, file=robot.path, code="engine-crash"))
+                    raise RobotError(message, file=robot.path, code="engine-crash")
                 return int(load())
         except p.error as error:
             message = f"PyBullet cannot load this robot ({error})"
-            raise RobotError(Problem(message=message, file=robot.path, code="engine-load")) from error
+            raise RobotError(message, file=robot.path, code="engine-load") from error
+
+
+def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot) -> None:
+    """Principal moments of the links (name -> Bullet's number) as the data have them.
+
+    Where the largest is above the sum of the others, as in many published robots, Bullet loads zeros.
+    """
+    for link in robot.links:
+        moments, _ = principal_axes(link)
+        if p.getDynamicsInfo(body, links[link.name], client)[2] != moments:
+            p.changeDynamics(body, links[link.name], localInertiaDiagonal=moments, physicsClientId=client)
 
 
 def free_of_losses(p: Any, client: int, body: int) -> None:

@@ -5,12 +5,12 @@ Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Point
+from asrsim.engines.base import Model, Point
 from asrsim.engines.foreign import quiet
 from asrsim.robot.poses import Pose
 from asrsim.samples import Array
@@ -21,12 +21,12 @@ class BulletModel:
     """See :class:`asrsim.engines.base.Model`. The robot is `body`, whose moving joints Bullet numbers `indices`.
 
     gravity: m/s^2, as the client has it; fixed: the base is held; links: link of the file -> Bullet's number of the body that
-    it is part of, and its pose in that body's frame.
+    it is part of, and its pose in that body's frame; other: a model of the same robot by another engine.
     """
 
     def __init__(
         self, p: Any, client: int, body: int, indices: Sequence[int], *, joints: tuple[str, ...], gravity: Vector, fixed: bool,
-        links: Mapping[str, tuple[int, Pose]],
+        links: Mapping[str, tuple[int, Pose]], other: Callable[[], Model],
     ) -> None:  # fmt: skip
         self._p, self._client, self._body = p, client, body
         self._indices = list(indices)
@@ -42,7 +42,13 @@ class BulletModel:
         if indices:
             # Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
             with quiet():
-                self.mass_matrix(self._zero)
+                try:
+                    self.mass_matrix(self._zero)
+                except SystemError:
+                    # Bullet steps links with inertias that no body has, but its dynamics decline them.
+                    instead = other()
+                    for name in ("mass_matrix", "bias", "inverse_dynamics", "link_point"):
+                        setattr(self, name, getattr(instead, name))
 
     def index_of(self, link: str) -> int:
         """Bullet's number of the body that a link of the file is part of."""
@@ -143,8 +149,8 @@ class BulletModel:
         at = pose.position + pose.rotation @ np.asarray(point, dtype=float)
         if index == -1:
             centre, rotation, local = self.inertial_frame(index)
-            place = np.asarray(centre) + rotation @ (at - np.asarray(local))
-            return place, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
+            position = np.asarray(centre) + rotation @ (at - np.asarray(local))
+            return position, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
         centre, rotation, local = self.inertial_frame(index)
         # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.

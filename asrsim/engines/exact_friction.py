@@ -86,8 +86,8 @@ def _hold(world: Any, count: int) -> None:
     for a in range(count):
         for b in range(a, count):
             square[b, a] = world.columns[world.pick[a], world.joint_v[world.pick[b]]]
-        place = world.joint_v[world.pick[a]]
-        world.push[a] = world.target[world.pick[a]] - world.qvel[place] - world.change[place]
+        dof = world.joint_v[world.pick[a]]
+        world.push[a] = world.target[world.pick[a]] - world.qvel[dof] - world.change[dof]
     _solve(square, world.push, count)
     for a in range(count):
         for i in range(size):
@@ -105,9 +105,9 @@ def _move_others(world: Any, count: int) -> None:
         loose[i] = i
         change[i] = 0.0
     for a in range(count):
-        place = world.joint_v[world.pick[a]]
-        loose[place] = -1
-        change[place] = world.target[world.pick[a]] - world.qvel[place]
+        dof = world.joint_v[world.pick[a]]
+        loose[dof] = -1
+        change[dof] = world.target[world.pick[a]] - world.qvel[dof]
     free = 0
     for i in range(size):
         if loose[i] >= 0:
@@ -125,10 +125,10 @@ def _move_others(world: Any, count: int) -> None:
     for a in range(free):
         change[loose[a]] = world.rest[a]
     for a in range(count):
-        place = world.joint_v[world.pick[a]]
-        value = -world.push[place]
+        dof = world.joint_v[world.pick[a]]
+        value = -world.push[dof]
         for k in range(size):
-            value += mass[place, k] * change[k]
+            value += mass[dof, k] * change[k]
         world.rest[a] = value
     for a in range(count):
         world.push[a] = world.rest[a]
@@ -174,8 +174,8 @@ def _swap(world: Any, single: bool) -> bool:
                 world.held[j] = -1
                 changed = True
         else:
-            place = world.joint_v[j]
-            velocity = world.qvel[place] + world.change[place]
+            dof = world.joint_v[j]
+            velocity = world.qvel[dof] + world.change[dof]
             if (velocity - world.target[j]) * world.held[j] > 0.0:
                 world.held[j] = 0
                 changed = True

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RobotError, SimulationError
+from asrsim.errors import RobotError, SimulationError
 from asrsim.robot.model import Joint, Robot, Shape
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
@@ -52,9 +52,7 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
         return model
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
-        raise RobotError(
-            Problem(message=f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load")
-        ) from error
+        raise RobotError(f"MuJoCo cannot load this robot ({reason})", file=robot.path, code="engine-load") from error
 
 
 def link_body(name: str) -> str:

@@ -82,8 +82,8 @@ class MujocoContacts:
             force, torque = values[:3] / fraction, values[3:] / fraction
             if local:
                 force, torque = rotation @ turn @ force, rotation @ turn @ torque
-            place = self._d.xpos[body] + rotation @ point
-            self._mujoco.mj_applyFT(self._m, self._d, force, torque, place, body, self._d.qfrc_applied)
+            position = self._d.xpos[body] + rotation @ point
+            self._mujoco.mj_applyFT(self._m, self._d, force, torque, position, body, self._d.qfrc_applied)
 
     def poses(self) -> dict[str, tuple[float, ...]]:
         """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from qpos, since bodies' poses lag a step."""

@@ -92,8 +92,8 @@ class MujocoModel:
         data = self._place(positions)
         body, offset, turn = self._places[link]
         rotation = data.xmat[body].reshape(3, 3)
-        place = data.xpos[body] + rotation @ (offset + turn @ np.asarray(point, dtype=float))
+        position = data.xpos[body] + rotation @ (offset + turn @ np.asarray(point, dtype=float))
         linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
         if body:
-            self._mujoco.mj_jac(self._model, data, linear, angular, place, body)
-        return place, rotation @ turn, np.vstack([linear, angular])[:, self.at_v]
+            self._mujoco.mj_jac(self._model, data, linear, angular, position, body)
+        return position, rotation @ turn, np.vstack([linear, angular])[:, self.at_v]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 
 if TYPE_CHECKING:
     from asrsim.environment.env import SoftRobotEnv, State
@@ -58,7 +58,7 @@ def make_env(
         from asrsim.environment.env import SoftRobotEnv
     except ImportError as error:
         hint = "pip install 'asrsim[gym]'"
-        raise InputError(Problem(message=f"{error.name} is not installed here", hint=hint, code="no-library")) from error
+        raise InputError(f"{error.name} is not installed here", hint=hint, code="no-library") from error
     return SoftRobotEnv(
         scenario, variant=variant, overrides=overrides, control_rate=control_rate, observe=observe, act=act, reward=reward,
         terminated=terminated, randomise=randomise or {}, initial=initial or {}, goal=goal or {}, tip=tip,

@@ -22,7 +22,7 @@ class Draws:
         """laws: key -> list of values, range or distribution, in the forms of sweeps. Raises InputError."""
         self._laws = {key: law_of(value, key) for key, value in laws.items()}
         problems = [
-            Problem(message="takes numbers only", key=key, code="sweep-values")
+            Problem("takes numbers only", key=key, code="sweep-values")
             for key, law in self._laws.items()
             if isinstance(law, Values) and not all(_is_number(value) for value in law.values)
         ]
@@ -51,7 +51,7 @@ def plan(draws: Draws, prepared: Prepared) -> Plan:
     wrong = [key for key in draws.keys if key not in known]
     if wrong:
         message = "cannot change from episode to episode: the scenario would have to be read anew"
-        raise InputError([Problem(message=message, key=key, code="randomise") for key in wrong])
+        raise InputError([Problem(message, key=key, code="randomise") for key in wrong])
     return found
 
 

@@ -52,7 +52,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         goal: Mapping[str, Any], tip: tuple[str, Sequence[float]] | None, render_mode: str | None, size: int,
     ) -> None:  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(Problem(message=f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode"))
+            raise InputError(f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
         if not isinstance(scenario, Scenario):
@@ -69,9 +69,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         for name in self._start.keys:
             if name not in joints:
                 hint = did_you_mean(name, joints)
-                raise InputError(
-                    Problem(message=f"no joint is called '{name}'", choices=joints, hint=hint, code="unknown-joint")
-                )
+                raise InputError(f"no joint is called '{name}'", choices=joints, hint=hint, code="unknown-joint")
         self._plan = plan(self._random, prepared)
         substeps = prepared.resolution.substeps
         self.simulation = Simulation(prepared, chunk=self._steps * substeps, expected_substeps=10**6, duration=1e7)
@@ -113,7 +111,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         simulation = self.simulation
         given = np.asarray(action, dtype=np.float64)
         if given.shape != self._nothing.shape or not np.isfinite(given).all():
-            raise InputError(Problem(message=f"an action is {len(self._actions)} finite numbers", value=action, code="action"))
+            raise InputError(f"an action is {len(self._actions)} finite numbers", value=action, code="action")
         values = self._middle + self._half * np.minimum(np.maximum(given, -1.0), 1.0)
         for (joint, reference), value in zip(self._actions, values.tolist(), strict=True):
             simulation.set_reference(joint, reference, value)
@@ -155,11 +153,11 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
 
 def _steps(control_rate: float, step: float) -> int:
     if not (math.isfinite(control_rate) and control_rate > 0):
-        raise InputError(Problem(message="the control rate must be above 0 Hz", value=control_rate, code="control-rate"))
+        raise InputError("the control rate must be above 0 Hz", value=control_rate, code="control-rate")
     count = 1.0 / (control_rate * step)
     if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
         message = f"a control period of {1.0 / control_rate:g} s is no whole number of steps of {step:g} s"
-        raise InputError(Problem(message=message, value=control_rate, code="control-rate"))
+        raise InputError(message, value=control_rate, code="control-rate")
     return round(count)
 
 
@@ -176,11 +174,11 @@ def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, s
             choices = (*dict.fromkeys(pair[1] for pair in known.values()), *known)
             hint = did_you_mean(name, choices)
             message = f"no joint has the reference '{name}' in its mode"
-            problems.append(Problem(message=message, choices=choices, hint=hint, code="unknown-reference"))
+            problems.append(Problem(message, choices=choices, hint=hint, code="unknown-reference"))
         found += [pair for pair in own if pair not in found]
     table = np.array([ranges[joint][name] for joint, name in found]).reshape(-1, 2)
     problems += [
-        Problem(message=f"{name} of '{joint}' has no limits; declare them by reference_ranges", code="no-range")
+        Problem(f"{name} of '{joint}' has no limits; declare them by reference_ranges", code="no-range")
         for (joint, name), pair in zip(found, table, strict=True)
         if not np.isfinite(pair).all()
     ]

@@ -44,14 +44,14 @@ class Readings:
             if name not in KNOWN or (name == TIP and tip is None) or not (joints or name == TIP):
                 why = "needs the argument tip" if name == TIP else "cannot be observed here"
                 hint = did_you_mean(name, KNOWN)
-                problems.append(Problem(message=f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
+                problems.append(Problem(f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
                 continue
             self._readers[name] = self._reader(name, np.array(joints), everyone=len(joints) == len(drives))
         if tip is not None and simulation.engine.model is None:
-            problems.append(Problem(message="the engine has no model that knows where a tip is", code="no-model"))
+            problems.append(Problem("the engine has no model that knows where a tip is", code="no-model"))
         elif tip is not None and simulation.engine.model is not None and tip[0] not in simulation.engine.model.links:
             links = simulation.engine.model.links
-            problems.append(Problem(message=f"no link is called '{tip[0]}'", choices=links, code="unknown-link"))
+            problems.append(Problem(f"no link is called '{tip[0]}'", choices=links, code="unknown-link"))
         if problems:
             raise InputError(problems)
         self.size = sum(len(values) for values in self.read().values())

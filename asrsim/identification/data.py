@@ -49,6 +49,11 @@ class Channel:
         """`joint.quantity`."""
         return f"{self.joint}.{self.quantity}"
 
+    @property
+    def floor(self) -> float:
+        """Deviation that its noise and its steps leave at least."""
+        return max(self.noise, self.quantum / float(np.sqrt(12.0)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Command:
@@ -122,10 +127,10 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
         message = f"nothing that it has is compared; it has {known}"
         hint = "; ".join(remarks) or None
-        raise RecordingError(Problem(message=message, file=recording.path, key="compare", hint=hint, code="nothing-compared"))
+        raise RecordingError(message, file=recording.path, key="compare", hint=hint, code="nothing-compared")
     if not any(np.ptp(channel.values) > 8.0 * max(channel.noise, channel.quantum) for channel in channels):
         message = "nothing moves in it beyond its noise: it tells nothing of the robot"
-        raise RecordingError(Problem(message=message, file=recording.path, code="nothing-moves"))
+        raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
         name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
@@ -176,11 +181,9 @@ def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, 
     if missing:
         columns = ", ".join(list(plan.recording.channels)[:30])
         raise RecordingError(
-            Problem(
-                message=f"the commands of {', '.join(missing)} are missing: no column is one, and the scenario has none; "
-                f"its columns: {columns}", file=plan.recording.path, code="no-command",
-                hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
-            )
+            f"the commands of {', '.join(missing)} are missing: no column is one, and the scenario has none; "
+            f"its columns: {columns}", file=plan.recording.path, code="no-command",
+            hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
         )  # fmt: skip
 
 
@@ -196,7 +199,7 @@ def _channels(
     unknown = [key for key in task.compare if key not in possible]
     if unknown:
         problem = Problem(
-            message="is not in the recording, or is its command", key=unknown[0], file=plan.recording.path,
+            "is not in the recording, or is its command", key=unknown[0], file=plan.recording.path,
             choices=tuple(possible), code="unknown-key",
         )  # fmt: skip
         raise RecordingError(problem)

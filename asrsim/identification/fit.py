@@ -7,30 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.noise import lag_correlation, swings
+from asrsim.identification.noise import lag_correlation, size_of, swings
 from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.trust_region import ROUNDS, cost_of, solve
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
 """Shares of the training part, one after the other: swings stay within half a period of each other."""
-REACH = 0.3
-"""Of the first steps: a third of a parameter's size."""
 NEARER = 0.5
 """Share of the start's cost that one from regression may have: where noise is most of it, its bias would lead astray."""
+NEARLY = 0.9
+"""Share of the cost that another way to play the commands may leave."""
 FITS = 1.25
-"""Deviations, in those of the noise's fine structure, up to which a fit needs no other start."""
+"""Deviations, in those of the noise's fine structure, up to which residuals may be noise."""
+TOLD = 2.0
+"""Share by which a single sample tells that deviation, times its confidence."""
 WHITE = 0.3
 """Correlation of neighbouring residuals below which they may be noise."""
 AGREED = 2
 """Searches that end alike, of a model that does not fit."""
-ROUNDS = 60
-LINEAR = 0.3
-"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
 LOOKS = 100
 """Evaluations to each side, at most, of a look along a parameter."""
-HUBER = 3.0
-"""Deviations beyond which a residual counts by its size, not its square."""
 
 
 class Stopped(Exception):  # noqa: N818 - no error: the user has seen enough
@@ -70,66 +68,6 @@ class Best:
             self.successes += 1
 
 
-class _Slopes:
-    """The Jacobian along a search: by differences, and where a step did what it promised, by Broyden's update of the last."""
-
-    def __init__(self, residuals: Residuals) -> None:
-        self._residuals = residuals
-        self._seen = self._at = np.empty(0)
-        self._there = self._here = np.empty(0)
-        self._matrix: Array | None = None
-        self._updates = 0
-
-    def residuals(self, x: Array) -> Array:
-        """(m,), kept for the Jacobian, which is asked for where a step was good."""
-        self._seen, self._there = x.copy(), self._residuals(x)
-        return self._there
-
-    def jacobian(self, x: Array) -> Array:
-        """(m, n)."""
-        there = self._there if np.array_equal(x, self._seen) else self._residuals(x)
-        step = x - self._at if self._matrix is not None else x
-        if self._matrix is not None and self._updates < max(2, len(x) // 2) and np.any(step):
-            surprise = there - self._here - self._matrix @ step
-            # The better the last one foretold the step, the less differences would tell.
-            if float(np.linalg.norm(surprise)) < LINEAR * float(np.linalg.norm(self._matrix @ step)):
-                self._matrix = self._matrix + np.outer(surprise, step / float(step @ step))
-                self._updates += 1
-                self._at, self._here = x.copy(), there
-                return self._matrix
-        self._matrix, self._updates = self._residuals.jacobian(x, base=there), 0
-        self._at, self._here = x.copy(), there
-        return self._matrix
-
-
-def solve(residuals: Residuals, x: Array, *, loss: str, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
-    """Trust-region reflective least squares from x, within the bounds."""
-    from scipy.optimize import least_squares
-
-    low, high = residuals.layout.bounds
-    # The start must be inside; counted from it, the first trust region is REACH wide.
-    span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
-    inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
-    slopes = _Slopes(residuals)
-    # What is not searched over its logarithm may have grown far beyond the size of its start.
-    grown = [not entry.parameter.logarithmic for entry in residuals.layout.entries]
-    scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
-    found = least_squares(
-        lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
-        bounds=(low - inside, high - inside), method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance,
-        xtol=tolerance, gtol=1e-12, max_nfev=rounds,
-    )  # fmt: skip
-    return np.asarray(inside + found.x, dtype=np.float64)
-
-
-def cost_of(residuals: Array, loss: str) -> float:
-    """Mean of squares, beyond :data:`HUBER` of sizes."""
-    size = np.abs(residuals)
-    if loss == "linear":
-        return float(np.mean(size**2))
-    return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
-
-
 def search(
     residuals: Residuals, best: Best, *, loss: str, starts: int, spread: float, seed: int, tell: Callable[[str], None]
 ) -> None:
@@ -148,8 +86,33 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(residuals, best.x):
+        if fits_noise(residuals, best.x) or (
+            not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)
+        ):
             break
+
+
+def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
+    """Play commands as stairs, one after the other, as long as that is nearer to what was recorded; whether any is so now."""
+    held: frozenset[str] = frozenset()
+    waiting = list(dict.fromkeys(c.key for track in residuals.tracks for c in track.data.commands if not c.hold))
+    while waiting:
+        base = residuals(best.x)
+        slopes = np.linalg.qr(residuals.jacobian(best.x, base=base))[0]
+        sizes = []
+        for key in waiting:
+            residuals.hold(held | {key})
+            left = residuals(best.x)
+            # What the parameters can make good.
+            sizes.append(float(np.sum((left - slopes @ (slopes.T @ left)) ** 2)))
+        residuals.hold(held | {waiting.pop(int(np.argmin(sizes)))})
+        x = solve(residuals, best.x, loss=loss, tolerance=1e-5) if min(sizes) < NEARLY * float(base @ base) else best.x
+        cost = cost_of(residuals(x), loss)
+        if not cost < NEARLY * best.cost:
+            break
+        held, best.x, best.cost = residuals.tracks[0].held, x, cost
+    residuals.hold(held)
+    return bool(held)
 
 
 def _attempts(
@@ -256,11 +219,16 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
         if raw is None:
             return False
         for channel, left in zip(one.channels, raw, strict=True):
-            noise = max(channel.noise, channel.quantum / np.sqrt(12.0))
-            size = float(np.median(np.abs(left - np.median(left)))) / 0.6745
-            if size > FITS * noise or abs(lag_correlation(left)) > WHITE or swings(left):
+            # Steps of an encoder swing with the motion.
+            ringing = not channel.quantum and swings(left)
+            if ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE:
                 return False
     return True
+
+
+def is_loud(residuals: Array, noise: float) -> bool:
+    """Whether residuals (n,) are more than a noise that as many samples told."""
+    return bool(size_of(residuals) > (FITS + TOLD / max(len(residuals), 1) ** 0.5) * noise)
 
 
 def globally(residuals: Residuals, best: Best, *, seed: int, tell: Callable[[str], None]) -> None:

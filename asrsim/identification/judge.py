@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.identification.fit import WHITE
-from asrsim.identification.noise import lag_correlation
+from asrsim.identification.fit import WHITE, is_loud
+from asrsim.identification.noise import lag_correlation, swings
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -17,6 +17,8 @@ SMALL = 1e-2
 HELD_OUT = 1.3
 """Held-out error in training errors beyond which a model does not fit."""
 
+SWING = 0.03
+"""Share of a channel's residuals that a swing has, at least, which the model should have."""
 SHAKEN = 2.0
 """Deviations of what the commands' noise and the estimates' uncertainty make of a prediction."""
 EXPLAINED = 0.9
@@ -45,6 +47,10 @@ class ChannelFit:
     """Share of the recorded deviation that the fit explains, 1 - rms^2 / variance, over the whole recording."""
     shaken: float = 0.0
     """RMS, in the held-out part, of what noise as that of the recorded commands makes of the prediction."""
+    loud: bool = False
+    """Whether more than the noise is left of the training part."""
+    swings: bool = False
+    """Whether a swing is left there."""
     unsure: float = 0.0
     """RMS there of what the estimates' deviations make of it."""
 
@@ -64,6 +70,8 @@ def channel_fits(
         for i, channel in enumerate(track.channels):
             training = channel.time <= end + 1e-9 if not track.data.held else np.zeros(len(channel.time), bool)
             rows = [np.full(len(channel.time), np.nan) if r is None else r[i] for r in (old, new)]
+            told = new is not None and int(training.sum()) > 10
+            rings = told and not channel.quantum and swings(rows[1][training], SWING)
             spread = float(np.var(channel.values))
             found.append(
                 ChannelFit(
@@ -71,7 +79,8 @@ def channel_fits(
                     before=_rms(rows[0][training]), after=_rms(rows[1][training]), held_before=_rms(rows[0][~training]),
                     held_after=_rms(rows[1][~training]),
                     shaken=0.0 if moved is None or training.all() else _rms(moved[i][~training]),
-                    correlation=lag_correlation(rows[1][training]) if training.sum() > 10 else np.nan,
+                    correlation=lag_correlation(rows[1][training]) if told else np.nan,
+                    loud=told and is_loud(rows[1][training], channel.floor), swings=rings,
                     explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
                 )
             )  # fmt: skip
@@ -120,6 +129,11 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
         worst = max((one.correlation for one in mine if not np.isnan(one.correlation)), default=0.0)
         if worst > WHITE:
             reasons.append(f"{key}: residuals are not white, neighbours correlate by {worst:.2f}")
+        elif any(one.loud for one in mine):
+            most = max(one.after / one.noise for one in mine if one.loud)
+            reasons.append(f"{key}: what is left is {most:.2g} times the noise")
+        elif any(one.swings for one in mine):
+            reasons.append(f"{key}: a swing is left in the residuals: no start came to its frequency, or something else swings")
     if not trained:
         reasons.append("nothing was fitted")
     return reasons

@@ -12,8 +12,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import PRISMATIC_UNITS
-from asrsim.robot.model import Robot
-from asrsim.robot.vary import INERTIAS
+from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
 LATEST = 0.25
@@ -60,7 +59,8 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
         values, prismatic = block.values(), robot.joint(block.joint).kind == "prismatic"
         for one in ACTUATORS.get(block.actuator).all_parameters():
             start = values[one.name]
-            loss = any(word in one.name for word in ("damping", "friction", "hysteresis_torque"))
+            lossy = any(word in one.name for word in ("damping", "friction", "hysteresis_torque"))
+            loss = lossy and not one.name.endswith("_stiffness")
             low, high = one.minimum, one.maximum
             logarithmic = low >= 0.0 and start > 0.0 and math.isfinite(start) and not loss
             if logarithmic:
@@ -126,7 +126,12 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
-        keys = [key for key in known if fnmatchcase(key, pattern)]
+        # A pattern is not for limits that there are not.
+        given = wish.start is not None
+        keys = [
+            key for key, one in known.items()
+            if key == pattern or (fnmatchcase(key, pattern) and (given or not math.isinf(one.start)))
+        ]  # fmt: skip
         if not keys:
             problems.append(_unknown(pattern, known, "free"))
         for key in keys:

@@ -9,8 +9,14 @@ from asrsim.samples import Array
 
 ORDER = 12
 """Largest order of the autoregressive models."""
+CLIPPED = 4.0
+"""Deviations, by the median of sizes, beyond which a residual counts as so large."""
 AROUND = 25
 """Frequencies to each side that tell the level of a spectrum."""
+BANDS = (3, 9, 27)
+"""Frequencies of a swing."""
+SELDOM = 1e-3
+"""Probability of chance below which something is none."""
 LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 OUTLIER = 12.0
@@ -42,26 +48,46 @@ def quantum_of(values: Array) -> float:
 
 
 def lag_correlation(residuals: Array, lag: int = 1) -> float:
-    """Autocorrelation of residuals (n,) at a lag."""
-    centred = residuals - residuals.mean()
-    size = float(np.dot(centred, centred))
-    return float(np.dot(centred[lag:], centred[:-lag]) / size) if size > 0.0 and len(centred) > lag + 2 else 0.0
+    """Autocorrelation of residuals (n,) about 0 at a lag: what is off by a constant is no noise either."""
+    size = float(np.dot(residuals, residuals))
+    return float(np.dot(residuals[lag:], residuals[:-lag]) / size) if size > 0.0 and len(residuals) > lag + 2 else 0.0
 
 
-def swings(residuals: Array) -> bool:
-    """Whether residuals (n,) hold a swing: a line in their spectrum that chance gives one time in a thousand.
+def size_of(residuals: Array) -> float:
+    """Root mean square of residuals (n,), of which single outliers count little and a stretch that is off counts much."""
+    typical = float(np.median(np.abs(residuals))) / 0.6745
+    return float(np.sqrt(np.mean(np.minimum(np.abs(residuals), CLIPPED * typical) ** 2)))
 
-    Three neighbouring frequencies, since swings fade, against those around: correlated noise has a smooth spectrum.
+
+def swings(residuals: Array, share: float = 0.0) -> bool:
+    """Whether residuals (n,) hold a swing: a band of their spectrum that chance lets stand out one time in a thousand, and that
+    has more than a share of their power.
+
+    Swings fade and change their frequency, so that bands of several widths are tried where the rest is white (but for one lag);
+    correlated noise has a smooth spectrum, on which only a narrow band stands out of those around.
     """
+    from scipy.stats import gamma
+
     n = len(residuals)
-    if n < 4 * AROUND:
+    if n < 4 * AROUND or not np.any(residuals):
         return False
-    power = np.abs(np.fft.rfft(residuals - residuals.mean()))[1:] ** 2
+    centred = residuals - residuals.mean()
+    first = lag_correlation(centred)
+    flat = whiten(centred, np.array([first]))
+    power = np.abs(np.fft.rfft(flat))[1:] ** 2
+    # A swing, too, makes neighbours correlate.
+    white = abs(first) < 0.3 and all(abs(lag_correlation(flat, lag)) < 0.1 + 3.0 / np.sqrt(n) for lag in (1, 2, 3))
     padded = np.pad(power, AROUND, mode="reflect")
-    level = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1), axis=1) / np.log(2.0)
-    near = np.convolve(power, np.ones(3), "same")
-    # Of a sum of three, e^-x (1 + x + x^2 / 2) exceed x times the mean.
-    return bool(np.max(near / np.maximum(level, 1e-300)) > np.log(len(power)) + 13.0)
+    around = power if white else np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    # Of white noise powers are exponential: their median is log 2 of their mean.
+    height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
+    for width in BANDS[: None if white else 1]:
+        band = np.convolve(height, np.ones(width), "same")
+        most = int(np.argmax(band))
+        inside = float(np.sum(power[max(most - width // 2, 0) : most + width // 2 + 1])) / float(np.sum(power))
+        if float(gamma.sf(band[most], width)) * len(power) < SELDOM and inside - width / len(power) > share:
+            return True
+    return False
 
 
 def autoregression(residuals: Array) -> Array:

@@ -19,7 +19,7 @@ from asrsim.identification.layout import Layout
 from asrsim.identification.track import Track, numbers_of, physical
 from asrsim.robot.model import Link, Robot
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 
 ROWS = 400
 """Of a recording, at most."""
@@ -103,7 +103,9 @@ def _solved(left: Callable[[Array], Array], x: Array, layout: Layout) -> Array:
     if not linear:
         return x
     least = [(layout.entries[i].parameter.low - plain[i]) / unit for i, unit in linear]
-    found = lsq_linear(np.column_stack(columns), -base, bounds=(np.minimum(least, -1e-12), np.inf))
+    # Its steps to bounds that are infinitely far may be nan, which it passes over.
+    with np.errstate(invalid="ignore"):
+        found = lsq_linear(np.column_stack(columns), -base, bounds=(np.minimum(least, -1e-12), np.inf))
     for (i, unit), move in zip(linear, found.x.tolist(), strict=True):
         there[i] = layout.entries[i].place(max(float(plain[i]) + unit * move, INSIDE * float(sizes[i])))
     return there
@@ -160,7 +162,7 @@ class _Balance:
         place, speed, rate = (np.zeros(0) if one is None else one for one in parts)
         return Motion(place, speed, rate, np.tanh(speed / max(0.05 * float(np.std(speed)), 1e-12)))
 
-    def _motors_of(self, drive: Drive) -> list[Motion] | None:
+    def _motors_of(self, drive: SteppedJoint) -> list[Motion] | None:
         """Of motors, and of an adjuster; None where one is not known."""
         if drive.actuator is None or drive.mode is None or not drive.mode.spring:
             return None
@@ -173,7 +175,7 @@ class _Balance:
         found = [motion for motion in map(self._motion, places) if motion is not None]
         return found if len(found) == count else None
 
-    def _link_of(self, drive: Drive, motors: list[Motion] | None) -> Motion | None:
+    def _link_of(self, drive: SteppedJoint, motors: list[Motion] | None) -> Motion | None:
         values, bend = self._sampled(drive.name, "link_position"), self._sampled(drive.name, "deflection")
         if values is None and self._scenario.engine == "bench":
             values = link_motion(self._scenario, drive.name).values(self._time)
@@ -184,7 +186,7 @@ class _Balance:
             values = equilibrium_over_arrays(drive.actuator)(*both) - bend
         return self._motion(values)
 
-    def _goals_of(self, drive: Drive) -> list[Array | None]:
+    def _goals_of(self, drive: SteppedJoint) -> list[Array | None]:
         """What motors 1 and 2 are told, (n,)."""
         if drive.mode is None or drive.actuator is None:
             return [None, None]
@@ -217,7 +219,7 @@ class _Balance:
             for j, (drive, link) in enumerate(zip(varied.drives, links, strict=True)):
                 yield _of_link(drive, link, self._goals[j][0], springs[j], inertial[:, j])
 
-    def _springs(self, drive: Drive, motors: list[Motion] | None, link: Motion | None) -> list[Array]:
+    def _springs(self, drive: SteppedJoint, motors: list[Motion] | None, link: Motion | None) -> list[Array]:
         """Torque of each spring on the link."""
         if motors is None or link is None or drive.actuator is None:
             return []
@@ -235,7 +237,7 @@ class _Balance:
         return self._inertial[1]
 
 
-def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) -> Array:
+def _of_motor(drive: SteppedJoint, i: int, motor: Motion, command: Array, load: Array) -> Array:
     """Inertia, friction and spring of motor i, less what drives it."""
     numbers, lag, mode = drive.values, drive.values[f"motor_{i}_damping"], drive.mode
     assert mode is not None  # motors without one have no dynamics
@@ -250,7 +252,7 @@ def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) 
     return np.where(np.abs(push) < numbers[f"motor_{i}_max_torque"], needed - push, 0.0) / _size(push)
 
 
-def _of_link(drive: Drive, link: Motion, command: Array | None, springs: Sequence[Array], inertial: Array) -> Array:
+def _of_link(drive: SteppedJoint, link: Motion, command: Array | None, springs: Sequence[Array], inertial: Array) -> Array:
     """Inertia, gravity and losses of a link, less what drives it."""
     joint, push = drive.joint, sum(springs, np.zeros_like(inertial))
     if command is not None and drive.mode is not None and not drive.mode.spring:

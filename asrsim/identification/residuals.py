@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import whiten
+from asrsim.identification.pool import Pool
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -43,15 +45,36 @@ class Residuals:
 
     def __init__(
         self, tracks: Sequence[Track], layout: Layout, weights: Sequence[Sequence[Weights]], ends: Sequence[float],
-        counter: Counter,
+        counter: Counter, pool: Pool | None = None,
     ) -> None:  # fmt: skip
         self.tracks, self.layout, self.weights, self.ends, self.counter = tracks, layout, weights, ends, counter
         self.share = 1.0
         """Of each recording's training part that counts."""
+        self._pool = pool
 
     def under(self, layout: Layout) -> Residuals:
         """Those of the same recordings with other things free."""
-        return Residuals(self.tracks, layout, self.weights, self.ends, self.counter)
+        return Residuals(self.tracks, layout, self.weights, self.ends, self.counter, self._pool)
+
+    def state(self) -> dict[str, Any]:
+        """All that :meth:`of_track` depends on beside the recordings, for another process."""
+        steps = [(one.prepared.resolution.substeps, one.prepared.resolution.motor_substeps) for one in self.tracks]
+        return {
+            "layout": self.layout, "weights": self.weights, "ends": self.ends, "share": self.share,
+            "held": self.tracks[0].held, "steps": steps,
+        }  # fmt: skip
+
+    def take(self, state: Mapping[str, Any]) -> None:
+        """Be as those that the state is of."""
+        self.layout, self.weights, self.ends, self.share = (state[name] for name in ("layout", "weights", "ends", "share"))
+        self.hold(state["held"])
+        for track, steps in zip(self.tracks, state["steps"], strict=True):
+            track.resolve(*steps)
+
+    def hold(self, commands: frozenset[str]) -> None:
+        """Play these commands (keys) as stairs."""
+        for track in self.tracks:
+            track.held = commands
 
     def until(self, track: int) -> float:
         """s, end of what counts."""
@@ -90,16 +113,26 @@ class Residuals:
         at = self(x) if base is None else base
         places = self._places()
         matrix = np.zeros((places[-1], len(x)))
-        high = self.layout.bounds[1]
-        for i in range(len(x)):
-            up = step if x[i] + step <= high[i] else -step
-            for track in self.layout.touched(i)[: len(self.tracks)]:
-                there = self.of_track(_moved(x, i, up), track)
-                rows = slice(places[track], places[track + 1])
-                # A step into motions that are not sane tells no slope.
-                if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
-                    matrix[rows, i] = (there - at[rows]) / up
+        up = np.where(x + step <= self.layout.bounds[1], step, -step)
+        wanted = [(i, track) for i in range(len(x)) for track in self.layout.touched(i)[: len(self.tracks)]]
+        moved = [(_moved(x, i, float(up[i])), track) for i, track in wanted]
+        for (i, track), there in zip(wanted, self._of_tracks(moved), strict=True):
+            rows = slice(places[track], places[track + 1])
+            # A step into motions that are not sane tells no slope.
+            if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
+                matrix[rows, i] = (there - at[rows]) / up[i]
         return matrix
+
+    def _of_tracks(self, places: Sequence[tuple[Array, int]]) -> Iterable[Array]:
+        """Weighted residuals at several places (vector, recording), by other processes, if that pays."""
+        if self._pool is not None and self._pool.pays(self.counter.seconds):
+            found = self._pool.of_tracks(self, places)
+            if found is not None:
+                self.counter.evaluations += len(places)
+                if self.counter.tell is not None:
+                    self.counter.tell()
+                return found
+        return (self.of_track(*place) for place in places)
 
     def _places(self) -> list[int]:
         """Where each recording's residuals begin, and the end of all."""

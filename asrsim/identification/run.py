@@ -12,12 +12,13 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
-from asrsim.identification.fit import Best, Stopped, cost_of, globally, search, solve
+from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty, whitened
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import settled
+from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
@@ -26,8 +27,10 @@ from asrsim.identification.steps import ROUNDS, followed
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
+from asrsim.identification.trust_region import cost_of, solve
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
+from asrsim.workers import cores, executor
 
 
 def identify(
@@ -39,6 +42,7 @@ def identify(
     begin: Mapping[str, float] | None = None,
     check: bool = False,
     profiled: bool = False,
+    workers: int | None = None,
     **options: Any,
 ) -> Result:
     """Fit parameters to recordings: everything that `asrsim identify` does but the files.
@@ -52,6 +56,7 @@ def identify(
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
         check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
+        workers: processes that evaluate derivatives of long fits, None: one a core; results are the same bits.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
@@ -59,19 +64,21 @@ def identify(
     """
     task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
     with ExitStack() as stack:
-        return _identify(set_up(task, stack), progress, stop, begin or {}, check=check, profiled=profiled)
+        setup, count = set_up(task, stack), cores() if workers is None else workers
+        pool = Pool(task, stack.enter_context(executor(count, task.plugins)) if count > 1 else None)
+        return _identify(setup, pool, progress, stop, begin or {}, check=check, profiled=profiled)
 
 
 def _identify(
-    setup: Setup, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, begin: Mapping[str, float],
-    *, check: bool, profiled: bool,
+    setup: Setup, pool: Pool, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None,
+    begin: Mapping[str, float], *, check: bool, profiled: bool,
 ) -> Result:  # fmt: skip
     task, layout = setup.task, setup.layout
     teller = Teller(progress, stop)
     counter = Counter(tell=teller.tick)
     teller.counter = counter
-    weights = [[Weights(max(c.noise, c.quantum / np.sqrt(12.0))) for c in track.channels] for track in setup.tracks]
-    residuals = Residuals(setup.fitted, layout, weights, setup.ends, counter)
+    weights = [[Weights(c.floor) for c in track.channels] for track in setup.tracks]
+    residuals = Residuals(setup.fitted, layout, weights, setup.ends, counter, pool)
     start = np.zeros(len(layout))
     for i, entry in enumerate(layout.entries):
         if entry.name in begin:
@@ -88,6 +95,8 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            for track in setup.tracks:
+                track.held = setup.fitted[0].held
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
                 if not followed(residuals, best.x):
@@ -206,6 +215,11 @@ def _judged(
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += substep_remarks(residuals, x, found) if status == "complete" else []
+    if held := setup.fitted[0].held:
+        remarks.append(
+            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
+            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
+        )
     remarks += [
         f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)

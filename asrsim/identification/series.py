@@ -9,6 +9,8 @@ from asrsim.samples import Array
 
 FIRST = 15
 """Samples, at most, from which the start of a link is told."""
+LONG = 10
+"""Of these, at least, a mean tells more than the first sample."""
 SOON = 0.05
 """s after 0 at which a channel must begin to tell of the start."""
 
@@ -23,6 +25,14 @@ def first_samples(channel: Channel) -> tuple[float, float, float, float] | None:
     errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
     place, slope, _ = inverse @ values
     return float(place), float(slope), float(errors[0]), float(errors[1])
+
+
+def at_rest(channel: Channel) -> tuple[float, float]:
+    """Value at 0 of a channel that may move at once, and its error: of the first sample, or of many before it moves."""
+    moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
+    still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
+    count = still if still >= LONG else 1
+    return float(np.mean(channel.values[:count])), float(np.hypot(channel.noise / np.sqrt(count), channel.quantum))
 
 
 def interpolate(series: Array, place: Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.identification.data import Data, read_data
 from asrsim.identification.inverse import track_of
 from asrsim.identification.keys import Parameter, free_parameters, parameters_of
@@ -76,7 +76,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     count = sum(int(np.sum(c.time <= end)) for t, end in zip(tracks, ends, strict=True) if not t.data.held for c in t.channels)
     if count <= len(layout):
         message = f"{count} samples are fewer than the {len(layout)} parameters need"
-        raise InputError(Problem(message=message, file=data[0].path, key="experiments", code="few-samples"))
+        raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
     return setup
 
 

@@ -12,9 +12,8 @@ from typing import Any
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.file import has_key, read_file
-from asrsim.document.kinds import Boolean, Choice, File, Integer, Number, Optional, Text
-from asrsim.errors import InputError, Problem
-from asrsim.scenario.kinds import NUMBER
+from asrsim.document.kinds import NUMBER, Boolean, Choice, File, Integer, Number, Optional, Text
+from asrsim.errors import InputError
 
 LOSSES = ("huber", "linear")
 _TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
@@ -124,7 +123,7 @@ def tie_of(key: str, text: str) -> Tie:
     """`other` or `0.5 * other`. Raises InputError."""
     match = _TIE.fullmatch(text.strip())
     if match is None or (number := _number(match["factor"] or "1")) is None:
-        raise InputError(Problem(message="is no tie", key=key, value=text, hint="Write KEY=OTHER or KEY=0.5*OTHER", code="tie"))
+        raise InputError("is no tie", key=key, value=text, hint="Write KEY=OTHER or KEY=0.5*OTHER", code="tie")
     return Tie(key=key.strip(), to=match["key"].strip(), factor=number)
 
 
@@ -135,7 +134,7 @@ def wish_of(text: str) -> tuple[str, Wish]:
     numbers = [_number(part) for part in parts]
     if not key.strip() or None in numbers or len(numbers) > 3 or (equals and not numbers):
         hint = "Write KEY, KEY=START, KEY=LOW:HIGH or KEY=LOW:START:HIGH"
-        raise InputError(Problem(message="is no free parameter", key="free", value=text, hint=hint, code="free"))
+        raise InputError("is no free parameter", key="free", value=text, hint=hint, code="free")
     start = numbers[0] if len(numbers) == 1 else numbers[1] if len(numbers) == 3 else None
     low, high = (numbers[0], numbers[-1]) if len(numbers) > 1 else (None, None)
     return key.strip(), Wish(start=start, low=low, high=high)

@@ -13,9 +13,8 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
-from asrsim.identification.series import SOON, first_samples, interpolate
-from asrsim.robot.model import Robot
-from asrsim.robot.vary import INERTIAS
+from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
+from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
@@ -38,7 +37,9 @@ class Track:
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
-        self._commands: tuple[tuple[float, ...], Mapping[str, Mapping[str, Signal]]] | None = None
+        self._commands: tuple[object, Mapping[str, Mapping[str, Signal]]] | None = None
+        self.held: frozenset[str] = frozenset()
+        """Keys of commands that are played as stairs: what gave them held each sample until the next."""
         self.uncertain: list[str] = []
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
@@ -81,16 +82,17 @@ class Track:
                 if moving:
                     velocities[j] = speed
                     self.uncertain.append(f"{joint}.initial_velocity")
-        for drive, position in zip(self.prepared.drives, positions, strict=True):
+        for j, drive in enumerate(self.prepared.drives):
             first = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
-            places = [float(channel.values[0]) for channel in first if channel is not None and channel.time[0] <= SOON]
-            if not places or len(places) < len(first):
+            told = [at_rest(channel) for channel in first if channel is not None and channel.time[0] <= SOON]
+            if not told or len(told) < len(first):
                 continue
-            home = drive.motor_positions or (position,) * len(places)
-            noise = max(max(channel.noise, channel.quantum) for channel in first if channel is not None)
-            # Motors are quick: only the very first sample tells where they began.
-            if max(abs(a - b) for a, b in zip(places, home, strict=True)) > STILL * noise:
-                motors[drive.name] = places
+            home = drive.motor_positions or (positions[j],) * len(told)
+            if any(abs(place - was) > STILL * error for (place, error), was in zip(told, home, strict=True)):
+                motors[drive.name] = [place for place, _ in told]
+                if self._channel(drive.name, "link_position") is None:
+                    # What rests on its motors begins with them.
+                    positions[j] += float(np.mean(motors[drive.name]) - np.mean(home))
         return positions, velocities, motors
 
     def _forget_what_commands_explain(self) -> None:
@@ -129,13 +131,14 @@ class Track:
             for command in self.data.commands
             for what in ("gain", "offset", "delay")
         )
-        if self._commands is None or self._commands[0] != numbers:
+        if self._commands is None or self._commands[0] != (self.held, numbers):
             table: dict[str, dict[str, Signal]] = {}
             for i, command in enumerate(self.data.commands):
                 gain, offset, delay = numbers[3 * i : 3 * i + 3]
-                signal = Played(command=command, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
+                played = replace(command, hold=command.hold or command.key in self.held)
+                signal = Played(command=played, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
                 table.setdefault(command.joint, {})[command.name] = signal
-            self._commands = numbers, table
+            self._commands = (self.held, numbers), table
         return self._commands[1]
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
@@ -189,6 +192,8 @@ class Track:
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
         """Run with so many substeps from now on."""
+        if (substeps, motor_substeps) == (self.prepared.resolution.substeps, self.prepared.resolution.motor_substeps):
+            return
         scenario = replace(self.scenario, substeps=substeps, motor_substeps=motor_substeps)
         self.prepared = prepare(scenario, self._robot)
         self.evaluation.close()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.identification.result import Result
 from asrsim.identification.track import physical
 from asrsim.identification.verdicts import IDENTIFIED, Estimate
@@ -185,6 +185,6 @@ def begin_of(folder: Path) -> dict[str, float]:
         return {name: float(one["estimate"]) for name, one in zip(data["names"], data["estimates"], strict=True)}
     except FileNotFoundError:
         hint = "Without --resume the fit begins anew"
-        raise InputError(Problem(message="there is no fit to go on with", file=path, hint=hint, code="no-fit")) from None
+        raise InputError("there is no fit to go on with", file=path, hint=hint, code="no-fit") from None
     except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(Problem(message="is no fit of asrsim's", file=path, code="no-fit")) from None
+        raise InputError("is no fit of asrsim's", file=path, code="no-fit") from None

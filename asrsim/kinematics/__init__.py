@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from asrsim.kinematics.clik import ClikSettings, JointPath, follow
-from asrsim.kinematics.compensation import JointDrive, drive_of, equilibrium_for_load, resting_motors
-from asrsim.kinematics.engine_model import EngineModel, model_of
-from asrsim.kinematics.model import KinematicModel
-from asrsim.kinematics.plan import PlannedReferences, plan
-from asrsim.kinematics.reach import Reach, closest
+from asrsim.kinematics.clik import ClikSettings, follow
+from asrsim.kinematics.compensation import equilibrium_for_load
+from asrsim.kinematics.engine_model import model_of
+from asrsim.kinematics.plan import plan
+from asrsim.kinematics.reach import closest
 from asrsim.kinematics.references import plan_references, plan_task
-from asrsim.kinematics.trajectory import INTERPOLATIONS, PoseTrajectory
+from asrsim.kinematics.trajectory import PoseTrajectory
 
 __all__ = [
-    "INTERPOLATIONS",
     "ClikSettings",
-    "EngineModel",
-    "JointDrive",
-    "JointPath",
-    "KinematicModel",
-    "PlannedReferences",
     "PoseTrajectory",
-    "Reach",
     "closest",
-    "drive_of",
     "equilibrium_for_load",
     "follow",
     "model_of",
     "plan",
     "plan_references",
     "plan_task",
-    "resting_motors",
 ]

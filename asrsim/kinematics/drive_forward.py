@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays, references_over_arrays
-from asrsim.kinematics.compensation import JointDrive
 from asrsim.samples import Array
 
 LONGEST = 2.5e-3
 """s, step in which motors are followed at most."""
 
 
-Pair = tuple[float, float]
+class Start(NamedTuple):
+    """What two motors do at first; of one motor the second entries are nobody's."""
+
+    positions: tuple[float, float]
+    """rad."""
+    velocities: tuple[float, float] = (0.0, 0.0)
+    """rad/s."""
+    integrals: tuple[float, ...] = ()
+    """N m that the controllers' integral action gives; none: 0."""
 
 
 def motor_positions(
-    drive: JointDrive, time: Array, position: Array, inputs: Array, preset: Array, start: tuple[Pair, Pair] | None = None
+    drive: Drive, time: Array, position: Array, inputs: Array, preset: Array, start: Start | None = None
 ) -> Array:
     """(n, 2) rad, what the springs' law takes, at `time` (n,), equidistant; NaN in modes without springs.
 
-    position, inputs, preset: (n,). start: rad and rad/s of the motors at first; None: at rest where the link starts. Friction
-    is left out.
+    position, inputs, preset: (n,). start: None: at rest where the link starts. Friction is left out.
     """
-    if not MODES[drive.mode].spring:
+    if not drive.mode.spring:
         return np.full((len(time), 2), np.nan)
     references = np.stack(references_over_arrays(drive.actuator)(inputs, preset))
     if not drive.proportional:
@@ -33,51 +41,35 @@ def motor_positions(
     parts = max(int(np.ceil(step / LONGEST - 1e-9)), 1)
     fine = np.linspace(time[0], time[-1], (len(time) - 1) * parts + 1)
     goals = [np.interp(fine, time, reference).tolist() for reference in references]
-    begun = start or ((float(position[0]),) * 2, (0.0, 0.0))
+    begun = start or Start((float(position[0]),) * 2)
     found = _follow(drive, step / parts, np.interp(fine, time, position).tolist(), goals, begun)
     return found[::parts]
 
 
-def link_torque(drive: JointDrive, position: Array, velocity: Array, motors: Array, inputs: Array) -> Array:
+def link_torque(drive: Drive, position: Array, velocity: Array, motors: Array, inputs: Array) -> Array:
     """(n,) N m of a drive on its link; an integral action on the link is left out."""
-    if not MODES[drive.mode].spring:
+    if not drive.mode.spring:
         return np.asarray(drive.proportional[0] * (inputs - position) - drive.derivative[0] * velocity)
-    torques = over_arrays(drive.actuator.elastic_torques)(position, motors[:, 0], motors[:, 1], drive.spring)
+    torques = over_arrays(drive.actuator.elastic_torques)(position, motors[:, 0], motors[:, 1], drive.elastic)
     return np.asarray(torques.sum(axis=0))
 
 
-def _follow(
-    drive: JointDrive, step: float, positions: list[float], goals: list[list[float]], start: tuple[Pair, Pair]
-) -> Array:
-    """Drift - kick - drift, the controller's part of the kick by the midpoint rule."""
-    law, spring = drive.actuator.elastic_torques, drive.spring
-    count, half = len(drive.proportional), 0.5 * step
-    # Numbers of a motor, and where the next line finds them: this is the innermost loop of every prediction.
-    motors = list(
-        zip(
-            range(count), drive.proportional, [step * gain for gain in drive.integral], drive.derivative, drive.motor_inertia,
-            drive.motor_damping, drive.max_torque, drive.max_velocity,
-            strict=True,
-        )
-    )  # fmt: skip
-    places, rates, sums = [*start[0]], [*start[1]], [0.0, 0.0]
+def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[float]], start: Start) -> Array:
+    """Drift - kick - drift, as the simulation's motors."""
+    drive = drive.without_friction()
+    law, elastic, kick, half = drive.actuator.elastic_torques, drive.elastic, drive.motor_kick, 0.5 * step
+    motors = [(i, drive.motor_coefficients(i + 1, step=step, implicitness=0.5)) for i in range(drive.dynamic_motors)]
+    places, rates = [*start.positions], [*start.velocities]
+    units = [electric.gain or 1.0 for electric in drive.electric]
+    sums = [torque / unit for torque, unit in zip(start.integrals or (0.0, 0.0), units, strict=False)]
     found = []
     for q, *wanted in zip(positions, *goals, strict=True):
-        if count < 2:
+        if len(motors) < 2:
             places[1] = wanted[1]
         found.append(tuple(places))
         middle = places[0] + half * rates[0], places[1] + half * rates[1]
-        torques = law(q, *middle, spring)
-        for i, proportional, integral, derivative, inertia, damping, most, fastest in motors:
-            error = wanted[i] - middle[i]
-            sums[i] += integral * error
-            asked = proportional * error + sums[i]
-            drag, push, rate = damping + derivative, asked - torques[i], rates[i]
-            # The motor's torque is limited, and so is its speed.
-            asked -= derivative * rate
-            if abs(asked) > most:
-                push, drag = (most if asked > 0.0 else -most) - torques[i], damping
-            after = ((inertia - half * drag) * rate + step * push) / (inertia + half * drag)
-            rates[i] = after = min(max(after, -fastest), fastest)
-            places[i] = middle[i] + half * after
+        torques = law(q, *middle, elastic)
+        for i, coefficients in motors:
+            rates[i], _, _, sums[i], _, _ = kick(middle[i], rates[i], 0.0, sums[i], wanted[i], torques[i], coefficients)
+            places[i] = middle[i] + half * rates[i]
     return np.array(found)

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays, references_over_arrays
-from asrsim.kinematics.compensation import SEARCH, JointDrive
+from asrsim.kinematics.compensation import SEARCH
 from asrsim.kinematics.desired import smooth_motion
 from asrsim.kinematics.roots import increasing_roots
 from asrsim.samples import Array
@@ -49,12 +49,10 @@ class DriveMotion:
     """(n,) N m, the most that the springs can give in the direction of the wanted torque."""
 
 
-def drive_backwards(
-    drive: JointDrive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array
-) -> DriveMotion:
+def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array) -> DriveMotion:
     """The drive's motion; all arrays (n,), at equidistant times in s. preset: the second reference."""
     n, step = len(position), float(time[1] - time[0])
-    if not MODES[drive.mode].spring:
+    if not drive.mode.spring:
         error = controller_error(torque + drive.derivative[0] * velocity, drive.proportional[0], drive.integral[0], step)
         return DriveMotion(
             inputs=position + error,
@@ -67,7 +65,7 @@ def drive_backwards(
     law = over_arrays(drive.actuator.elastic_torques)
 
     def torques(s: Array, d: Array) -> Array:
-        return np.asarray(law(position, rho[0] * s + across[0] * d, rho[1] * s + across[1] * d, drive.spring))
+        return np.asarray(law(position, rho[0] * s + across[0] * d, rho[1] * s + across[1] * d, drive.elastic))
 
     centre = position / max(rho.max(), 1e-9)
     d = across @ offsets / (across @ across)
@@ -95,8 +93,8 @@ def drive_backwards(
         rate = smooth.velocities[:, 0]
         work[motor] = drive.motor_inertia[motor] * smooth.accelerations[:, 0] + drive.motor_damping[motor] * rate
         work[motor] += drive.motor_friction[motor] * np.tanh(rate / SLOW) + elastic[motor]
-        asked = work[motor] + drive.derivative[motor] * rate
-        references[motor] += controller_error(asked, drive.proportional[motor], drive.integral[motor], step)
+        output = work[motor] + drive.derivative[motor] * rate
+        references[motor] += controller_error(output, drive.proportional[motor], drive.integral[motor], step)
     return DriveMotion(
         inputs=rho @ (references - offsets) / (rho @ rho),
         motors=motors.T.copy(),
@@ -105,7 +103,7 @@ def drive_backwards(
     )
 
 
-def reference_map(drive: JointDrive, preset: Array) -> tuple[Array, Array]:
+def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
     """rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
     references = references_over_arrays(drive.actuator)
     offsets = np.stack(references(np.zeros(len(preset)), preset))
@@ -125,7 +123,7 @@ def controller_error(output: Array, proportional: float, integral: float, step: 
 
 
 def _distance(
-    drive: JointDrive,
+    drive: Drive,
     time: Array,
     s: Array,
     d: Array,

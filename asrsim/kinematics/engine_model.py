@@ -25,9 +25,9 @@ class EngineModel:
         self._model = model
         self.joints: tuple[str, ...] = model.joints
         self.links: tuple[str, ...] = tuple(link.name for link in robot.links)
-        stops = {joint.name: (joint.lower, joint.upper) for joint in robot.moving_joints}
-        self.lower: Array = np.array([-np.inf if stops[name][0] is None else stops[name][0] for name in self.joints])
-        self.upper: Array = np.array([np.inf if stops[name][1] is None else stops[name][1] for name in self.joints])
+        stops = np.array([robot.joint(name).stops for name in self.joints]).reshape(-1, 2)
+        self.lower: Array = stops[:, 0]
+        self.upper: Array = stops[:, 1]
         self._last: tuple[tuple[bytes, str, Point], tuple[Array, Array, Array]] | None = None
 
     def _link_point(self, positions: Array, link: str, point: Point) -> tuple[Array, Array, Array]:

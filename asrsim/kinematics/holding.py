@@ -103,7 +103,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     goals: dict[str, tuple[Array, Array]] = {}
     for block in blocks:
         first, second, goal = _goals(scenario, block, time)
-        wanted[block.joint] = np.clip(goal, *_stops(robot, block.joint))
+        wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
         goals[block.joint] = first, second
     groups = [
         _Springs([block for block in blocks if block.actuator == actuator], goals)
@@ -113,7 +113,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     positions = {name: values.copy() for name, values in wanted.items()}
     for springs in groups:
         springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
-        springs.low, springs.high = np.array([_stops(robot, name) for name in springs.names]).T[:, :, None]
+        springs.low, springs.high = np.array([robot.joint(name).stops for name in springs.names]).T[:, :, None]
     share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)
@@ -129,7 +129,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     for name in goals:
         off = np.abs(positions[name] - wanted[name])
         worst = int(np.argmax(off))
-        low, high = _stops(robot, name)
+        low, high = robot.joint(name).stops
         stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6
         stopped = stopped and off[worst] > OFF * min(high - low, 1.0)
         found.append(
@@ -210,23 +210,13 @@ def _gain(block: ActuatorBlock, index: int) -> float:
     return math.inf if stiff else max(values[f"controller_{index}_proportional"], 1e-6)
 
 
-def _stops(robot: Robot, name: str) -> tuple[float, float]:
-    joint = robot.joint(name)
-    if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
-        return -math.inf, math.inf
-    return joint.lower, joint.upper
-
-
 def _weight(robot: Robot, name: str, scenario: Scenario) -> float:
     """N m/rad: how fast gravity's torque about a joint may change with posture, from masses and the reach behind it."""
-    by_parent: dict[str, list[tuple[str, float]]] = {}
-    for joint in robot.joints:
-        by_parent.setdefault(joint.parent, []).append((joint.child, float(np.linalg.norm(joint.origin))))
     masses = {link.name: (link.mass or 0.0, float(np.linalg.norm(link.centre_of_mass))) for link in robot.links}
     waiting, total = [(robot.joint(name).child, 0.0)], 0.0
     while waiting:
         link, reach = waiting.pop()
         mass, centre = masses[link]
         total += mass * (reach + centre)
-        waiting += [(child, reach + length) for child, length in by_parent.get(link, ())]
+        waiting += [(joint.child, reach + float(np.linalg.norm(joint.origin))) for joint in robot.carried.get(link, ())]
     return max(total * float(np.linalg.norm(scenario.gravity)), 1e-6)

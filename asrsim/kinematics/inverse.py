@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.kinematics.compensation import JointDrive
 from asrsim.kinematics.desired import DesiredMotion, knot_distance
 from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
 from asrsim.kinematics.model import DynamicModel
@@ -43,9 +42,7 @@ class Losses:
     """Damping that changes with the stiffness."""
     effort: float = np.inf
     """N m."""
-    lower: float = -np.inf
-    """rad."""
-    upper: float = np.inf
+    stops: tuple[float, float] = (-np.inf, np.inf)
     """rad."""
 
     @classmethod
@@ -58,8 +55,7 @@ class Losses:
             friction=found.friction,
             law=law,
             effort=np.inf if found.effort is None else found.effort,
-            lower=-np.inf if found.lower is None or found.kind == "continuous" else found.lower,
-            upper=np.inf if found.upper is None or found.kind == "continuous" else found.upper,
+            stops=found.stops,
         )
 
 
@@ -132,7 +128,7 @@ class InverseDynamics:
 
 def invert(
     model: DynamicModel,
-    drives: Sequence[JointDrive],
+    drives: Sequence[Drive],
     motion: DesiredMotion,
     presets: Mapping[str, Array],
     losses: Mapping[str, Losses],
@@ -169,15 +165,15 @@ def invert(
     )
 
 
-def _law_damping(drive: JointDrive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
-    if not MODES[drive.mode].spring:
+def _law_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
+    if not drive.mode.spring:
         return np.full(len(position), law.constant)
-    stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.spring)
+    stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.elastic)
     return np.asarray(law.constant + 2.0 * law.ratio * np.sqrt(law.inertia * np.maximum(stiffness, 0.0)))
 
 
 def demands_of(
-    drive: JointDrive, time: Array, position: Array, torque: Array, item: DriveMotion, loss: Losses | None = None
+    drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, loss: Losses | None = None
 ) -> list[Demand]:
     """The highest demand on each part of a joint over the motion."""
     loss = loss or Losses()
@@ -197,19 +193,20 @@ def demands_of(
                    time=float(time[worst]), motor=motor)
         )  # fmt: skip
 
-    for motor, limit in enumerate(drive.max_torque if MODES[drive.mode].motor else ()):
+    for motor, limit in enumerate(drive.max_torque if drive.mode.motor else ()):
         add("motor torque", item.motor_torques[:, motor], limit, "N m", motor + 1)
         rate = np.gradient(item.motors[:, motor], time)
         add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
-    if MODES[drive.mode].spring:
+    if drive.mode.spring:
         add("spring torque", torque, item.holdable, "N m")
         # Of two springs the one that is deflected less still yields when the other is at its limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
         add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
     add("joint effort", torque, loss.effort, "N m")
-    above, below = position - loss.upper, loss.lower - position
+    lower, upper = loss.stops
+    above, below = position - upper, lower - position
     worst = int(np.argmax(np.maximum(above, below)))
-    limit = loss.upper if above[worst] >= below[worst] else loss.lower
+    limit = upper if above[worst] >= below[worst] else lower
     if max(above[worst], below[worst]) > 1e-3:
         # The way beyond the stop is what counts, whatever its sign.
         found.append(

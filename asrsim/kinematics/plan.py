@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
-from asrsim.kinematics.compensation import JointDrive, LoadError, equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError, equilibrium_for_load
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
@@ -23,8 +23,6 @@ PLAN_STEP = 2e-3
 """s, grid on which the inverse kinematics runs; between, references are straight lines."""
 ORIENTATION_TOLERANCE = 0.01
 """rad by which an orientation may be missed before it counts as unreachable."""
-PLANNED_MODES = (1, 2, 3, 5, 6)
-"""Modes whose references are positions: the only ones that a path can drive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,12 +54,11 @@ class PlannedReferences:
 def plan(
     task: CartesianTask,
     model: KinematicModel,
-    drives: Sequence[JointDrive],
+    drives: Sequence[Drive],
     initial: Mapping[str, float],
     duration: float,
     *,
     presets: Mapping[str, Signal] | None = None,
-    step: float = PLAN_STEP,
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
@@ -72,10 +69,11 @@ def plan(
     loads that a spring or motor cannot hold.
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
-    moving = _moving(task, model, drives)
+    driven = task.joints or tuple(drive.joint for drive in drives)
+    moving = np.array([joint in driven for joint in model.joints])
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
     _check_poses(task, model, trajectory, start, moving)
-    count = max(round(duration / step), 1)
+    count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
     path = follow(
         model,
@@ -93,7 +91,7 @@ def plan(
         index = model.joints.index(drive.joint)
         preset = _preset(task, drive, presets or {}, time)
         equilibria = path.positions[:, index].copy()
-        if task.gravity_compensation and MODES[drive.mode].spring:
+        if task.gravity_compensation and drive.mode.spring:
             equilibria = _compensated(task, model, drive, path, index, preset)
         columns.append(equilibria)
         references[drive.joint] = _references(drive, equilibria, preset)
@@ -103,36 +101,6 @@ def plan(
         equilibria=np.column_stack(columns) if columns else np.empty((len(time), 0)),
         joints=tuple(drive.joint for drive in drives),
     )
-
-
-def _moving(task: CartesianTask, model: KinematicModel, drives: Sequence[JointDrive]) -> NDArrayBool:
-    """Which of the model's joints the task may move; problems with names, all at once."""
-    driven = tuple(drive.joint for drive in drives)
-    problems = []
-    if task.link not in model.links:
-        problems.append(
-            Problem(message="no such link", key="task.link", value=task.link, choices=model.links, code="unknown-link")
-        )
-    problems += [
-        Problem(message="no such actuated joint", key="task.joints", value=name, choices=driven, code="unknown-joint")
-        for name in task.joints
-        if name not in driven
-    ]
-    problems += [
-        Problem(
-            message=f"a Cartesian task drives positions, which mode {drive.mode} does not take",
-            key=f"modes.{drive.joint}",
-            value=drive.mode,
-            choices=tuple(str(mode) for mode in PLANNED_MODES),
-            code="mode-not-planned",
-        )
-        for drive in drives
-        if drive.mode not in PLANNED_MODES
-    ]
-    if problems:
-        raise ScenarioError(problems)
-    chosen = task.joints or driven
-    return np.array([joint in chosen for joint in model.joints])
 
 
 def _check_poses(
@@ -149,7 +117,7 @@ def _check_poses(
             wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, reach.positions, strict=True))
             problems.append(
                 Problem(
-                    message=f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
+                    f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
                     f"{_text(trajectory.positions[0])} m",
                     key="task.poses",
                     hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
@@ -179,14 +147,12 @@ def _check_path(
     if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
         raise ScenarioError(_unreachable(where, positions[0], reach))
     raise ScenarioError(
-        Problem(
-            message=f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
-            f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
-            key="task",
-            hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
-            "raise the gain or allow more tolerance",
-            code="path-missed",
-        )
+        f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
+        f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
+        key="task",
+        hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
+        "raise the gain or allow more tolerance",
+        code="path-missed",
     )
 
 
@@ -196,12 +162,10 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
     )
     if reach.turn > ORIENTATION_TOLERANCE:
         message += f" and turned by {reach.turn:.3g} rad"
-    return Problem(message=message, key="task.poses", code="unreachable")
+    return Problem(message, key="task.poses", code="unreachable")
 
 
-def _compensated(
-    task: CartesianTask, model: KinematicModel, drive: JointDrive, path: JointPath, index: int, preset: Array
-) -> Array:
+def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: Array) -> Array:
     equilibria = np.empty(len(path.time))
     guess: float | None = None
     for row, (time, positions) in enumerate(zip(path.time, path.positions, strict=True)):
@@ -213,28 +177,26 @@ def _compensated(
         except LoadError as error:
             problem = error.problems[0]
             raise ScenarioError(
-                Problem(
-                    message=f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
-                    key=f"task.{drive.joint}",
-                    hint=problem.hint,
-                    code=problem.code,
-                )
+                f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
+                key=f"task.{drive.joint}",
+                hint=problem.hint,
+                code=problem.code,
             ) from error
         equilibria[row] = found
         guess = found
     return equilibria
 
 
-def _preset(task: CartesianTask, drive: JointDrive, presets: Mapping[str, Signal], time: Array) -> Array:
+def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
     """(n,) second references over time."""
     if drive.joint in presets:
         return presets[drive.joint].values(time)
     return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
 
 
-def _references(drive: JointDrive, equilibria: Array, preset: Array) -> dict[str, Array]:
+def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
     """The mode's references at the given equilibria."""
-    mode = MODES[drive.mode]
+    mode = drive.mode
     if len(mode.references) == 1:
         return {mode.references[0]: equilibria}
     if mode.mapped:

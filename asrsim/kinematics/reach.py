@@ -17,6 +17,8 @@ FREE_RANGE = float(np.pi)
 """rad, range searched on a joint without stops."""
 ORIENTATION_WEIGHT = 0.1
 """m/rad, weight of the orientation's error where a pose has one."""
+MET = 1e-6
+"""m, within which a pose is met."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +44,10 @@ def closest(
     start: Array,
     *,
     moving: NDArrayBool | None = None,
-    tolerance: float = 1e-6,
 ) -> Reach:
     """The reachable pose closest to `position` (3,) and `rotation` (3, 3) or None; the search begins at `start` (joints,).
 
-    It ends as soon as the pose is met within `tolerance` (m); else every start is tried and the best one returned.
+    It ends as soon as the pose is met; else every start is tried and the best one returned.
     """
     from scipy.optimize import least_squares
 
@@ -77,7 +78,7 @@ def closest(
         inside = np.clip(values, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         found = least_squares(residual, inside, jac=slope, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12)
         tried.append(_reach(model, link, point, spread(found.x), position, rotation))
-        if _cost(tried[-1]) <= tolerance:
+        if _cost(tried[-1]) <= MET:
             break
     return min(tried, key=_cost)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.compensation import drive_of
 from asrsim.kinematics.plan import PlannedReferences, plan
+from asrsim.robot import drive_of
 from asrsim.scenario.data import for_joint
 from asrsim.signals.sampled import Sampled
 
@@ -56,7 +56,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     chosen = [block for block in robot.actuators if for_joint(scenario.inverse_dynamics, block.joint, False)]
     problems = [
         Problem(
-            message=f"mode {block.mode} has no position as its first reference",
+            f"mode {block.mode} has no position as its first reference",
             key=f"references.{block.joint}.inverse_dynamics",
             choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
             code="mode-not-inverted",
@@ -66,7 +66,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     ]
     names = {block.joint: MODES[block.mode].references[0] for block in chosen}
     problems += [
-        Problem(message=f"needs the desired motion of the link under {name}", key=f"references.{joint}", code="no-motion")
+        Problem(f"needs the desired motion of the link under {name}", key=f"references.{joint}", code="no-motion")
         for joint, name in names.items()
         if name not in scenario.references_of(joint)
     ]
@@ -83,7 +83,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
         raise ScenarioError(
             [
                 Problem(
-                    message=f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
+                    f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
                     hint="a stiffer spring or preset, or a slower motion",
                 )
                 for demand in unheld
@@ -101,13 +101,13 @@ def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
     from asrsim.kinematics.engine_model import model_of
 
     if scenario.task is None:
-        raise ScenarioError(Problem(message="the scenario has no Cartesian task", key="task", code="no-task"))
+        raise ScenarioError("the scenario has no Cartesian task", key="task", code="no-task")
     drives = [drive_of(block) for block in robot.actuators]
     presets: dict[str, Signal] = {}
     for drive in drives:
-        names = MODES[drive.mode].references
+        names = drive.mode.references
         given = scenario.references_of(drive.joint)
-        if MODES[drive.mode].mapped and names[1] in given:
+        if drive.mode.mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
     initial = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
     with model_of(scenario, robot) as model:

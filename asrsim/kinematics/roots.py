@@ -10,9 +10,10 @@ from asrsim.samples import Array
 
 MOST_STEPS = 120
 """Evaluations at most; some fifteen are usual."""
+TOLERANCE = 1e-11
 
 
-def increasing_roots(function: Callable[[Array], Array], low: Array, high: Array, *, tolerance: float = 1e-11) -> Array:
+def increasing_roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """(n,) places in [low, high] (n,) each at which `function`, elementwise and increasing, is 0.
 
     Where it has no root there, the end that is nearer to one. Regula falsi (Illinois), with a bisection in every third step.
@@ -34,6 +35,6 @@ def increasing_roots(function: Callable[[Array], Array], low: Array, high: Array
             f_low, f_high = np.where(above, 0.5 * f_low, value), np.where(above, value, 0.5 * f_high)
             high = np.where(above, middle, high)
             low = np.where((value <= 0.0), middle, low)
-            if np.all(high - low <= tolerance):
+            if np.all(high - low <= TOLERANCE):
                 break
     return 0.5 * (low + high)

@@ -22,13 +22,8 @@ def exponential(vector: Array) -> Array:
     return np.asarray(Rotation.from_rotvec(vector).as_matrix(), dtype=float)
 
 
-def logarithm(matrix: Array) -> Array:
-    """Rotation vectors (..., 3) in rad, of angles up to pi, of rotation matrices (..., 3, 3)."""
+def between(start: Array, end: Array) -> Array:
+    """Rotation vector (3,) in rad of an angle up to pi, world frame, that turns `start` into `end` (both (3, 3))."""
     from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_matrix(matrix).as_rotvec(), dtype=float)
-
-
-def between(start: Array, end: Array) -> Array:
-    """Rotation vector (3,) in rad, world frame, that turns `start` into `end` (both (3, 3))."""
-    return logarithm(end @ start.T)
+    return np.asarray(Rotation.from_matrix(end @ start.T).as_rotvec(), dtype=float)

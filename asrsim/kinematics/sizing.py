@@ -109,7 +109,7 @@ def problems_of_weight(
         why = "its motors are too weak" if one.limited else f"{soft} are too soft"
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
-        problems.append(Problem(message=message, file=file, key=one.joint, hint=hint, code=code))
+        problems.append(Problem(message, file=file, key=one.joint, hint=hint, code=code))
         hint = None
     return tuple(problems)
 

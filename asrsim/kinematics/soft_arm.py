@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
+from asrsim.actuators.rest import resting_integrals, resting_motors
 from asrsim.errors import Problem, ScenarioError
-from asrsim.kinematics.compensation import JointDrive, drive_of, resting_motors
 from asrsim.kinematics.desired import DesiredMotion, model_time, smooth_motion
-from asrsim.kinematics.drive_forward import Pair
+from asrsim.kinematics.drive_forward import Start
 from asrsim.kinematics.inverse import InverseDynamics, Losses, invert
 from asrsim.kinematics.model import DynamicModel
+from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 
@@ -35,7 +36,7 @@ class SoftArm:
     model: DynamicModel
 
     @cached_property
-    def drives(self) -> dict[str, JointDrive]:
+    def drives(self) -> dict[str, Drive]:
         """By joint, those that a position drives."""
         return {block.joint: drive_of(block) for block in self.robot.actuators if block.mode in INVERTED_MODES}
 
@@ -45,7 +46,7 @@ class SoftArm:
 
     def preset(self, joint: str, time: Array) -> Array:
         """(n,) second reference; zeros in modes without one."""
-        names = MODES[self.drives[joint].mode].references
+        names = self.drives[joint].mode.references
         given = self.scenario.references_of(joint)
         return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
 
@@ -59,14 +60,16 @@ class SoftArm:
         effects = for_joint(self.scenario.command_effects, joint)
         return 0.0 if effects is None else effects.delay
 
-    def motors_at_start(self, joint: str, position: float, reference: float, preset: float) -> tuple[Pair, Pair]:
-        """rad and rad/s of its motors as a run begins, where its link is at `position` and these are the first references."""
+    def motors_at_start(self, joint: str, position: float, reference: float, preset: float) -> Start:
+        """Its motors as a run begins, where its link is at `position` and these are the first references."""
         if self.scenario.initial_equilibrium:
-            return resting_motors(self.drives[joint], position, reference, preset), (0.0, 0.0)
+            drive = self.drives[joint]
+            resting = resting_motors(drive, position, drive.actuator.motor_references(reference, preset))
+            return Start(resting, integrals=resting_integrals(drive, position, resting))
         places = for_joint(self.scenario.initial_motor_positions, joint, (position,))
         rates = for_joint(self.scenario.initial_motor_velocities, joint, (0.0,))
-        # Of one motor the second place is nobody's.
-        return (places[0], places[-1]), (rates[0], rates[-1])
+        # With one motor the second number is not used.
+        return Start((places[0], places[-1]), (rates[0], rates[-1]))
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
         """The motion of all joints of the model, in which `joints` move as `positions` (n, joints) at `time` (n,).
@@ -82,7 +85,7 @@ class SoftArm:
             resting = for_joint(self.scenario.initial_positions, joint, 0.0)
             signal = None
             if joint in self.drives:
-                signal = self.scenario.references_of(joint).get(MODES[self.drives[joint].mode].references[0])
+                signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
             columns.append(np.full(len(grid), resting) if signal is None else signal.values(grid))
         return smooth_motion(grid, np.column_stack(columns))
 
@@ -95,7 +98,7 @@ class SoftArm:
         idle = [drive.joint for drive in chosen if any(gain <= 0.0 for gain in drive.proportional)]
         if idle:
             message = "its controller has no proportional gain: no reference moves it"
-            raise ScenarioError([Problem(message=message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
+            raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
         return invert(
             self.model,

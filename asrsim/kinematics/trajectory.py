@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.rotations import between, exponential, from_rpy
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
@@ -47,12 +46,7 @@ class PoseTrajectory:
         """A trajectory through a task's poses.
 
         start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose comes later than that.
-        Raises ScenarioError on an unknown interpolation, times that do not ascend, or an orientation that only some
-        poses have.
         """
-        problems = _faults(poses, interpolation)
-        if problems:
-            raise ScenarioError(problems)
         times = [pose.time for pose in poses]
         positions = [np.asarray(pose.position, dtype=float) for pose in poses]
         turned = [from_rpy(pose.rpy) for pose in poses if pose.rpy is not None]
@@ -84,29 +78,3 @@ class PoseTrajectory:
         turns = np.array([between(a, b) for a, b in pairwise(self.rotations)]).reshape(-1, 3)
         turns = np.vstack([turns, np.zeros(3)])
         return positions, exponential(way[:, None] * turns[segment]) @ self.rotations[segment]
-
-
-def _faults(poses: tuple[CartesianPose, ...], interpolation: str) -> list[Problem]:
-    problems = []
-    if not poses:
-        problems.append(Problem(message="a Cartesian task needs at least one pose", key="task.poses", code="no-poses"))
-    if interpolation not in INTERPOLATIONS:
-        problems.append(
-            Problem(
-                message="unknown interpolation",
-                key="task.interpolation",
-                value=interpolation,
-                choices=tuple(INTERPOLATIONS),
-                code="unknown-interpolation",
-            )
-        )
-    times = [pose.time for pose in poses]
-    if any(later <= earlier for earlier, later in pairwise(times)) or any(time < 0.0 for time in times):
-        problems.append(
-            Problem(message="times must ascend from 0 on", key="task.poses", value=times, code="times-not-ascending")
-        )
-    if len({pose.rpy is None for pose in poses}) > 1:
-        problems.append(
-            Problem(message="either all poses have an orientation (rpy) or none", key="task.poses", code="mixed-orientation")
-        )
-    return problems

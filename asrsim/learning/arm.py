@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.actuators import MODES
-from asrsim.kinematics.compensation import JointDrive
+from asrsim.actuators.drive import Drive
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_forward import link_torque, motor_positions
 from asrsim.kinematics.engine_model import model_of
@@ -46,7 +45,7 @@ class ArmModel:
     arm: SoftArm
 
     @cached_property
-    def drives(self) -> tuple[JointDrive, ...]:
+    def drives(self) -> tuple[Drive, ...]:
         """The learned joints' drives, then the followers'."""
         followers = [
             drive for joint, drive in self.arm.drives.items() if joint not in self.plant.joints and all(drive.proportional)
@@ -89,7 +88,8 @@ class ArmModel:
             states = [
                 self.arm.motors_at_start(joint, place, 0.0, 0.0) for joint, place in zip(self.plant.joints, places, strict=True)
             ]
-            begun = places, speeds, *(np.array(values) for values in zip(*states, strict=True))
+            motors_begun = (np.array([getattr(state, name) for state in states]) for name in ("positions", "velocities"))
+            begun = places, speeds, *motors_begun
         moved = linear.released(*(self._among(is_ - should) for is_, should in zip(begun, wanted, strict=True)))
         return self._learned(linear.time, moved)
 
@@ -116,11 +116,11 @@ class ArmModel:
             lambda drive, column: spring_slopes(drive, positions[:, column], motors[:, column], limit), len(positions)
         )
 
-    def _each(self, slopes: Callable[[JointDrive, int], Array], count: int) -> Array:
+    def _each(self, slopes: Callable[[Drive, int], Array], count: int) -> Array:
         """(n, joints, 2) something of each joint with springs; zeros for the others."""
         found = np.zeros((count, len(self.drives), 2))
         for column, drive in enumerate(self.drives):
-            if MODES[drive.mode].spring:
+            if drive.mode.spring:
                 found[:, column] = slopes(drive, column)
         return found
 
@@ -150,7 +150,7 @@ class ArmModel:
             known = float(np.abs(outputs - trial.outputs).max())
             half = self.arm.motion(self.plant.time, self.plant.joints, 0.5 * (trial.outputs + outputs))
             change = self.expected(self._linear(half, springs), inputs - trial.inputs, friction)
-            # Where mean slopes lead far away, no straight line holds: the first guess is as good as any.
+            # Far beyond the first guess no linear model holds: that guess is kept.
             if not np.abs(change).max() <= FAR * known:
                 break
             outputs = trial.outputs + change
@@ -167,7 +167,7 @@ class ArmModel:
         one, other = (state.motors - state.positions[:, :, None] for state in (base, there))
         other = np.where(np.abs(other - one) < LEAST, one + LEAST, other)
 
-        def of(drive: JointDrive, j: int) -> Array:
+        def of(drive: Drive, j: int) -> Array:
             return chords(drive, base.positions[:, j], base.motors[:, j], one[:, j], other[:, j])
 
         return self._each(of, len(base.positions))
@@ -191,7 +191,7 @@ class ArmModel:
         """What friction did in a trial: what the drives gave and the links did not take."""
         motion, columns = state.motion, self._columns
         losses = [self.arm.losses(drive.joint) for drive in self.drives]
-        # What friction did to followers, nobody recorded.
+        # Followers' friction is left out: their motion was not recorded.
         level = self._among(np.array([loss.friction for loss in losses[: len(self.plant.joints)]]))
         speeds = motion.velocities[:, columns]
         torques = np.zeros_like(speeds)

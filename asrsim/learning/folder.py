@@ -14,7 +14,7 @@ from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.learning.state import state_origin
-from asrsim.outfile import check_output, is_ours
+from asrsim.outfile import check_output, remove_ours
 from asrsim.runs.folder import inputs_of
 from asrsim.runs.folder import origin_of as run_origin
 from asrsim.scenario.data import Scenario
@@ -79,12 +79,8 @@ def clear(earlier: Earlier, *, but: Collection[Path] = ()) -> None:
     Raises OutputError.
     """
     for path in earlier.files:
-        if path in but or not is_ours(path, NAMES.get(path.name, "log")):
-            continue
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"cannot replace {path}: {error.strerror}") from error
+        if path not in but:
+            remove_ours(path, NAMES.get(path.name, "log"))
 
 
 def _recorded_origin(path: Path) -> str:

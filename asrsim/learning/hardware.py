@@ -24,10 +24,11 @@ from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.recorded import recorded
-from asrsim.learning.report import trial_data, write_json
+from asrsim.learning.report import trial_data
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.table import write_inputs
 from asrsim.learning.trial import Law, Trial, trial_of
+from asrsim.outfile import write_json
 from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
 from asrsim.runs.lock import owned
@@ -69,65 +70,61 @@ def next_input(
     onto that of the desired motion. The last recording may be given again, with another lag or mapping: the trial is then
     replaced. Raises InputError for a recording that does not fit, OutputError.
     """
-    with owned(folder):
-        return _next_input(plant, folder, path, mapping, lag)
-
-
-def _next_input(
-    plant: Plant, folder: Path, path: Path, mapping: Mapping[str, str] | Sequence[str] | Path | None, lag: LagChoice
-) -> HardwareStep:
     from asrsim.recordings import read_recording
 
-    content = _digest(path)
-    taken = _taken(folder)
-    again = content in taken[-1:]
-    if content in taken[:-1]:
-        message = f"was taken already, as trial {taken.index(content)}; record the input in {folder / NEXT} and take that"
-        raise InputError(Problem(message=message, file=path, code="recording-taken"))
-    recording = read_recording(path, mapping=mapping, joints=plant.joints)
-    with learning_model(plant) as model:
-        prepared = prepare_learning(plant, model)
-        plant = prepared.plant
-        mark = fingerprint(prepared.problem, prepared.settings)
-        trials = load_state(folder / STATE, mark) if (folder / STATE).exists() else []
-        told: list[Identified] = []
-        law = _law(prepared, told)
-        if len(trials) != len(taken):
-            message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
-            raise InputError(Problem(message=message, file=folder / STATE, hint=hint, code="state"))
-        if again:
-            taken.pop()
-        played = trials.pop().inputs if again else _pending(folder, prepared, trials)
-        found = recorded(recording, plant, lag)
-        trials.append(trial_of(prepared.problem, played, found.outputs, before=trials[-1] if trials else None, expected=None))
-        ended = verdict(prepared.problem, trials, prepared.settings, law)
-        inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
-    headings, values = plant.table(inputs)
-    what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
-    write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
-    write_playback(folder / PLAYBACK, plant, folder / NEXT)
-    save_state(folder / STATE, mark, trials, origin=origin_of(plant.scenario))
-    _write_numbers(folder, trials, [*taken, content], plant.joints, told[0] if told else None)
-    return HardwareStep(
-        prepared=prepared,
-        trials=tuple(trials),
-        outcome=None if ended is None else ended[1],
-        converged=ended is not None and ended[0] == "converged",
-        identified=told[0] if told else None,
-        recording=recording,
-        clock=found.clock,
-        findings=found.findings,
-    )
+    with owned(folder):
+        digest = _digest(path)
+        digests = _digests(folder)
+        again = digest in digests[-1:]
+        if digest in digests[:-1]:
+            message = f"was taken already, as trial {digests.index(digest)}; record the input in {folder / NEXT} and take that"
+            raise InputError(message, file=path, code="recording-taken")
+        recording = read_recording(path, mapping=mapping, joints=plant.joints)
+        with learning_model(plant) as model:
+            prepared = prepare_learning(plant, model)
+            plant = prepared.plant
+            problem_digest = fingerprint(prepared.problem, prepared.settings)
+            trials = load_state(folder / STATE, problem_digest) if (folder / STATE).exists() else []
+            identified: list[Identified] = []
+            law = _law(prepared, identified)
+            if len(trials) != len(digests):
+                message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
+                raise InputError(message, file=folder / STATE, hint=hint, code="state")
+            if again:
+                digests.pop()
+            played = trials.pop().inputs if again else _pending(folder, prepared, trials)
+            found = recorded(recording, plant, lag)
+            trials.append(
+                trial_of(prepared.problem, played, found.outputs, before=trials[-1] if trials else None, expected=None)
+            )
+            ended = verdict(prepared.problem, trials, prepared.settings, law)
+            inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
+        headings, values = plant.table(inputs)
+        what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
+        write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
+        write_playback(folder / PLAYBACK, plant, folder / NEXT)
+        save_state(folder / STATE, problem_digest, trials, origin=origin_of(plant.scenario))
+        _write_numbers(folder, trials, [*digests, digest], plant.joints, identified[0] if identified else None)
+        return HardwareStep(
+            prepared=prepared,
+            trials=tuple(trials),
+            outcome=None if ended is None else ended[1],
+            converged=ended is not None and ended[0] == "converged",
+            identified=identified[0] if identified else None,
+            recording=recording,
+            clock=found.clock,
+            findings=found.findings,
+        )
 
 
-def _law(prepared: Prepared, told: list[Identified]) -> Law:
+def _law(prepared: Prepared, identified: list[Identified]) -> Law:
     """The scenario's law; `auto` with identification, whose findings go to `told`."""
     if not isinstance(prepared.law, NormOptimal):
         return prepared.law
 
     def rethink(best: Trial) -> tuple[Lifted, Array]:
         found = identify(prepared.plant, best)
-        told.append(found)
+        identified.append(found)
         with learning_model(found.plant) as model:
             inverse = model.inverse(found.plant.reference)
             time, delays = prepared.problem.time, model.delays
@@ -146,9 +143,7 @@ def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
     columns = [read_csv_series(place, joint, None)[1] for joint in prepared.plant.joints]
     if len(columns[0]) != len(prepared.problem.time):
         message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
-        raise InputError(
-            Problem(message=message, file=place, hint="Choose another folder with --out", code="input-of-another-run")
-        )
+        raise InputError(message, file=place, hint="Choose another folder with --out", code="input-of-another-run")
     return np.column_stack(columns)
 
 
@@ -157,10 +152,10 @@ def _digest(path: Path) -> str:
     try:
         return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
     except OSError as error:
-        raise InputError(Problem(message=f"cannot be read: {error.strerror}", file=path, code="no-file")) from None
+        raise InputError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
 
 
-def _taken(folder: Path) -> list[str]:
+def _digests(folder: Path) -> list[str]:
     """Digests of the recordings that were taken, in their order."""
     try:
         return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
@@ -168,13 +163,13 @@ def _taken(folder: Path) -> list[str]:
         return []
     except (OSError, ValueError, KeyError, TypeError) as error:
         hint = "Delete it with hardware.npz to begin anew"
-        raise InputError(Problem(message="is no record of trials", file=folder / NUMBERS, hint=hint, code="state")) from error
+        raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
 
 
 def _write_numbers(
-    folder: Path, trials: Sequence[Trial], taken: Sequence[str], joints: Sequence[str], found: Identified | None
+    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], found: Identified | None
 ) -> None:
-    rows = [{**trial_data(trial, tuple(joints)), "recording": content} for trial, content in zip(trials, taken, strict=True)]
+    rows = [{**trial_data(trial, tuple(joints)), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
     data: dict[str, object] = {"trials": rows, "best": best_of(list(trials))}
     if found is not None:
         data["identified"] = {"changes": dict(found.draw), "residual": found.residual, "residual_before": found.before}

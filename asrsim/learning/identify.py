@@ -6,7 +6,6 @@ masses and stiffnesses, 20 ms on the delay. What is left over tells whether the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,7 +41,6 @@ class Identified:
     """rad, root mean square of what the model does not explain."""
     before: float
     """rad, the same before."""
-    simulations: int
 
 
 def stiffness_parameters(plant: Plant, joint: str) -> tuple[str, ...]:
@@ -51,13 +49,11 @@ def stiffness_parameters(plant: Plant, joint: str) -> tuple[str, ...]:
     return tuple(parameter.name for parameter in drive.actuator.parameters if "N m" in parameter.unit)
 
 
-def identify(plant: Plant, trial: Trial, run: Callable[[Plant, Array], Array] | None = None) -> Identified:
-    """The plant that gives the trial's outputs for its inputs. run: simulates a plant (None: as it is)."""
-    simulate = run or (lambda chosen, inputs: chosen.outputs(inputs))
+def identify(plant: Plant, trial: Trial) -> Identified:
+    """The plant that gives the trial's outputs for its inputs."""
     rows = np.linspace(0.0, float(plant.time[-1]), SAMPLES + 1)[1:]
     measured = averaged(plant.time, trial.outputs, rows)
     joints = len(plant.joints)
-    count = 0
 
     def draw_of(x: Array) -> Draw:
         draw = {"delay": max(float(x[-1]), 0.0)}
@@ -68,9 +64,7 @@ def identify(plant: Plant, trial: Trial, run: Callable[[Plant, Array], Array] | 
         return draw
 
     def residual(x: Array) -> Array:
-        nonlocal count
-        count += 1
-        outputs = simulate(perturbed(plant, draw_of(x)), trial.inputs)
+        outputs = perturbed(plant, draw_of(x)).outputs(trial.inputs)
         return np.asarray((averaged(plant.time, outputs, rows) - measured).ravel())
 
     x = np.zeros(2 * joints + 1)
@@ -104,6 +98,4 @@ def identify(plant: Plant, trial: Trial, run: Callable[[Plant, Array], Array] | 
         if gained < 0.05:
             break
     draw = draw_of(x)
-    return Identified(
-        plant=perturbed(plant, draw), draw=draw, residual=float(np.sqrt(np.mean(left**2))), before=first, simulations=count
-    )
+    return Identified(plant=perturbed(plant, draw), draw=draw, residual=float(np.sqrt(np.mean(left**2))), before=first)

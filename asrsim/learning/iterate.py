@@ -42,8 +42,8 @@ def learn(
     there). Raises InputError if the state belongs to another problem, OutputError if it cannot be written.
     """
     law = law or FixedGain(problem, settings)
-    mark = fingerprint(problem, settings)
-    trials: list[Trial] = load_state(state, mark) if resume and state is not None and state.exists() else []
+    digest = fingerprint(problem, settings)
+    trials: list[Trial] = load_state(state, digest) if resume and state is not None and state.exists() else []
     outcome = verdict(problem, trials, settings, law) if trials else None
     while outcome is None:
         proposal = law.propose(trials) if trials else Proposal(inputs=problem.first_guess)
@@ -55,7 +55,7 @@ def learn(
         )  # fmt: skip
         trials.append(trial)
         if state is not None:
-            save_state(state, mark, trials, origin=problem.origin)
+            save_state(state, digest, trials, origin=problem.origin)
         if on_trial is not None:
             on_trial(trial)
         outcome = verdict(problem, trials, settings, law)

@@ -16,9 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.kinematics.compensation import JointDrive
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_inverse import reference_map
 from asrsim.kinematics.model import DynamicModel
@@ -39,7 +38,7 @@ class Linearised:
 
     time: Array
     """(n,) s, equidistant."""
-    drives: tuple[JointDrive, ...]
+    drives: tuple[Drive, ...]
     mass: Array = field(repr=False)
     """(n, m, m) kg m^2."""
     rates: Array = field(repr=False)
@@ -95,14 +94,14 @@ class Linearised:
         load, drag = self.slopes.copy(), self.rates.copy()
         diagonal = np.arange(m)
         for joint, drive in enumerate(self.drives):
-            mode = MODES[drive.mode]
+            mode = drive.mode
             load[:, joint, joint] += self.springs[:, joint].sum(axis=1) if mode.spring else drive.proportional[0]
             drag[:, joint, joint] += 0.0 if mode.spring else drive.derivative[0]
         a[:, diagonal, m + diagonal] = 1.0
         a[:, m : 2 * m, :m] = -inverse @ load
         a[:, m : 2 * m, m : 2 * m] = -inverse @ drag
         for joint, drive in enumerate(self.drives):
-            if not MODES[drive.mode].spring:
+            if not drive.mode.spring:
                 b[:, m : 2 * m, joint] = inverse[:, :, joint] * drive.proportional[0]
             elif not drive.proportional:
                 driven = self.springs[:, joint] @ _rho(drive)
@@ -204,17 +203,17 @@ class Linearised:
         return found
 
 
-def _moving_motors(drive: JointDrive) -> int:
-    return len(drive.motor_inertia) if MODES[drive.mode].controller and MODES[drive.mode].spring else 0
+def _moving_motors(drive: Drive) -> int:
+    return len(drive.motor_inertia) if drive.mode.controller and drive.mode.spring else 0
 
 
-def _rho(drive: JointDrive) -> Array:
+def _rho(drive: Drive) -> Array:
     return reference_map(drive, np.zeros(1))[0]
 
 
 def linearise_along(
     model: DynamicModel,
-    drives: Sequence[JointDrive],
+    drives: Sequence[Drive],
     motion: DesiredMotion,
     springs: Array,
     damping: Sequence[float],
@@ -262,7 +261,7 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
-def spring_slopes(drive: JointDrive, position: Array, motors: Array, limit: float = CLIP) -> Array:
+def spring_slopes(drive: Drive, position: Array, motors: Array, limit: float = CLIP) -> Array:
     """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2); 0 for an adjuster.
 
     limit: share of the deflection limit at which springs beyond it are taken, since at the limit they have no slope.
@@ -272,7 +271,7 @@ def spring_slopes(drive: JointDrive, position: Array, motors: Array, limit: floa
     return chords(drive, position, motors, deflections - NUDGE, deflections + NUDGE)
 
 
-def chords(drive: JointDrive, position: Array, motors: Array, one: Array, other: Array) -> Array:
+def chords(drive: Drive, position: Array, motors: Array, one: Array, other: Array) -> Array:
     """(n, 2) N m/rad: mean slope of each spring between deflections `one` and `other` (n, 2), its other motor where it is."""
     law = over_arrays(drive.actuator.elastic_torques)
     found = np.zeros_like(motors)
@@ -281,6 +280,6 @@ def chords(drive: JointDrive, position: Array, motors: Array, one: Array, other:
         for deflection in (one, other):
             at = motors.copy()
             at[:, motor] = position + deflection[:, motor]
-            ends.append(law(position, at[:, 0], at[:, 1], drive.spring).sum(axis=0))
+            ends.append(law(position, at[:, 0], at[:, 1], drive.elastic).sum(axis=0))
         found[:, motor] = (ends[1] - ends[0]) / (other - one)[:, motor]
     return found

@@ -75,11 +75,11 @@ def _scale(block: object, own: dict[str, float], name: str, change: float) -> Pr
     from asrsim.robot.tags import parameter_name
 
     if not isinstance(block, ActuatorBlock):
-        return Problem(message="no actuator is on this joint", key=f"spread.{name}", code="unknown-joint")
+        return Problem("no actuator is on this joint", key=f"spread.{name}", code="unknown-joint")
     known = parameter_name(ACTUATORS.get(block.actuator), name)
     if known is None:
         return Problem(
-            message=f"the {block.actuator} has no such parameter",
+            f"the {block.actuator} has no such parameter",
             key=f"spread.parameters.{name}",
             choices=tuple(block.parameters),
             code="unknown-parameter",
@@ -94,19 +94,8 @@ def _with_joint(robot: Robot, changed: Joint) -> Robot:
 
 
 def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
-    """The robot with what the joint moves as one body heavier by a factor, mass and inertia alike, in data and text."""
-    from lxml import etree
-
+    """The robot with what the joint moves as one body heavier by a factor, mass and inertia alike."""
     body = rigid_body(robot, robot.joint(joint).child)
-    root = etree.fromstring(robot.text.encode())
-    for link in root.iterfind("link"):
-        if (link.get("name") or "").strip() not in body:
-            continue
-        for mass in link.iterfind("inertial/mass"):
-            mass.set("value", repr(float(mass.get("value")) * factor))
-        for inertia in link.iterfind("inertial/inertia"):
-            for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-                inertia.set(key, repr(float(inertia.get(key, "0")) * factor))
     links = tuple(
         replace(
             link,
@@ -117,17 +106,16 @@ def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
         else link
         for link in robot.links
     )
-    return replace(robot, text=etree.tostring(root, encoding="unicode"), links=links)
+    return replace(robot, links=links)
 
 
 def rigid_body(robot: Robot, link: str) -> set[str]:
     """The link and all that are fixed to it, beyond it."""
-    body, left = {link}, [link]
-    while left:
-        parent = left.pop()
-        fixed = [joint.child for joint in robot.joints if joint.parent == parent and not joint.moves and joint.kind == "fixed"]
+    body, waiting = {link}, [link]
+    while waiting:
+        fixed = [joint.child for joint in robot.carried.get(waiting.pop(), ()) if joint.kind == "fixed"]
         body.update(fixed)
-        left += fixed
+        waiting += fixed
     return body
 
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.errors import DivergenceError, Problem, ScenarioError
-from asrsim.kinematics.compensation import JointDrive, drive_of
 from asrsim.kinematics.soft_arm import INVERTED_MODES
+from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.constant import Constant
@@ -41,7 +42,7 @@ class Plant:
     """(n,) s, the steps of the simulation."""
     reference: Array = field(repr=False)
     """(n, joints) rad."""
-    drives: tuple[JointDrive, ...] = field(repr=False)
+    drives: tuple[Drive, ...] = field(repr=False)
     presets: Mapping[str, Array] = field(default_factory=dict, repr=False)
     """Joint -> (n,) second reference that was chosen before learning; it stands in `scenario` too."""
 
@@ -52,7 +53,7 @@ class Plant:
             if joint in presets:
                 sampled[joint] = np.interp(self.time, time, presets[joint])
                 signal = Sampled(times=self.time, samples=sampled[joint])
-                references[joint] = {**self.scenario.references_of(joint), MODES[drive.mode].references[1]: signal}
+                references[joint] = {**self.scenario.references_of(joint), drive.mode.references[1]: signal}
         return replace(self, scenario=replace(self.scenario, references=references), presets=sampled)
 
     def table(self, inputs: Array) -> tuple[tuple[str, ...], Array]:
@@ -60,7 +61,7 @@ class Plant:
         headings = [f"{joint} [{self.unit(joint)}]" for joint in self.joints]
         for joint in self.presets:
             drive = self.drives[self.joints.index(joint)]
-            headings.append(f"{joint}.{MODES[drive.mode].references[1]} [{drive.actuator.reference_2_unit}]")
+            headings.append(f"{joint}.{drive.mode.references[1]} [{drive.actuator.reference_2_unit}]")
         return tuple(headings), np.column_stack([inputs, *self.presets.values()])
 
     def __getstate__(self) -> dict[str, Any]:
@@ -74,7 +75,7 @@ class Plant:
     def _played(self, inputs: Array) -> dict[str, dict[str, Signal]]:
         """First references that play `inputs` (n, joints), by joint."""
         return {
-            joint: {MODES[drive.mode].references[0]: Sampled(times=self.time, samples=np.ascontiguousarray(column))}
+            joint: {drive.mode.references[0]: Sampled(times=self.time, samples=np.ascontiguousarray(column))}
             for joint, drive, column in zip(self.joints, self.drives, inputs.T, strict=True)
         }
 
@@ -85,23 +86,23 @@ class Plant:
 
         return prepare(self._scenario(self.reference), self.robot)
 
-    def with_inputs(self, inputs: Array, log_every: int = 1) -> Scenario:
+    def with_inputs(self, inputs: Array) -> Scenario:
         """The scenario that plays `inputs` (n, joints), with the substeps of all trials."""
-        scenario = self._scenario(inputs, log_every)
+        scenario = self._scenario(inputs)
         if self.prepared.stepping.released:
             return scenario
         resolution = self.prepared.resolution
         return replace(scenario, substeps=resolution.substeps, motor_substeps=resolution.motor_substeps)
 
-    def _scenario(self, inputs: Array, log_every: int = 1) -> Scenario:
+    def _scenario(self, inputs: Array) -> Scenario:
         references = dict(self.scenario.references)
         for joint, signals in self._played(inputs).items():
             references[joint] = {**self.scenario.references_of(joint), **signals}
         trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
-        # What the scenario claims is about its own references.
+        # The scenario's claims are about its own references, not about learned inputs.
         return replace(
-            self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=log_every
+            self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=1
         )
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
@@ -144,7 +145,7 @@ def trajectories(scenario: Scenario) -> dict[str, Scenario]:
     return found
 
 
-def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
+def make_plant(scenario: Scenario) -> Plant:
     """The plant of a scenario with an `ilc:` block.
 
     Raises ScenarioError where there is none, or a joint's mode takes no position.
@@ -152,25 +153,21 @@ def make_plant(scenario: Scenario, robot: Robot | None = None) -> Plant:
     from asrsim.scenario import apply_to_robot, checked_robot
 
     if not scenario.learning:
-        raise ScenarioError(
-            Problem(message="the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
-        )
-    robot, _ = checked_robot(scenario, robot)
+        raise ScenarioError("the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
+    robot, _ = checked_robot(scenario)
     applied = apply_to_robot(scenario, robot)
     trajectory = scenario.learning.get("trajectory") or {}
     if not trajectory:
         names = tuple(scenario.learning.get("trajectories") or ())
         message = "has several trajectories: one is learned at a time"
-        raise ScenarioError(
-            Problem(message=message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
-        )
+        raise ScenarioError(message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
     unfit = [block for block in blocks if block.mode not in INVERTED_MODES]
     if unfit:
         raise ScenarioError(
             [
                 Problem(
-                    message=f"mode {block.mode} has no position as its first reference to learn",
+                    f"mode {block.mode} has no position as its first reference to learn",
                     key=f"ilc.trajectory.{block.joint}",
                     choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
                     code="mode-not-learned",

@@ -8,7 +8,6 @@ from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
-from asrsim.actuators import MODES
 from asrsim.learning.plant import Plant
 from asrsim.outfile import write_text
 
@@ -38,10 +37,10 @@ def playback_data(
     # The error of a replay is that against what was to be learned.
     data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}
-    # A joint's own references replace those for all, so that theirs must stand beside them.
+    # A joint's own entry hides the one for all joints, so it repeats what that one says.
     common = data["references"].get("*", {})
     for joint, drive in zip(plant.joints, plant.drives, strict=True):
-        names = MODES[drive.mode].references
+        names = drive.mode.references
         own = data["references"].setdefault(joint, dict(common))
         own.pop("inverse_dynamics", None)
         own[names[0]] = {"playback": {"file": os.path.relpath(inputs, folder), "column": joint}}

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from asrsim.actuators import MODES
 from asrsim.errors import ScenarioError
 from asrsim.kinematics.compensation import LoadError, equilibrium_for_load
 from asrsim.kinematics.inverse import Demand, InverseDynamics
@@ -215,7 +214,7 @@ def compensated_guess(plant: Plant, model: ArmModel) -> Array:
     loads = model.arm.model.inverse_dynamics(postures, np.zeros_like(postures), np.zeros_like(postures))[:, index]
     found = plant.reference[rows].copy()
     for column, drive in enumerate(plant.drives):
-        if not MODES[drive.mode].spring:
+        if not drive.mode.spring:
             continue
         presets = model.arm.preset(drive.joint, plant.time[rows])
         guess: float | None = None

@@ -13,9 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.kinematics.compensation import JointDrive
 from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.kinematics.inverse import InverseDynamics, demands_of
 from asrsim.learning.arm import ArmModel
@@ -48,7 +47,7 @@ def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, 
     """The lowest preset of each learned joint that has one; of those that hold nothing, the best."""
     found = []
     for column, drive in enumerate(model.plant.drives):
-        if len(MODES[drive.mode].references) < 2 or not (drive.actuator.adjuster or drive.actuator.motors > 1):
+        if len(drive.mode.references) < 2 or not (drive.actuator.adjuster or drive.actuator.motors > 1):
             continue
         q = inverse.motion.positions[:, model.arm.model.joints.index(drive.joint)]
         v = inverse.motion.velocities[:, model.arm.model.joints.index(drive.joint)]
@@ -62,10 +61,10 @@ def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, 
     return tuple(found)
 
 
-def scores(drive: JointDrive, time: Array, q: Array, v: Array, torque: Array, tolerance: float, preset: Array) -> Array:
+def scores(drive: Drive, time: Array, q: Array, v: Array, torque: Array, tolerance: float, preset: Array) -> Array:
     """(n,) how far a preset (n,) uses limits and tolerance, 1: wholly. Demands count where they are highest."""
     item = drive_backwards(drive, time, q, v, torque, preset)
-    stiffness = over_arrays(drive.actuator.stiffness)(q, item.motors[:, 0], item.motors[:, 1], drive.spring)
+    stiffness = over_arrays(drive.actuator.stiffness)(q, item.motors[:, 0], item.motors[:, 1], drive.elastic)
     with np.errstate(all="ignore"):
         sag = np.nan_to_num(HEAVIER * np.abs(torque) / np.maximum(stiffness, 0.0), nan=0.0, posinf=np.inf) / tolerance
     for demand in demands_of(drive, time, q, torque, item):
@@ -74,11 +73,11 @@ def scores(drive: JointDrive, time: Array, q: Array, v: Array, torque: Array, to
     return np.asarray(sag)
 
 
-def _range(drive: JointDrive) -> Array:
+def _range(drive: Drive) -> Array:
     """(k,) presets that are tried, ascending."""
     names = [parameter.name for parameter in drive.actuator.parameters]
     if drive.actuator.adjuster and "lever_length" in names:
-        most = 0.8 * drive.spring[names.index("lever_length")]
+        most = 0.8 * drive.elastic[names.index("lever_length")]
     elif drive.actuator.adjuster or not np.isfinite(drive.max_deflection):
         most = 4.0 * (drive.actuator.typical_preset or 0.25)
     else:

@@ -47,9 +47,9 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
     named = {joint: name for name, joint in pairing.items()}
     columns = [recording.column(named.get(joint, joint), "link_position") for joint in plant.joints]
     moving = int(np.argmax(np.ptp(plant.reference, axis=0)))
-    motion, told = (plant.time, plant.reference[:, moving]), (columns[moving].time, columns[moving].values)
+    motion, measured = (plant.time, plant.reference[:, moving]), (columns[moving].time, columns[moving].values)
     name = f"{plant.joints[moving]}.link_position"
-    chosen = align(*motion, *told, choice=lag, name=name)
+    chosen = align(*motion, *measured, choice=lag, name=name)
     outputs = np.column_stack([resample(column.time - chosen.lag, column.values, plant.time) for column in columns])
     findings += [*recording.findings, *chosen.findings, *_bridge(outputs, plant, recording, columns, chosen.lag)]
     wrong: list[Problem] = []
@@ -61,13 +61,13 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
     if wrong:
         raise RecordingError(replace(problem, file=recording.path) for problem in wrong)
     if lag in ("off", "start"):
-        better = align(*motion, *told, choice="auto", name=name)
+        better = align(*motion, *measured, choice="auto", name=name)
         there = resample(columns[moving].time - better.lag, columns[moving].values, plant.time)
         left, before = (np.sqrt(np.nanmean((motion[1] - values) ** 2)) for values in (there, outputs[:, moving]))
         if abs(better.lag - chosen.lag) > OFF and left < BETTER * before:
             message = f"would fit the desired motion {before / left:.2g} times as well, were its clock {better.said}"
             hint = f"If the recording began at another time than the motion, take it again with --lag {better.lag:.3g}"
-            findings.append(Problem(message=message, file=recording.path, hint=hint, code="lag"))
+            findings.append(Problem(message, file=recording.path, hint=hint, code="lag"))
     return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings))
 
 
@@ -89,10 +89,10 @@ def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequenc
                 f"the motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
             )
             hint = f"Record the whole motion, with no gap beyond {BRIDGED:g} s; --lag says by how much its clock is late"
-            raise InputError(Problem(message=message, file=recording.path, hint=hint, code="recording-too-short"))
+            raise InputError(message, file=recording.path, hint=hint, code="recording-too-short")
         column[gap] = np.interp(plant.time[gap], plant.time[known], column[known])
         longest = max(longest, inside)
     if longest == 0.0:
         return []
     message = f"has gaps of up to {longest:.2g} s, which are bridged by straight lines"
-    return [Problem(message=message, file=recording.path, code="gaps")]
+    return [Problem(message, file=recording.path, code="gaps")]

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 from typing import Any
 
-from asrsim import __version__
 from asrsim.kinematics.inverse import Demand
 from asrsim.learning.transfer import TransferReport
 from asrsim.learning.trial import LearningResult, Trial
-from asrsim.outfile import write_text
 
 
 def trial_data(trial: Trial, joints: tuple[str, ...]) -> dict[str, Any]:
@@ -77,11 +73,6 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
             for draw, row in zip(report.draws, report.largest, strict=True)
         ],
     }
-
-
-def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write plain data. Raises OutputError where it cannot be written."""
-    write_text(path, json.dumps({"generator": f"asrsim {__version__}", **data}, indent=2) + "\n", "json")
 
 
 def _plain(value: float) -> float | None:

@@ -32,10 +32,11 @@ from asrsim.learning.perturb import outputs_of
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
-from asrsim.learning.report import demand_data, result_data, transfer_data, write_json
+from asrsim.learning.report import demand_data, result_data, transfer_data
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
 from asrsim.learning.trial import LearningResult, Trial, worst
+from asrsim.outfile import write_json
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 from asrsim.workers import Executor, executor
@@ -90,81 +91,68 @@ def run_session(
     Raises InputError, SimulationError or OutputError.
     """
     with owned(folder):
-        return _session(
-            plant, folder, on_start=on_start, on_trial=on_trial, on_foresight=on_foresight, resume=resume, overwrite=overwrite,
-            keep_logs=keep_logs, with_transfer=with_transfer, draws=draws, processes=processes, plugins=plugins,
-            picture=picture,
-        )  # fmt: skip
+        earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
+        block = plant.scenario.learning
+        keep = keep_logs or block.get("keep_logs", "last")
+        with learning_model(plant) as model, executor(processes, plugins) as workers:
+            prepared = prepare_learning(plant, model)
+            plant = prepared.plant
+            if on_start is not None:
+                on_start(prepared)
+            logger = _Logger(folder, keep == "all")
 
-
-def _session(
-    plant: Plant, folder: Path, *, on_start: Callable[[Prepared], None] | None, on_trial: Callable[[Trial], None] | None,
-    on_foresight: Callable[[Prepared, list[float]], None] | None, resume: bool, overwrite: bool,
-    keep_logs: KeepLogs | None, with_transfer: bool, draws: int | None, processes: int,
-    plugins: Sequence[Path], picture: bool,
-) -> Session:  # fmt: skip
-    earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
-    block = plant.scenario.learning
-    keep = keep_logs or block.get("keep_logs", "last")
-    with learning_model(plant) as model, executor(processes, plugins) as workers:
-        prepared = prepare_learning(plant, model)
-        plant = prepared.plant
-        if on_start is not None:
-            on_start(prepared)
-        logger = _Logger(folder, keep == "all")
-
-        plants = block.get("plants")
-        if plants:
-            set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
-
-            def simulate(inputs: Array) -> Array:
-                return np.array(outputs_of(plant, inputs, set_of, workers))
-        else:
-
-            def simulate(inputs: Array) -> Array:
-                return logger.run(plant, inputs)
-
-        foreseen: list[float] = []
-
-        def told(trial: Trial) -> None:
-            # Its state is written: there is something in the place of the earlier run.
-            if trial.number == 0:
-                clear(earlier, but=(folder / STATE, *logger.written))
-            if on_trial is not None:
-                on_trial(trial)
-            if trial.number == 0 and prepared.settings.law != "auto":
-                foreseen.extend(prepared.foresee(trial))
-                if on_foresight is not None:
-                    on_foresight(prepared, foreseen)
-
-        result = learn(
-            prepared.problem,
-            simulate,
-            prepared.settings,
-            told,
-            law=prepared.law,
-            state=folder / STATE,
-            resume=resume,
-        )
-        if keep == "last":
-            logger.write(plant, result.inputs, LOG)
-        report = nominal = None
-        if with_transfer and block.get("transfer"):
-            report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
+            plants = block.get("plants")
             if plants:
-                alone = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
-                nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
-    session = Session(
-        prepared=prepared,
-        result=result,
-        folder=folder,
-        transfer=report,
-        nominal_transfer=nominal,
-        replaced=earlier if earlier.files else None,
-        foreseen=tuple(foreseen),
-    )
-    _write(session, folder, picture=picture)
-    return session
+                set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
+
+                def simulate(inputs: Array) -> Array:
+                    return np.array(outputs_of(plant, inputs, set_of, workers))
+            else:
+
+                def simulate(inputs: Array) -> Array:
+                    return logger.run(plant, inputs)
+
+            foreseen: list[float] = []
+
+            def ended(trial: Trial) -> None:
+                # This run's state is on disk now: the earlier run's files may go.
+                if trial.number == 0:
+                    clear(earlier, but=(folder / STATE, *logger.written))
+                if on_trial is not None:
+                    on_trial(trial)
+                if trial.number == 0 and prepared.settings.law != "auto":
+                    foreseen.extend(prepared.foresee(trial))
+                    if on_foresight is not None:
+                        on_foresight(prepared, foreseen)
+
+            result = learn(
+                prepared.problem,
+                simulate,
+                prepared.settings,
+                ended,
+                law=prepared.law,
+                state=folder / STATE,
+                resume=resume,
+            )
+            if keep == "last":
+                logger.write(plant, result.inputs, LOG)
+            report = nominal = None
+            if with_transfer and block.get("transfer"):
+                report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
+                if plants:
+                    alone = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
+                    nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
+        session = Session(
+            prepared=prepared,
+            result=result,
+            folder=folder,
+            transfer=report,
+            nominal_transfer=nominal,
+            replaced=earlier if earlier.files else None,
+            foreseen=tuple(foreseen),
+        )
+        _write(session, folder, picture=picture)
+        return session
 
 
 def session_data(session: Session) -> dict[str, Any]:

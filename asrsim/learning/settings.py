@@ -74,19 +74,14 @@ def parse_settings(
     unknown = [joint for joint in block.get("joint_gains", {}) if joint not in joints]
     if unknown:
         raise ScenarioError(
-            [
-                Problem(message="this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=tuple(joints))
-                for joint in unknown
-            ]
+            [Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=tuple(joints)) for joint in unknown]
         )
     gains = []
     for index, joint in enumerate(joints):
         gain = _gain(block, joint)
         if gain == MODEL:
             if model_gains is None:
-                raise ScenarioError(
-                    Problem(message="a gain from the model needs a model", key="ilc.gain", code="no-model-gain")
-                )
+                raise ScenarioError("a gain from the model needs a model", key="ilc.gain", code="no-model-gain")
             gain = model_gains[index]
         gains.append(float(gain))
     filtering = block.get("filter") or {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.samples import Array
 
@@ -24,18 +24,18 @@ FORMAT = "asrsim learning state 1"
 
 def fingerprint(problem: LearningProblem, settings: LearningSettings) -> str:
     """A hash of everything that decides how the learning goes, apart from where it stops."""
-    kept = asdict(settings)
+    deciding = asdict(settings)
     for stop in ("tolerance", "max_iterations", "patience"):
         # A run may go on with a tighter tolerance or more iterations: its trials stay the same.
-        del kept[stop]
-    digest = hashlib.sha256(json.dumps([kept, problem.joints, problem.identity], sort_keys=True).encode())
+        del deciding[stop]
+    digest = hashlib.sha256(json.dumps([deciding, problem.joints, problem.identity], sort_keys=True).encode())
     for array in (problem.time, problem.reference, problem.first_guess):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
-def save_state(path: Path, mark: str, trials: list[Trial], *, origin: str = "") -> None:
-    """Write all trials to `path` (NumPy's npz) beside it first, then put it in place in one move."""
+def save_state(path: Path, digest: str, trials: list[Trial], *, origin: str = "") -> None:
+    """Write all trials to `path` (NumPy's npz), whole or not at all. digest: :func:`fingerprint` of their problem."""
     scalars = [
         {
             "number": trial.number,
@@ -52,7 +52,7 @@ def save_state(path: Path, mark: str, trials: list[Trial], *, origin: str = "") 
     with written(path, "learning state") as file:
         np.savez(
             file,
-            head=np.array(json.dumps({"format": FORMAT, "fingerprint": mark, "origin": origin, "trials": scalars})),
+            head=np.array(json.dumps({"format": FORMAT, "fingerprint": digest, "origin": origin, "trials": scalars})),
             inputs=np.array([trial.inputs for trial in trials]),
             outputs=np.array([trial.outputs for trial in trials]),
         )
@@ -98,22 +98,20 @@ def _plain(trial: dict[str, Any]) -> bool:
 
 def _no_state(path: Path, why: str) -> InputError:
     message = f"is no state of a learning run, or is damaged ({why})"
-    return InputError(Problem(message=message, file=path, hint="Delete it to begin anew", code="state"))
+    return InputError(message, file=path, hint="Delete it to begin anew", code="state")
 
 
-def load_state(path: Path, mark: str) -> list[Trial]:
+def load_state(path: Path, digest: str) -> list[Trial]:
     """The trials of a state file. Raises InputError if it is unreadable or of another problem."""
     from asrsim.learning.trial import Trial
 
     head, inputs, outputs = _stored(path)
-    if head.get("format") != FORMAT or head.get("fingerprint") != mark:
+    if head.get("format") != FORMAT or head.get("fingerprint") != digest:
         raise InputError(
-            Problem(
-                message="belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
-                file=path,
-                hint="Delete it, or leave out --resume, to begin anew",
-                code="state-of-another-run",
-            )
+            "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
+            file=path,
+            hint="Delete it, or leave out --resume, to begin anew",
+            code="state-of-another-run",
         )
     try:
         return [

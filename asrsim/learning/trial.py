@@ -141,7 +141,7 @@ def trial_of(
     """The trial in which `inputs` gave `outputs`, (n, joints) or (plants, n, joints); `expected`: as foretold."""
     error = problem.reference - outputs.reshape(-1, *problem.reference.shape)
     norm = float(np.linalg.norm(error, axis=2).max())
-    told = None if expected is None else float(np.linalg.norm(problem.reference - expected, axis=1).max())
+    expected_norm = None if expected is None else float(np.linalg.norm(problem.reference - expected, axis=1).max())
     fresh = before is None or before.norm == 0.0
     return Trial(
         number=0 if before is None else before.number + 1,
@@ -150,7 +150,7 @@ def trial_of(
         rms=tuple(float(value) for value in np.sqrt(np.mean(error**2, axis=(0, 1)))),
         seconds=seconds,
         ratio=None if before is None or fresh else norm / before.norm,
-        predicted=None if before is None or fresh or told is None else told / before.norm,
+        predicted=None if before is None or fresh or expected_norm is None else expected_norm / before.norm,
         inputs=inputs,
         outputs=problem.reference - error.mean(axis=0) if len(error) > 1 else outputs.reshape(problem.reference.shape),
     )

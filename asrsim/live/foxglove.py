@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from asrsim import __version__
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.live.transport import Access, Interface, Received
 from asrsim.log.messages import schema_name, schema_text
 
@@ -58,7 +58,7 @@ class FoxgloveTransport:
             )  # fmt: skip
         except Exception as error:  # of foxglove's own kinds
             message = f"a WebSocket on {host}:{access.port} cannot be opened: {error}"
-            raise InputError(Problem(message=message, hint="Choose another --port, or 0 for any", code="websocket")) from error
+            raise InputError(message, hint="Choose another --port, or 0 for any", code="websocket") from error
         self.port: int = self._server.port
         self.where = f"ws://{host}:{self.port}"
 

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.live.fastdds import folders_with, settings
 from asrsim.live.transport import Access, Interface, Received
 
@@ -61,7 +61,7 @@ class RosTransport:
         except Exception as error:  # of rclpy's own kinds
             context.try_shutdown()
             message = f"ROS 2 cannot be started: {type(error).__name__}: {error}"
-            raise InputError(Problem(message=message, hint=_cure(), code="ros")) from error
+            raise InputError(message, hint=_cure(), code="ros") from error
 
     def _publish_all(self) -> set[str]:
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -204,19 +204,19 @@ def load_rclpy() -> Any:
     ours = spec is not None and "site-packages" in (spec.origin or "")
     if ours and foreign:
         message = f"a ROS environment is sourced: its libraries in {foreign[0]} stand before those of this Python's own rclpy"
-        raise InputError(Problem(message=message, hint=_cure(), code="ros-sourced"))
+        raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")
     # ROS would end the process over it.
     if wanted and folders and not folders_with(f"lib{wanted}.so"):
         message = f"RMW_IMPLEMENTATION asks for '{wanted}', which is not installed here"
         hint = "Start with: env -u RMW_IMPLEMENTATION asrsim live ..."
-        raise InputError(Problem(message=message, hint=hint, code="ros-rmw"))
+        raise InputError(message, hint=hint, code="ros-rmw")
     try:
         return import_module("rclpy")
     except Exception as error:  # a library of another build may fail on import in any way
         where = f" of {spec.origin}" if spec is not None and spec.origin else ""
         message = f"rclpy{where} cannot be loaded: {str(error).strip().splitlines()[0] if str(error) else type(error).__name__}"
-        raise InputError(Problem(message=message, hint=_cure(), code="ros-sourced")) from error
+        raise InputError(message, hint=_cure(), code="ros-sourced") from error
 
 
 def _cure() -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.registry import Registry
 
 
@@ -159,5 +159,5 @@ def available(names: Sequence[str]) -> tuple[str, ...]:
         if not entry.available:
             message = f"the transport '{name}' needs '{entry.module}', which is not installed"
             hint = f"pip install 'asrsim[{entry.extra}]'" if entry.extra else None
-            raise InputError(Problem(message=message, hint=hint, code="no-library"))
+            raise InputError(message, hint=hint, code="no-library")
     return tuple(names)

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from asrsim import __version__
-from asrsim.errors import LogError, Problem
+from asrsim.errors import LogError
 from asrsim.plain import Shape, misfit
 from asrsim.samples import JointInfo, RunInfo
 
@@ -76,22 +76,18 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     """RunInfo of a log; raises LogError if asrsim did not write it, or a newer asrsim did."""
     if _RUN not in attachments:
         raise LogError(
-            Problem(
-                message="this MCAP file was not written by asrsim, or ends before its description",
-                hint="A robot's recording is read as a recording (`asrsim compare`)",
-                code="foreign-log",
-            )
+            "this MCAP file was not written by asrsim, or ends before its description",
+            hint="A robot's recording is read as a recording (`asrsim compare`)",
+            code="foreign-log",
         )
     run = _plain(_RUN, attachments[_RUN], {"format": object, "*": object})
     if run["format"] != FORMAT:
         raise LogError(
-            Problem(
-                message="the log has another format than this asrsim reads",
-                value=run["format"],
-                choices=(FORMAT,),
-                hint="Read it with the version of asrsim that wrote it",
-                code="log-format",
-            )
+            "the log has another format than this asrsim reads",
+            value=run["format"],
+            choices=(FORMAT,),
+            hint="Read it with the version of asrsim that wrote it",
+            code="log-format",
         )
     _plain(_RUN, attachments[_RUN], _RUN_SHAPE)
     if not 0 < run["step"] < 1e300 or run["log_every"] < 1:
@@ -132,4 +128,4 @@ def _plain(name: str, data: bytes, shape: Shape) -> Any:
 
 
 def _damaged(what: str) -> LogError:
-    return LogError(Problem(message=f"the description of the run is damaged: {what}", code="corrupt-log"))
+    return LogError(f"the description of the run is damaged: {what}", code="corrupt-log")

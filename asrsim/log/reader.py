@@ -116,7 +116,7 @@ class LogReader:
         names, members = self._selection(quantities, joints)
         step = 1 if stride is None else stride
         if step < 1:
-            raise LogError(Problem(message="the stride must be 1 or more", key="stride", value=stride, code="bad-stride"))
+            raise LogError("the stride must be 1 or more", key="stride", value=stride, code="bad-stride")
         columns = ColumnReader(self._structure.channels)
         skip = 0
         for place, found in self._chunks(columns, set(names), set(members), start, end):
@@ -159,9 +159,7 @@ class LogReader:
                     if not outside:
                         yield place, found
         except OSError as error:
-            raise LogError(
-                Problem(message=f"cannot read the log: {error.strerror or error}", file=self.path, code="unreadable-log")
-            ) from error
+            raise LogError(f"cannot read the log: {error.strerror or error}", file=self.path, code="unreadable-log") from error
 
     def commands(self) -> Iterator[Command]:
         """What was set from outside in a live run, in the order in which it took effect. Raises LogError."""
@@ -193,7 +191,7 @@ class LogReader:
         members = tuple(joint.name for joint in self.info.joints)
         problems = [
             Problem(
-                message=f"the log has no {noun} '{name}'",
+                f"the log has no {noun} '{name}'",
                 file=self.path,
                 key=key,
                 choices=choices,

@@ -16,7 +16,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, MetadataIndex
 
-from asrsim.errors import LogError, Problem
+from asrsim.errors import LogError
 from asrsim.log.storage import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
@@ -53,7 +53,7 @@ class Structure:
 
 def corrupt(path: Path, what: str) -> LogError:
     """The error of a damaged file."""
-    return LogError(Problem(message=f"the log is damaged: {what}", file=path, code="corrupt-log"))
+    return LogError(f"the log is damaged: {what}", file=path, code="corrupt-log")
 
 
 def read_structure(path: Path) -> Structure:
@@ -62,9 +62,9 @@ def read_structure(path: Path) -> Structure:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             if size == 0:
-                raise LogError(Problem(message="the file is empty", file=path, code="empty-log"))
+                raise LogError("the file is empty", file=path, code="empty-log")
             if file.read(len(MAGIC)) != MAGIC:
-                raise LogError(Problem(message="this is not an MCAP file", file=path, code="not-mcap", hint=_WANTED))
+                raise LogError("this is not an MCAP file", file=path, code="not-mcap", hint=_WANTED)
             structure = Structure(path=path)
             try:
                 if not _read_index(file, size, structure):
@@ -73,9 +73,7 @@ def read_structure(path: Path) -> Structure:
             except (struct.error, ValueError, McapError, EOFError) as error:
                 raise corrupt(path, str(error) or type(error).__name__) from error
     except OSError as error:
-        raise LogError(
-            Problem(message=f"cannot read the log: {error.strerror or error}", file=path, code="unreadable-log")
-        ) from error
+        raise LogError(f"cannot read the log: {error.strerror or error}", file=path, code="unreadable-log") from error
     return structure
 
 

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from asrsim.metrics.expect import ExpectationResult, check_expectation, evaluate_expectation
-from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.metrics.lag import Lag, estimate_lag
-from asrsim.metrics.measures import MEASURES, Measure, measure
-from asrsim.metrics.output import MetricRow, metrics_table, write_metrics_csv, write_metrics_json
+from asrsim.metrics.frequency import frequency_response
+from asrsim.metrics.lag import estimate_lag
+from asrsim.metrics.measures import MEASURES, measure
+from asrsim.metrics.output import MetricRow, write_metrics_csv, write_metrics_json
 from asrsim.metrics.summary import JointSummary, summaries, summarise
 
 __all__ = [
     "MEASURES",
     "ExpectationResult",
-    "FrequencyResponse",
     "JointSummary",
-    "Lag",
-    "Measure",
     "MetricRow",
     "check_expectation",
     "estimate_lag",
     "evaluate_expectation",
     "frequency_response",
     "measure",
-    "metrics_table",
     "summaries",
     "summarise",
     "write_metrics_csv",

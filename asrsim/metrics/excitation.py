@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.samples import Array
 
 FLOOR = 1e-2
@@ -40,9 +40,8 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
         inside &= (f >= band[0]) & (f <= band[1])
     if not inside.any() or not power[inside].max() > 0:
         raise RecordingError(
-            Problem(message=f"nothing is resolved between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
-                    code="nothing-excited",
-                    hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz")
+            f"nothing is resolved between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
+            code="nothing-excited", hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz",
         )  # fmt: skip
     lines = _lines(np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n))) ** 2, inside)
     if lines is not None:

@@ -46,8 +46,17 @@ class ExpectationResult:
     measured: float
     """NaN where the measure is undefined; such a claim does not hold."""
     unit: str
-    text: str
-    """One line: what was claimed, measured, and the verdict."""
+
+    @property
+    def text(self) -> str:
+        """One line: what was claimed, measured, and the verdict."""
+        claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
+        who = claim.joint or claim.body or ""
+        wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
+        got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}"
+        against = f" against {Path(claim.against).name}" if claim.against else ""
+        verdict = "holds" if self.holds else "does not hold"
+        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
 
 
 def evaluate_expectation(
@@ -94,9 +103,7 @@ def evaluate_expectation(
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
     unit = found.unit_of(series_unit)
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
-    return ExpectationResult(
-        expectation=expectation, holds=holds, measured=measured, unit=unit, text=_text(expectation, measured, unit, holds)
-    )
+    return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float = 0.0) -> bool:
@@ -128,11 +135,11 @@ def check_expectation(expectation: Expectation) -> None:
     if expectation.tolerance and expectation.comparison != "==":
         message = f"a tolerance goes with '==' only: '{expectation.comparison}' holds or it does not"
         hint = "Put the margin into the value"
-        problems.append(Problem(message=message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
+        problems.append(Problem(message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
     problems += [] if problems else _unmeasurable(expectation)
     if problems:
         raise ScenarioError(
-            [Problem(message=p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
+            [Problem(p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
              for p in problems]
         )  # fmt: skip
 
@@ -146,10 +153,10 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
     for key in (name for name in options if name in numbers):
         value = options[key]
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)):
-            problems.append(Problem(message="must be a number", key=f"options.{key}", value=value, code="bad-option"))
+            problems.append(Problem("must be a number", key=f"options.{key}", value=value, code="bad-option"))
     start, end = options.pop("start", None), options.pop("end", None)
     if not problems and start is not None and end is not None and not start < end:
-        problems.append(Problem(message="must be before the end", key="options.start", value=start, code="bad-option"))
+        problems.append(Problem("must be before the end", key="options.start", value=start, code="bad-option"))
     if problems:
         return problems
     time = np.linspace(0.0, 1.0, 201)
@@ -164,7 +171,7 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
         return list(error.problems)
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         given = ", ".join(f"{key}: {value}" for key, value in options.items())
-        return [Problem(message=f"cannot be measured with {given}: {error}", key="options", code="bad-option")]
+        return [Problem(f"cannot be measured with {given}: {error}", key="options", code="bad-option")]
     return []
 
 
@@ -190,7 +197,7 @@ def _recording_problems(expectation: Expectation) -> list[Problem]:
         else:
             good = number is not None and number > 0
         if key in expectation.options and not good:
-            problems.append(Problem(message=f"must be {expected}", key=f"options.{key}", value=value, code="bad-expectation"))
+            problems.append(Problem(f"must be {expected}", key=f"options.{key}", value=value, code="bad-expectation"))
     return problems
 
 
@@ -222,15 +229,5 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
     return columns
 
 
-def _text(claim: Expectation, measured: float, unit: str, holds: bool) -> str:
-    who = claim.joint or claim.body or ""
-    wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
-    got = "cannot be measured" if math.isnan(measured) else f"is {measured:.5g}"
-    against = f" against {Path(claim.against).name}" if claim.against else ""
-    tail = f" {unit}" if unit else ""
-    verdict = "holds" if holds else "does not hold"
-    return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
-
-
 def _error(claim: Expectation, message: str, **more: Any) -> ScenarioError:
-    return ScenarioError(Problem(message=message, line=claim.line, key="expect", code="bad-expectation", **more))
+    return ScenarioError(message, line=claim.line, key="expect", code="bad-expectation", **more)

@@ -95,22 +95,20 @@ def frequency_response(
         RecordingError: Too short, input constant, nothing excited in the band.
     """
     if method not in METHODS:
-        raise RecordingError(Problem(message=f"no method is called '{method}'", choices=METHODS))
+        raise RecordingError(f"no method is called '{method}'", choices=METHODS)
     t, u, y, findings = uniform(time, excitation, output)
     if len(t) < 64:
-        raise RecordingError(
-            Problem(message=f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
-        )
+        raise RecordingError(f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
     if np.ptp(u) <= 1e-12 * float(np.max(np.abs(u))):
         raise RecordingError(
-            Problem(message=f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves",
-                    code="constant-excitation", hint="Expected a chirp, multisine or noise")
+            f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves", code="constant-excitation",
+            hint="Expected a chirp, multisine or noise",
         )  # fmt: skip
     # Each in its own units: micrometres are much of a stiff spring, however many newtons they took.
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
-            Problem(message=f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
+            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
                     "(by friction?) or not connected", code="output-still")
         )  # fmt: skip
     step = float(t[1] - t[0])
@@ -118,7 +116,7 @@ def frequency_response(
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
-            Problem(message=f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
+            Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
                     "not to be believed", code="low-coherence", hint="Excite by a chirp, multisine or noise")
         )  # fmt: skip
     return _response(spectra, chosen, (low, high), confidence, moves, findings)
@@ -135,7 +133,7 @@ def _estimate(
             return found, "periodic", (float(found.frequency[0]), float(found.frequency[-1]))
     if method == "periodic":
         message = "the excitation has no period that the record holds twice, with the output settled"
-        raise RecordingError(Problem(message=message, code="not-periodic", hint="Expected a multisine over whole periods"))
+        raise RecordingError(message, code="not-periodic", hint="Expected a multisine over whole periods")
     low, high, sparse = excited_band(u, step, band)
     chosen = ("welch" if sparse else "local") if method == "auto" else method
     estimate = welch if chosen == "welch" else local_rational
@@ -168,7 +166,8 @@ def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] |
     """The highest peak that is 5 % above the low end and inside the band, refined by a parabola through three points."""
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
-    if not 0 < i < len(f) - 1 or trusted[i] < 1.05 * _low_gain(gain):
+    # The last that is believed is an end, too.
+    if not trusted[:i].any() or not trusted[i + 1 :].any() or trusted[i] < 1.05 * _low_gain(gain):
         return None
     x, y = f[i - 1 : i + 2] - f[i], gain[i - 1 : i + 2]
     a, b, c = np.polyfit(x, y, 2)

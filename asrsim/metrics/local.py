@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.metrics.spectra import Spectra
 from asrsim.samples import Array
 
@@ -58,7 +58,7 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
     bins = np.flatnonzero((f >= low) & (f <= high))
     half = int(np.clip(len(bins) // 6, *_HALF))
     if last < 2 * half + 2 or not len(bins):
-        raise RecordingError(Problem(message="the record is too short for its band", code="too-short"))
+        raise RecordingError("the record is too short for its band", code="too-short")
     if len(bins) > _MOST:
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, _MOST).round().astype(int))]
     # Windows are shifted inwards at the ends (bin 0 holds the removed mean), so r is not centred there.

@@ -108,10 +108,10 @@ def measure(
     found = MEASURES.get(name)
     problems = option_problems(found, options)
     if found.needs == "pair" and reference is None:
-        problems.append(Problem(message="needs a second series to compare with (`against`)", key=name, code="no-reference"))
+        problems.append(Problem("needs a second series to compare with (`against`)", key=name, code="no-reference"))
     if (found.needs == "poses") != (np.ndim(series) == 2):
         what = "the poses of a body" if found.needs == "poses" else "a scalar series"
-        problems.append(Problem(message=f"is a measure of {what}", key=name, code="wrong-series"))
+        problems.append(Problem(f"is a measure of {what}", key=name, code="wrong-series"))
     if problems:
         raise InputError(problems)
     keep = np.isfinite(time) & (np.isfinite(series) if np.ndim(series) == 1 else np.isfinite(series).all(axis=1))
@@ -133,12 +133,12 @@ def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
     known = _options_of(found.function)
     choices = (*known, "start", "end")
     problems = [
-        Problem(message="is not an option of this measure", key=f"{found.name}.{name}", choices=choices,
+        Problem("is not an option of this measure", key=f"{found.name}.{name}", choices=choices,
                 hint=did_you_mean(name, choices), code="unknown-option")
         for name in options if name not in known
     ]  # fmt: skip
     problems += [
-        Problem(message="must be given", key=f"{found.name}.{name}", code="missing-option")
+        Problem("must be given", key=f"{found.name}.{name}", code="missing-option")
         for name, default in known.items()
         if default is inspect.Parameter.empty and name not in options
     ]

@@ -36,7 +36,7 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
     """Both series on an even step (the median one), on their longest stretch without a gap of more than three samples."""
     keep = np.isfinite(time) & np.isfinite(u) & np.isfinite(y)
     if keep.sum() < 4:
-        raise RecordingError(Problem(message="input and output have no samples in common", code="no-overlap"))
+        raise RecordingError("input and output have no samples in common", code="no-overlap")
     t, u, y = time[keep], u[keep], y[keep]
     step = float(np.median(np.diff(t)))
     findings: list[Problem] = []
@@ -44,14 +44,14 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
     start, end = max(pairwise(edges), key=lambda pair: t[pair[1] - 1] - t[pair[0]])
     if end - start < len(t):
         findings.append(
-            Problem(message=f"the record has gaps; its longest whole stretch, {t[start]:.4g} to {t[end - 1]:.4g} s, is used",
+            Problem(f"the record has gaps; its longest whole stretch, {t[start]:.4g} to {t[end - 1]:.4g} s, is used",
                     code="gaps")
         )  # fmt: skip
     t, u, y = t[start:end], u[start:end], y[start:end]
     steps = np.diff(t)
     if len(steps) and float(np.ptp(steps)) > 0.01 * step:
         findings.append(
-            Problem(message=f"uneven sampling is brought to an even {step * 1e3:.4g} ms by linear interpolation", code="jitter")
+            Problem(f"uneven sampling is brought to an even {step * 1e3:.4g} ms by linear interpolation", code="jitter")
         )
         grid = t[0] + step * np.arange(math.floor((t[-1] - t[0]) / step + 1e-9) + 1)
         u, y, t = np.interp(grid, t, u), np.interp(grid, t, y), grid
@@ -87,7 +87,7 @@ def welch(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
     lines = np.flatnonzero(inside & peaks)
     lines = lines if len(lines) else np.flatnonzero(inside)
     if not len(lines):
-        raise RecordingError(Problem(message="no line of the excitation is resolved", code="too-short"))
+        raise RecordingError("no line of the excitation is resolved", code="too-short")
     # A line is spread over three bins around it; taken together they stand for its true frequency.
     around = np.clip(lines[:, None] + np.arange(-1, 2), 0, len(f) - 1)
     line_u, line_y, line_cross = power_u[around].sum(axis=1), power_y[around].sum(axis=1), cross[around].sum(axis=1)

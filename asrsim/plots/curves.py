@@ -128,16 +128,14 @@ def read_curves(
             world.add(part)
     if envelope is None:
         raise LogError(
-            Problem(
-                message="the log holds no samples" + ("" if start is None and end is None else " in that time"),
-                file=reader.path,
-                hint="The run ended before its first chunk was written"
-                if reader.truncated
-                else f"It lasts {reader.duration:g} s"
-                if start is not None or end is not None
-                else None,
-                code="empty-log",
-            )
+            "the log holds no samples" + ("" if start is None and end is None else " in that time"),
+            file=reader.path,
+            hint="The run ended before its first chunk was written"
+            if reader.truncated
+            else f"It lasts {reader.duration:g} s"
+            if start is not None or end is not None
+            else None,
+            code="empty-log",
         )
     curves = {}
     for index, column in enumerate(columns):
@@ -184,7 +182,7 @@ def _members(reader: LogReader, asked: Sequence[str] | None) -> tuple[JointInfo,
     unknown = [name for name in asked or () if name not in by_name]
     if unknown:
         raise LogError(
-            Problem(message=f"the log has no joint '{name}'", file=reader.path, key="joint", choices=tuple(by_name),
+            Problem(f"the log has no joint '{name}'", file=reader.path, key="joint", choices=tuple(by_name),
                     hint=did_you_mean(name, tuple(by_name)), code="unknown-joint")
             for name in unknown
         )  # fmt: skip
@@ -199,7 +197,7 @@ def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str]
     unknown = [name for name in asked if name not in choices and name not in EXTRA]
     if unknown:
         raise LogError(
-            Problem(message=f"the log has no quantity '{name}'", file=reader.path, key="quantity", choices=choices,
+            Problem(f"the log has no quantity '{name}'", file=reader.path, key="quantity", choices=choices,
                     hint=did_you_mean(name, choices), code="unknown-quantity")
             for name in unknown
         )  # fmt: skip
@@ -237,6 +235,6 @@ def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:
         if not len(part.time):
             continue
         if part.time[0] < last:
-            raise LogError(Problem(message=f"times run backwards near {last:g} s", file=path, code="corrupt-log"))
+            raise LogError(f"times run backwards near {last:g} s", file=path, code="corrupt-log")
         last = float(part.time[-1])
         yield part

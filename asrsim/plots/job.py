@@ -123,13 +123,13 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
     """
     formats = check_formats(job.formats)
     if job.layout not in LAYOUTS:
-        raise InputError(Problem(message=f"no layout is called '{job.layout}'", key="layout", choices=LAYOUTS))
+        raise InputError(f"no layout is called '{job.layout}'", key="layout", choices=LAYOUTS)
 
     def told(what: str, number: int, count: int) -> Callable[[float], None] | None:
         return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
 
     if not job.logs:
-        raise InputError(Problem(message="no log was named", key="logs", code="no-log"))
+        raise InputError("no log was named", key="logs", code="no-log")
     alone = not job.experiments and not job.bode
     runs = distinct_labels(
         [
@@ -233,10 +233,14 @@ def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
 
 def _pair(job: PlotJob) -> str:
     """The frequency response in words."""
-    output, given = (
-        (text or default).replace("_", " ") for text, default in ((job.output, OUTPUT), (job.given, "its reference"))
-    )
+    output, given = (_in_words(text) for text in (job.output or OUTPUT, job.given or "its reference"))
     return f"{output} to {given}"
+
+
+def _in_words(series: str) -> str:
+    """`elbow_1.link_torque` as `link torque of elbow_1`."""
+    joint, _, quantity = series.rpartition(".")
+    return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def _judged(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:

@@ -28,7 +28,7 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
     unknown = [name for name in formats if name not in FORMATS]
     if unknown:
         raise InputError(
-            Problem(message=f"no picture format is called '{name}'", key="format", choices=FORMATS,
+            Problem(f"no picture format is called '{name}'", key="format", choices=FORMATS,
                     hint=did_you_mean(name, FORMATS), code="unknown-format")
             for name in unknown
         )  # fmt: skip

@@ -74,7 +74,7 @@ def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int 
             if variant not in labels:
                 hint = did_you_mean(variant, tuple(labels))
                 message = f"no log is labelled '{variant}'"
-                problem = Problem(message=message, key="experiment", choices=tuple(labels), hint=hint, code="unknown-variant")
+                problem = Problem(message, key="experiment", choices=tuple(labels), hint=hint, code="unknown-variant")
                 raise InputError(problem)
             chosen.append((Path(name), labels.index(variant), False))
             continue
@@ -117,7 +117,7 @@ def compare_run(
     if not paired or not common:
         # Its own words are the better ones.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
-        raise RecordingError(Problem(message="no joint and quantity that was asked for is in both", file=recordings[0].path))
+        raise RecordingError("no joint and quantity that was asked for is in both", file=recordings[0].path)
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         return reader.read(quantities=quantities, joints=joints).samples

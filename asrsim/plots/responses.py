@@ -145,7 +145,7 @@ def responses(
         what = f"has {'an' if name[0] in 'aeiou' else 'a'} {name} that moves"
         message = f"no joint {what}; a frequency response needs one that does"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
-        problems.append(Problem(message=message, file=path, hint=hint, code="no-excitation"))
+        problems.append(Problem(message, file=path, hint=hint, code="no-excitation"))
     return found, problems
 
 
@@ -156,7 +156,7 @@ def _check(reader: LogReader, signals: Sequence[Signal]) -> None:
         for kind, value, choices in (("quantity", signal.quantity, names), ("joint", signal.joint, joints)):
             if value is not None and value not in choices:
                 problems.append(
-                    Problem(message=f"the log has no {kind} '{value}'", file=reader.path, key=kind, choices=choices,
+                    Problem(f"the log has no {kind} '{value}'", file=reader.path, key=kind, choices=choices,
                             hint=did_you_mean(value, choices), code=f"unknown-{kind}")
                 )  # fmt: skip
     if problems:
@@ -203,8 +203,8 @@ def _recorded_pair(
         )
         if column is None:
             raise RecordingError(
-                Problem(message=f"the recording has no {quantity} of {joint}", code="no-quantity",
-                        hint=f"Say which column it is with --map COLUMN={joint}.{quantity}")
+                f"the recording has no {quantity} of {joint}", code="no-quantity",
+                hint=f"Say which column it is with --map COLUMN={joint}.{quantity}",
             )  # fmt: skip
         found.append(column)
     u, y = found
@@ -232,10 +232,10 @@ def _recorded(
         same = reference.time is output.time or np.array_equal(reference.time, output.time)
         u = reference.values if same else resample(reference.time, reference.values, output.time)
         return frequency_response(output.time, u, output.values, band=band), ()
-    said = Problem(message="has no recorded reference; related to the simulation's", file=one.recording.path, key=info.name,
+    said = Problem("has no recorded reference; related to the simulation's", file=one.recording.path, key=info.name,
                    code="reference-of-simulation")  # fmt: skip
     u = resample(time + one.lag, excitation, output.time)
     both = np.isfinite(u)
     if both.sum() < 64:
-        raise RecordingError(Problem(message="does not overlap with the simulation's reference", code="no-overlap"))
+        raise RecordingError("does not overlap with the simulation's reference", code="no-overlap")
     return frequency_response(output.time[both], u[both], output.values[both], band=band), (said,)

@@ -24,6 +24,8 @@ WINDOW = 7.0
 BLOCK, BEATS = 4.2, 7.0
 """Times that a curve crosses the range of three windows from which on it is drawn as an envelope: where windows are pixels, at
 10 pixels a period; where they are samples, at 4 samples a period. Noise from sample to sample comes to 5."""
+HOLD = 0.85
+"""Share of these down to which it stays one: a chirp does not go to and fro between both."""
 BEAT = 36
 """Samples that an envelope's extremes are taken from, at least."""
 THIN = 0.012
@@ -59,11 +61,13 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     wide_low, wide_high = -_widened(-low, 1), _widened(high, 1)
     size = wide_high - wide_low
     way = np.convolve(way, np.ones(3), "same")
-    coarse = len(inside) // 5 < pixels / WINDOW
-    fast = way > (BEATS if coarse else BLOCK) * size
-    fast &= size > THIN * float(np.ptp(values))
+    way[[0, -1]] *= 1.5  # of two windows only
+    limit = (BEATS if len(inside) // 5 < pixels / WINDOW else BLOCK) * size
+    seen = size > THIN * float(np.ptp(values))
+    fast = seen & (way > limit)
     # One window alone is no stretch.
     fast &= _beside(fast, -1, False) | _beside(fast, 1, False)
+    fast = _grown(fast, seen & (way > HOLD * limit))
     if not fast.any():
         return Split(line=curve)
     # A window that holds no whole period, or not the samples of a whole beat, has its extremes beside it.
@@ -93,6 +97,12 @@ def _widened(high: Array, times: int) -> Array:
     for _ in range(times):
         high = np.maximum(np.maximum(_beside(high, -1, -np.inf), _beside(high, 1, -np.inf)), high)
     return high
+
+
+def _grown(core: Any, around: Any) -> Any:
+    """The stretches of `around` that hold some of `core`."""
+    stretch = np.cumsum(np.diff(around.astype(int), prepend=0) != 0)
+    return core | (around & np.isin(stretch, stretch[core]))
 
 
 def _beside(values: Any, step: int, fill: Any) -> Any:

@@ -51,8 +51,8 @@ def windowed(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> Raw:
     if not kept:
         start, end = min(s.time[0] for s in raw.series), max(s.time[-1] for s in raw.series)
         raise RecordingError(
-            Problem(message=f"has no samples from {window[0]:g} to {window[1]:g} s; it lasts from {start:g} to {end:g} s",
-                    file=path, key="window", code="no-overlap")
+            f"has no samples from {window[0]:g} to {window[1]:g} s; it lasts from {start:g} to {end:g} s", file=path,
+            key="window", code="no-overlap",
         )  # fmt: skip
     return replace(raw, series=tuple(kept))
 
@@ -63,5 +63,5 @@ def measured(path: Path, column: Column, findings: list[Problem]) -> Column:
     if not beyond.any():
         return column
     message = f"{int(beyond.sum())} of {len(beyond)} samples are beyond {LARGEST:g}, or infinite: read as no number"
-    findings.append(Problem(message=message, file=path, key=column.source, code="no-measurement"))
+    findings.append(Problem(message, file=path, key=column.source, code="no-measurement"))
     return replace(column, values=np.where(beyond, np.nan, column.values))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -61,11 +61,15 @@ def align(
         return Alignment(lag=float(time_recording[0] - time_simulation[0]), how="start")
     if choice != "auto":
         if isinstance(choice, str) or not np.isfinite(choice):
-            raise RecordingError(
-                Problem(message="a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
-            )
+            raise RecordingError("a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
         return Alignment(lag=float(choice), how="set")
-    require_overlap(time_simulation, time_recording)
+    start = float(time_recording[0] - time_simulation[0])
+    if start and not _overlap(time_simulation, time_recording):
+        # A clock that began long before: sought from where both begin together, and believed where it fits.
+        together = align(time_simulation, simulation, time_recording - start, recording, limit=limit, name=name)
+        if together.how.startswith("not aligned"):
+            require_overlap(time_simulation, time_recording)
+        return replace(together, lag=together.lag + start)
     found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
     if found is None:
         return _unaligned(f"{name} does not move in both", None)
@@ -80,15 +84,19 @@ def align(
     findings: tuple[Problem, ...] = ()
     if found.ambiguous:
         findings = (
-            Problem(message=f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest", code="lag",
+            Problem(f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest", code="lag",
                     hint="Set the lag with --lag if another period is meant"),
         )  # fmt: skip
     return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings)
 
 
 def _unaligned(why: str, found: Lag | None) -> Alignment:
-    problem = Problem(message=f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
+    problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
+
+
+def _overlap(one: Array, other: Array) -> bool:
+    return bool(min(one[-1], other[-1]) > max(one[0], other[0]))
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:
@@ -97,12 +105,10 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
     end = min(float(time_simulation[-1]), float(time_recording[-1]) - lag)
     if end <= start:
         raise RecordingError(
-            Problem(
-                message="no overlap in time: the simulation lasts from "
-                f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
-                f"{time_recording[-1] - lag:g} s",
-                code="no-overlap", hint="Let both begin together with --lag start, or set the lag in s",
-            )
+            "no overlap in time: the simulation lasts from "
+            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
+            f"{time_recording[-1] - lag:g} s", code="no-overlap",
+            hint="Let both begin together with --lag start, or set the lag in s",
         )  # fmt: skip
     return start, end
 

@@ -45,7 +45,7 @@ def series_of_groups(groups: list[Group], path: Path, findings: list[Problem]) -
         stamps = offset is not None and (abs(offset) < _SAME_CLOCK or one_other)
         if offset is not None and not stamps:
             findings.append(
-                Problem(message=f"two time bases: header stamps are {abs(offset):.6g} s off the time of recording, and not all "
+                Problem(f"two time bases: header stamps are {abs(offset):.6g} s off the time of recording, and not all "
                         "topics have them; the time of recording is used", file=path, key=group.topic, code="two-time-bases")
             )  # fmt: skip
         nanoseconds.append(np.array(group.stamped if stamps else group.logged, dtype=np.int64))
@@ -82,7 +82,7 @@ def _sound(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Probl
     bad = int(np.sum(~keep))
     if bad:
         findings.append(
-            Problem(message=f"{bad} messages are left out, whose stamps are far away from the others'", file=path,
+            Problem(f"{bad} messages are left out, whose stamps are far away from the others'", file=path,
                     key=group.topic, code="bad-time")
         )  # fmt: skip
     return keep

@@ -51,19 +51,17 @@ def read_bag(path: Path, ignored: Collection[str] = ()) -> Raw:
         groups = _collect(topics, messages, path, findings, ignored)
     unknown = [topic for topic in topics.values() if topic.decode is None and topic.name not in ignored]
     findings += [
-        Problem(message=f"topic is not read: {t.reason}", file=path, key=t.name, value=t.kind, code="unknown-message-type")
+        Problem(f"topic is not read: {t.reason}", file=path, key=t.name, value=t.kind, code="unknown-message-type")
         for t in unknown
     ]
     if not groups:
         held = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
         reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
         raise RecordingError(
-            Problem(
-                message=f"holds no numeric messages that can be read; it holds {held}" + (f"; {reasons}" if reasons else ""),
-                file=path, code="unknown-message-type" if unknown else "no-numbers",
-                hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other messages with numbers, with their definitions "
-                "in the file",
-            )
+            f"holds no numeric messages that can be read; it holds {held}" + (f"; {reasons}" if reasons else ""), file=path,
+            code="unknown-message-type" if unknown else "no-numbers",
+            hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other messages with numbers, with their definitions "
+            "in the file",
         )  # fmt: skip
     series, epoch = series_of_groups(groups, path, findings)
     names = tuple(topic.name for topic in topics.values())
@@ -84,8 +82,8 @@ def _open(
         reader: Any = stack.enter_context(Reader1(path) if ros1 else Reader2(path))
     except Exception as error:  # on damaged files rosbags lets errors of many kinds through (struct, sqlite, KeyError, ...)
         raise RecordingError(
-            Problem(message=f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", file=path, code="bad-bag",
-                    hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`")
+            f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", file=path, code="bad-bag",
+            hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`",
         ) from None  # fmt: skip
     types = _Types(ros1=ros1)
     topics = {}
@@ -103,9 +101,7 @@ def _open(
             for connection, stamp, data in reader.messages(connections=wanted):
                 yield connection.id, stamp, data
         except Exception as error:  # as above
-            findings.append(
-                Problem(message=f"the file is damaged ({str(error)[:80]}); read up to there", file=path, code="truncated")
-            )
+            findings.append(Problem(f"the file is damaged ({str(error)[:80]}); read up to there", file=path, code="truncated"))
 
     return ("rosbag1" if ros1 else "rosbag2"), topics, messages()
 
@@ -134,10 +130,10 @@ def _open_mcap(
         except (McapError, MemoryError, OverflowError, EOFError, ValueError, struct.error) as error:
             if not topics:
                 raise RecordingError(
-                    Problem(message=f"cannot be read as MCAP: {type(error).__name__} {error}", file=path, code="bad-bag")
+                    f"cannot be read as MCAP: {type(error).__name__} {error}", file=path, code="bad-bag"
                 ) from None
             findings.append(
-                Problem(message="the file ends early (was the recorder killed?); read up to its last whole chunk", file=path,
+                Problem("the file ends early (was the recorder killed?); read up to its last whole chunk", file=path,
                         code="truncated")
             )  # fmt: skip
 
@@ -217,11 +213,11 @@ def _collect(
         group.rows.append(values)
     for topic_id, count in broken.items():
         findings.append(
-            Problem(message=f"{count} messages do not fit their type's definition and are left out", file=path,
+            Problem(f"{count} messages do not fit their type's definition and are left out", file=path,
                     key=topics[topic_id].name, value=topics[topic_id].kind, code="broken-message")
         )  # fmt: skip
     findings += [
-        Problem(message="one message only; not a series", file=path, key=group.topic, code="too-short")
+        Problem("one message only; not a series", file=path, key=group.topic, code="too-short")
         for group in groups.values()
         if len(group.rows) < 2
     ]

@@ -39,7 +39,7 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     findings += unstated(path, columns, raw.remarks)
     # Only what was mapped by hand gets so far.
     findings += [
-        Problem(message=f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
+        Problem(f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
                 hint=f"State it: --map '{column.source}={column.joint}.{column.quantity} [unit]'", code="unknown-unit")
         for column in columns
         if column.quantity and column.conversion.endswith("assumed") and (unit := unknown_unit(column.source))
@@ -48,13 +48,13 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     if len({id(column.time) for column in mapped}) > 1:
         sizes = sorted({len(column.time) for column in mapped}, reverse=True)
         findings.append(
-            Problem(message=f"its columns have times of their own, with {', '.join(map(str, sizes[:6]))} samples; each is kept",
+            Problem(f"its columns have times of their own, with {', '.join(map(str, sizes[:6]))} samples; each is kept",
                     file=path, code="several-times")
         )  # fmt: skip
     if not any(column.quantity for column in columns):
         names = ", ".join(column.source for column in columns[:20])
         findings.append(
-            Problem(message=f"no column could be matched to a joint's quantity; found {names}", file=path,
+            Problem(f"no column could be matched to a joint's quantity; found {names}", file=path,
                     code="nothing-mapped", hint="Say what a column is with --map COLUMN=JOINT.QUANTITY, or in a file beside it "
                     f"({path.name}.yaml)")
         )  # fmt: skip
@@ -90,7 +90,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
             index = labels.index(one.column) if labels.count(one.column) == 1 else None
         if index is None:
             problems.append(
-                Problem(message="there is no such column", file=path, key=one.column, choices=_shown(names),
+                Problem("there is no such column", file=path, key=one.column, choices=_shown(names),
                         hint=did_you_mean(one.column, names), code="no-such-column")
             )  # fmt: skip
             continue
@@ -98,7 +98,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
         if one.quantity is not None and unit is not None and not fits(unit.si, _KNOWN[one.quantity].unit):
             problems.append(
                 Problem(
-                    message=f"is in {unit.symbol}, which cannot be a {one.quantity} ({_KNOWN[one.quantity].unit})", file=path,
+                    f"is in {unit.symbol}, which cannot be a {one.quantity} ({_KNOWN[one.quantity].unit})", file=path,
                     key=one.column, hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit",
                 )
             )  # fmt: skip
@@ -112,7 +112,8 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
 def _columns(
     path: Path, raw: Raw, explicit: dict[int, ColumnMap], joints: Sequence[str] | None, findings: list[Problem]
 ) -> list[Column]:
-    plain = [split_header(series.name)[0] for series in raw.series]
+    # The second "angle" of a file is angle#2, and no joint 2.
+    plain = [split_header(re.sub(r"#\d+$", "", series.name))[0] for series in raw.series]
     counted = joint_numbers(plain)
     has_q = has_positions(tokens_of(name) for name in plain)
     named = tuple(dict.fromkeys(series.joint for series in raw.series if series.joint is not None))
@@ -166,13 +167,13 @@ def _columns(
         else:
             columns.append(_column(series, unit, joint, meaning.quantity, f"guessed: {meaning.reason}"))
     findings += [
-        Problem(message=f"not used, since {doubt}", file=path, key=", ".join(names[:6]), code="unclear-unit",
+        Problem(f"not used, since {doubt}", file=path, key=", ".join(names[:6]), code="unclear-unit",
                 hint=f"State the unit: --map '{names[0]}=JOINT.QUANTITY [unit]'")
         for doubt, names in doubts.items()
     ]  # fmt: skip
     if homeless:
         findings.append(
-            Problem(message=f"which joint these columns are of is unclear: {', '.join(homeless)}", file=path, choices=known,
+            Problem(f"which joint these columns are of is unclear: {', '.join(homeless)}", file=path, choices=known,
                     hint="Say it with --map COLUMN=JOINT.QUANTITY", code="unclear-joint")
         )  # fmt: skip
     return columns
@@ -258,11 +259,11 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
         first = columns[owner[key]]
         message = f"is a second {column.joint}.{column.quantity} beside '{first.source}'"
         if rank.get(column.origin) == 0 and rank.get(first.origin) == 0:
-            problems.append(Problem(message=message, file=path, key=column.source, code="mapped-twice"))
+            problems.append(Problem(message, file=path, key=column.source, code="mapped-twice"))
             continue
         if rank.get(first.origin, 2) == rank.get(column.origin, 2):
             findings.append(
-                Problem(message=f"{message}, which is used", file=path, key=column.source, code="second-column",
+                Problem(f"{message}, which is used", file=path, key=column.source, code="second-column",
                         hint=f"Choose with --map '{column.source}={column.joint}.{column.quantity}'")
             )  # fmt: skip
         result[i] = replace(

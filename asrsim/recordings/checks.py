@@ -49,7 +49,7 @@ def suspect_scale(simulation: Array, recording: Array, than: str = "the simulati
     for factor, meaning in _FACTORS:
         if 1 / _WIDTH < ratio / factor < _WIDTH:
             return Problem(
-                message=f"the recording is {ratio:.4g} times as large as {than}, close to {factor:.4g}: {meaning}",
+                f"the recording is {ratio:.4g} times as large as {than}, close to {factor:.4g}: {meaning}",
                 hint="State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'", code="suspected-unit",
             )  # fmt: skip
     return None
@@ -63,7 +63,7 @@ def suspect_gear(simulation: Array, recording: Array) -> Problem | None:
     if suspect_scale(simulation, recording) is not None:
         return None
     return Problem(
-        message=f"the recording is {sizes[1] / sizes[0]:.4g} times as large as the simulation, whose motors are counted at the "
+        f"the recording is {sizes[1] / sizes[0]:.4g} times as large as the simulation, whose motors are counted at the "
         "link's side of the gear: was it recorded before the gear?",
         hint="Divide by the gear's ratio with `scale` in a mapping file", code="suspected-gear",
     )  # fmt: skip
@@ -79,7 +79,7 @@ def suspect_sign(simulation: Array, recording: Array, than: str = "the simulatio
     if correlation > -_TURNED:
         return None
     return Problem(
-        message=f"the recording moves against {than} (correlation {correlation:.2f}): is its sign the other way round?",
+        f"the recording moves against {than} (correlation {correlation:.2f}): is its sign the other way round?",
         hint="Turn it: --map 'COLUMN=-JOINT.QUANTITY'", code="suspected-sign",
     )  # fmt: skip
 
@@ -138,14 +138,14 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
     if quantity == "reference_1" and mode in MODES:
         told = kinds.get(MODES[mode].units[0], "position")
         if kinds.get(column.unit, "position") != told:
-            return Problem(message=f"is in {column.unit}, but the reference of {joint} is a {told} in mode {mode}",
+            return Problem(f"is in {column.unit}, but the reference of {joint} is a {told} in mode {mode}",
                            key=column.source, code="wrong-unit")  # fmt: skip
     units = PRISMATIC_UNITS.values() if prismatic else PRISMATIC_UNITS.keys()
     if column.unit not in (*PRISMATIC_UNITS, *PRISMATIC_UNITS.values()) or column.unit in units:
         return None
     kind, right = ("prismatic", "m") if prismatic else ("revolute", "rad")
     return Problem(
-        message=f"is in {column.unit}, but {joint} is {kind}, whose positions are in {right}", key=column.source,
+        f"is in {column.unit}, but {joint} is {kind}, whose positions are in {right}", key=column.source,
         code="wrong-unit",
         hint=f"Give the unit of its numbers: --map '{column.source}={joint}.{quantity} [unit]', or =ignore",
     )  # fmt: skip

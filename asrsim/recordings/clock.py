@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.quantities import DERIVED
 from asrsim.recordings.align import Alignment, LagChoice, align
@@ -66,8 +66,8 @@ def align_recording(
     if best is None:
         name = "a quantity in common" if on is None else f"{on[0]}.{on[1]}"
         raise RecordingError(
-            Problem(message=f"cannot align on {name}, it is not in both", file=recording.path, code="no-such-quantity",
-                    choices=tuple(f"{joint}.{quantity}" for (joint, quantity), _ in candidates))
+            f"cannot align on {name}, it is not in both", file=recording.path, code="no-such-quantity",
+            choices=tuple(f"{joint}.{quantity}" for (joint, quantity), _ in candidates),
         )  # fmt: skip
     name, time, values, column = best
     try:

@@ -157,8 +157,8 @@ def _nothing_common(
     recorded = sorted({f"{c.joint}.{c.quantity}" for c in recording.channels.values() if c.joint in pairing and c.quantity})
     asked = f" of {', '.join(quantities)}" if quantities else ""
     return RecordingError(
-        Problem(message=f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
-                f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity")
+        f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
+        f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity",
     )  # fmt: skip
 
 
@@ -175,14 +175,14 @@ def _series(
     part = (base >= start - slack) & (base <= end + slack)
     grid = base[part]
     if len(grid) < 2:
-        raise RecordingError(Problem(message=f"of {joint}.{quantity} less than two samples overlap in time", code="no-overlap"))
+        raise RecordingError(f"of {joint}.{quantity} less than two samples overlap in time", code="no-overlap")
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
     findings = suspicions(a, b, column, joint)
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
-        findings.append(Problem(message="has no two samples with numbers in both", code="no-overlap"))
+        findings.append(Problem("has no two samples with numbers in both", code="no-overlap"))
     metrics = {name: _measured(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
     if both.sum() > 1 and (problem := _delay_at_limit(grid[both], a[both], b[both])) is not None:
         findings.append(problem)
@@ -199,7 +199,7 @@ def _delay_at_limit(time: Array, a: Array, b: Array) -> Problem | None:
     if lag is None or not lag.at_limit:
         return None
     message = f"its delay is not told: the search ended at its limit, {lag.seconds:.4g} s, and the true one may lie beyond"
-    return Problem(message=message, code="delay-at-limit")
+    return Problem(message, code="delay-at-limit")
 
 
 def _measured(name: str, time: Array, a: Array, b: Array | None = None) -> float:

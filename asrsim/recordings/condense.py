@@ -49,7 +49,7 @@ def set_aside(findings: Sequence[Problem], used: Collection[str], unused: Collec
         kinds[_OF_COLUMNS[one.code]] = kinds.get(_OF_COLUMNS[one.code], 0) + 1
     said = ", ".join(f"{name} ({count})" for name, count in kinds.items())
     note = Problem(
-        message=f"{len(topics)} columns or topics that are not used here: {said}", file=aside[0].file, key=_places(topics),
+        f"{len(topics)} columns or topics that are not used here: {said}", file=aside[0].file, key=_places(topics),
         code="not-used",
     )  # fmt: skip
     kept = [one for one in findings if not any(one is other for other in aside)]

@@ -114,11 +114,9 @@ class Recording:
             if column.joint == joint and column.quantity == quantity:
                 return column
         raise RecordingError(
-            Problem(
-                message=f"has no column for {joint}.{quantity}",
-                file=self.path,
-                choices=tuple(f"{c.joint}.{c.quantity}" for c in self.channels.values() if c.quantity),
-                hint=f"Columns in the file: {', '.join(self.channels)}. Map one with --map COLUMN={joint}.{quantity}",
-                code="no-such-quantity",
-            )
+            f"has no column for {joint}.{quantity}",
+            file=self.path,
+            choices=tuple(f"{c.joint}.{c.quantity}" for c in self.channels.values() if c.quantity),
+            hint=f"Columns in the file: {', '.join(self.channels)}. Map one with --map COLUMN={joint}.{quantity}",
+            code="no-such-quantity",
         )

@@ -172,7 +172,7 @@ def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Proble
 
     def add(message: str, lines: Sequence[int], code: str, key: str | None = None, hint: str | None = None) -> None:
         line = lines[0] if lines else None
-        found.append(Problem(message=message, file=path, line=line, key=key, code=code, hint=hint))
+        found.append(Problem(message, file=path, line=line, key=key, code=code, hint=hint))
 
     if layout.skipped:
         add(f"passed over above the numbers: {lines_text(list(layout.skipped))}", layout.skipped, "preamble")
@@ -195,8 +195,8 @@ def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Proble
     if separated := [one for one in faults.cells if _THOUSANDS.fullmatch(one[2])]:
         line, column, cell = separated[0]
         raise RecordingError(
-            Problem(message=f"numbers have marks between their thousands: {printable(cell)}", file=path, line=line,
-                    key=layout.names[column], code="thousands", hint="Export it without them")
+            f"numbers have marks between their thousands: {printable(cell)}", file=path, line=line, key=layout.names[column],
+            code="thousands", hint="Export it without them",
         )  # fmt: skip
     if layout.text:
         add("hold text and are not read" if len(layout.text) > 1 else "holds text and is not read", (), "text-column",

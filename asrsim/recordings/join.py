@@ -70,9 +70,7 @@ def join(path: Path, parts: Sequence[Path], raws: Sequence[Raw]) -> Raw:
     if known and not absolute:
         without = ", ".join(part.name for part, epoch in zip(parts, epochs, strict=True) if epoch is None)
         findings.append(
-            Problem(
-                message=f"{without} has no date, the others have; all are taken to begin together", file=path, code="two-clocks"
-            )
+            Problem(f"{without} has no date, the others have; all are taken to begin together", file=path, code="two-clocks")
         )
     count = Counter(series.name for raw in raws for series in raw.series)
     joined: list[RawSeries] = []

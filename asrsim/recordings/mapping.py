@@ -95,11 +95,9 @@ def load_mapping(path: Path) -> tuple[ColumnMap, ...]:
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise RecordingError(Problem(message=f"cannot be read as YAML: {error}", file=path, code="map-file")) from None
+        raise RecordingError(f"cannot be read as YAML: {error}", file=path, code="map-file") from None
     if not isinstance(data, Mapping):
-        raise RecordingError(
-            Problem(message="a mapping file is a table from column to JOINT.QUANTITY", file=path, code="map-file")
-        )
+        raise RecordingError("a mapping file is a table from column to JOINT.QUANTITY", file=path, code="map-file")
     return _from_table(data, path)
 
 
@@ -164,7 +162,7 @@ def _from_table(data: Mapping[Any, Any], path: Path) -> tuple[ColumnMap, ...]:
     maps: list[ColumnMap] = []
     columns = data.get("columns", {key: value for key, value in data.items() if key not in ("time", "window")})
     if not isinstance(columns, Mapping):
-        raise RecordingError(Problem(message="must be a table", file=path, key="columns", code="map-file"))
+        raise RecordingError("must be a table", file=path, key="columns", code="map-file")
     entries = list(columns.items())
     time = data.get("time")
     if isinstance(time, Mapping):
@@ -183,7 +181,7 @@ def _from_table(data: Mapping[Any, Any], path: Path) -> tuple[ColumnMap, ...]:
                 maps.append(_target(str(column), "ignore" if target is None else str(target), origin="map file"))
         except RecordingError as error:
             problems += [
-                Problem(message=p.message, file=path, key=p.key, value=p.value, choices=p.choices, hint=p.hint, code=p.code)
+                Problem(p.message, file=path, key=p.key, value=p.value, choices=p.choices, hint=p.hint, code=p.code)
                 for p in error.problems
             ]
     if problems:
@@ -249,4 +247,4 @@ def _target(column: str, text: str, *, origin: str) -> ColumnMap:
 
 
 def _error(key: str, message: str, *, choices: tuple[str, ...] = (), hint: str | None = None) -> RecordingError:
-    return RecordingError(Problem(message=message, key=key, choices=choices, hint=hint, code="bad-mapping"))
+    return RecordingError(message, key=key, choices=choices, hint=hint, code="bad-mapping")

@@ -17,9 +17,8 @@ def match_joints(
         unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
         if unknown:
             raise RecordingError(
-                Problem(message=f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names),
-                        code="no-such-joint")
-            )  # fmt: skip
+                f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names), code="no-such-joint"
+            )
         return dict(joints), []
     plain = {_plain(name): name for name in names}
     pairing = {joint: plain[_plain(joint)] for joint in recorded if _plain(joint) in plain}
@@ -30,19 +29,16 @@ def match_joints(
         pairing = dict(zip(guessed, names, strict=False))
         said = ", ".join(f"{a} is {b}" for a, b in pairing.items())
         return pairing, [
-            Problem(message=f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
+            Problem(f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
                     hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
         ]  # fmt: skip
     origins = ((column.source, column.origin.removeprefix("not used: ")) for column in recording.channels.values())
     doubt = next((f"; {name} {origin}" for name, origin in origins if origin.startswith("looks like")), "")
     raise RecordingError(
-        Problem(
-            message=f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
-            f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}",
-            file=recording.path, code="no-common-joint",
-            hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-            f"--map '{next(iter(recording.channels), 'COLUMN')}={names[0] if names else 'JOINT'}.link_position [rad]'",
-        )
+        f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
+        f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
+        hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
+        f"--map '{next(iter(recording.channels), 'COLUMN')}={names[0] if names else 'JOINT'}.link_position [rad]'",
     )  # fmt: skip
 
 

@@ -33,11 +33,11 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError:
         raise RecordingError(
-            Problem(message="is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
-                    hint="Save it in MATLAB with save('file.mat', 'name', '-v7')")
+            "is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
+            hint="Save it in MATLAB with save('file.mat', 'name', '-v7')",
         ) from None  # fmt: skip
     except Exception as error:  # on damaged files scipy lets errors of many kinds through
-        raise RecordingError(Problem(message=f"cannot be read as a MATLAB file: {error}", file=path, code="bad-mat")) from None
+        raise RecordingError(f"cannot be read as a MATLAB file: {error}", file=path, code="bad-mat") from None
     findings: list[Problem] = []
     series: list[RawSeries] = []
     epoch: float | None = None
@@ -46,7 +46,7 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         clocks = _times_of(table, prefix, maps)
         if not clocks and rate is None:
             findings.append(
-                Problem(message=f"no time among {_listed(table)}; these are not read", file=path, key=prefix or None,
+                Problem(f"no time among {_listed(table)}; these are not read", file=path, key=prefix or None,
                         code="no-time", hint="Name the time with --map NAME=time or give --rate")
             )  # fmt: skip
             continue
@@ -76,14 +76,14 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             series.append(RawSeries(name=prefix + name, time=bases[base][2], values=values[bases[base][1]]))
         lengths = ", ".join(str(len(time)) for time, _, _ in bases.values())
         findings += [
-            Problem(message=f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read",
+            Problem(f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read",
                     file=path, key=_listed(names), code="length")
             for count, names in others.items()
         ]  # fmt: skip
     if not series:
         raise RecordingError(
             condense(findings)[:_REASONS]
-            or Problem(message="holds no series of numbers", file=path, code="no-numbers",
+            or Problem("holds no series of numbers", file=path, code="no-numbers",
                        hint="Expected vectors with a time beside them, a struct with both, or a matrix with time in column 1")
         )  # fmt: skip
     return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch, names=tuple(plain))
@@ -107,7 +107,7 @@ def _tables(
         if type(value).__name__ in _OBJECTS:
             # Before all others: such a value is an array of objects, too.
             findings.append(
-                Problem(message="is a MATLAB object (timeseries, table, function), whose format is not documented; not read",
+                Problem("is a MATLAB object (timeseries, table, function), whose format is not documented; not read",
                         file=path, key=prefix + name, code="mat-object",
                         hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
             )  # fmt: skip

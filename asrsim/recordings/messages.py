@@ -13,8 +13,9 @@ from asrsim.quantities import QUANTITIES
 
 _LONGEST = 64
 """Arrays longer than this are pictures, scans or maps, not signals."""
-_NAME_FIELDS = ("name", "names", "joint_names")
+NAME_FIELDS = ("name", "names", "joint_names")
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
+_STATE_OF = {**{name: name for name in _JOINT_STATE}, "positions": "position", "velocities": "velocity", "efforts": "effort"}
 TOPICS: dict[str, str] = {
     "torque_command": "reference_1", "link_command": "reference_1", "reference_1": "reference_1", "reference_2": "reference_2",
     "equilibrium_position": "reference_1", "stiffness_preset": "reference_2", "motor_1_command": "reference_1",
@@ -28,7 +29,9 @@ _LINK_STATE = {
     "q": "link_position", "dq": "link_velocity", "ref_1": "reference_1", "ref_2": "reference_2", "tau": "link_torque",
     "stiff": "stiffness",
 }  # fmt: skip
-_ARRAY = re.compile(r"(?P<prefix>.*?)(?P<field>names?|position|velocity|effort)[\[_.]?(?P<place>\d+)\]?")
+_ARRAY = re.compile(
+    r"(?P<prefix>.*?)(?P<field>joint_names|names?|positions?|velocity|velocities|efforts?)[\[_.]?(?P<place>\d+)\]?"
+)
 _FIELDS: dict[type, tuple[str, ...]] = {}
 
 
@@ -69,7 +72,7 @@ def _members(message: Any) -> Iterator[tuple[str, Any]]:
 def _walk(message: Any, prefix: str, names: Sequence[str]) -> Iterator[tuple[str, str | None, float]]:
     members = list(_members(message))
     for key, value in members:
-        if key in _NAME_FIELDS and isinstance(value, list) and value and isinstance(value[0], str):
+        if key in NAME_FIELDS and isinstance(value, list) and value and isinstance(value[0], str):
             names = value
     for key, value in members:
         if key in ("header", "stamp", "layout"):
@@ -102,13 +105,26 @@ def named_joints(labels: Sequence[str], words: Mapping[int, str], topic: str) ->
     words: column of text -> its one word. topic: of the messages, or the file's name.
     """
     spelled = {i: match for i, label in enumerate(labels) if (match := _ARRAY.fullmatch(label))}
-    joints = {(m["prefix"], int(m["place"])): words[i] for i, m in spelled.items() if m["field"] in _NAME_FIELDS and i in words}
+    joints = {(m["prefix"], int(m["place"])): words[i] for i, m in spelled.items() if m["field"] in NAME_FIELDS and i in words}
     found: dict[int, tuple[str | None, str | None]] = {}
     for i, match in spelled.items():
-        joint = joints.get((match["prefix"], int(match["place"])))
-        if joint is not None and match["field"] in _JOINT_STATE:
-            found[i] = understand(topic, "sensor_msgs/JointState", match["field"], joint)[:2]
+        state = _STATE_OF.get(match["field"])
+        # The names of a controller's state stand above its points: `joint_names0`, `desired.positions0`.
+        above = [prefix for prefix, place in joints if place == int(match["place"]) and match["prefix"].startswith(prefix)]
+        if state is None or not above:
+            continue
+        prefix = max(above, key=len)
+        point = match["prefix"].removeprefix(prefix)
+        kind = "" if point else "sensor_msgs/JointState"
+        field = point + match["field"] if point else state
+        found[i] = understand(topic, kind, field, joints[prefix, int(match["place"])])[:2]
     return found
+
+
+def mixed_names(labels: Sequence[str], text: Sequence[int], words: Mapping[int, str]) -> str | None:
+    """The column of names that are not the same in every row: rows are of other joints than those above them."""
+    fields = {i: match["field"] for i in text if (match := _ARRAY.fullmatch(labels[i])) is not None}
+    return next((labels[i] for i, field in fields.items() if field in NAME_FIELDS and i not in words), None)
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None, str]:

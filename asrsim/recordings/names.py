@@ -14,6 +14,9 @@ _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
     "soll", "sollwert", "consigne", "riferimento", "referencia", "consigna",
 }  # fmt: skip
+_MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
+    "value", "val", "values", "data", "signal"}  # fmt: skip
+"""Words beside whose joint nothing else need be said: `actual_elbow`."""
 _VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "dtheta", "thetadot", "omega", "dot", "rate",
     "geschwindigkeit", "drehzahl", "vitesse", "velocità", "velocita", "velocidad",
 }  # fmt: skip
@@ -23,24 +26,7 @@ _TORQUE = {"torque", "tau", "effort", "moment", "force", "trq", "eff", "drehmome
 _POSITION = {"q", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state", "link",
     "posizione", "posicion", "posición", "angolo", "angulo", "ángulo",
 }  # fmt: skip
-_PLAIN = {
-    "q",
-    "pos",
-    "position",
-    "positions",
-    "angle",
-    "link",
-    "joint",
-    "hub",
-    "winkel",
-    "posizione",
-    "angolo",
-    "gelenk",
-    "achse",
-    "enc",
-    "encoder",
-    "ang",
-}
+_PLAIN = (_POSITION - {"theta", "th", "state"}) | _MEASURED | {"joint", "hub", "gelenk", "achse"}
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
     "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
@@ -53,9 +39,9 @@ _ELECTRIC = {*(f"motor_{i}_{what}" for i in (1, 2) for what in ("voltage", "curr
 VOCABULARY = {
     *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
     "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
-    "field", "meas", "measured", "act", "actual", "filtered", "filt", "value", "val", "data", "sensor", "output", "axis",
-    "in", "of", "the", "gear", "side", "signal", "abs", "rel", "absolute", "relative",
-    "ist", "istwert", "messwert", "achse", "gelenk", "giunto", "asse", "articulation", "articulacion", "axe", "eje",
+    *_MEASURED, "field", "filtered", "filt", "sensor", "output", "axis", "set",
+    "in", "of", "the", "gear", "side", "abs", "rel", "absolute", "relative",
+    "achse", "gelenk", "giunto", "asse", "articulation", "articulacion", "axe", "eje",
 }  # fmt: skip
 _SUFFIXES = ("ref", "ext", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
@@ -81,6 +67,10 @@ def tokens_of(name: str) -> list[str]:
     words: list[str] = []
     for word in re.findall(r"[A-Za-zÀ-ÿ]+|\d+", text):
         lower = word.lower()
+        for prefix in ("soll", "ist"):  # German glues: Sollposition, Istwinkel
+            if (rest := lower.removeprefix(prefix)) != lower and rest in _POSITION | _VELOCITY | _TORQUE:
+                words.append(prefix)
+                lower = rest
         for suffix in _SUFFIXES:
             stem = lower.removesuffix(suffix)
             if stem != lower and stem in _STEMS and lower not in _VELOCITY:
@@ -131,6 +121,9 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
         words = tokens_of(last)
         numbers = [int(word) for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
+    if joint is not None and re.search(rf"(^|\.){re.escape(joint)}(\.data|\.values?)?$", name, re.IGNORECASE):
+        # trial.elbow, elbow.Data: what holds the joint's series may be called anything, but is no other quantity.
+        plain = [word for word in plain if word in VOCABULARY | _FOREIGN]
     quantity, own_number = _quantity(plain, words, unit, has_q=has_q, named=joint is not None)
     if quantity is None:
         return Guess(quantity=None, joint=joint, reason="no quantity of the simulation in its name")
@@ -167,6 +160,7 @@ def _quantity(
     if found & _FOREIGN:
         return None, None
     velocity, torque, reference = bool(found & _VELOCITY), bool(found & _TORQUE), bool(found & _REFERENCE)
+    reference = reference or ("set" in found and bool(found & _POSITION))
     si = unit.si if unit is not None else ""
     velocity = velocity or si in ("rad/s", "m/s")
     torque = torque or si in ("N m", "N")
@@ -198,7 +192,7 @@ def _quantity(
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
     # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
     only = bool(plain) and found <= VOCABULARY and si in ("rad", "m")
-    if velocity or torque or found & _POSITION or only or (named and (not plain or si in ("rad", "m"))):
+    if velocity or torque or found & _POSITION or only or (named and (found <= _MEASURED or si in ("rad", "m"))):
         return f"link_{kind}", None
     return None, None
 

@@ -21,11 +21,11 @@ def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
         if column.quantity is None:
             continue
         if missing.all():
-            found.append(Problem(message="has no number at all", file=path, key=column.source, code="empty-column"))
+            found.append(Problem("has no number at all", file=path, key=column.source, code="empty-column"))
             continue
         if missing.any():
             found.append(
-                Problem(message=_stretches(column.time, missing), file=path, key=column.source, code="missing-stretch",
+                Problem(_stretches(column.time, missing), file=path, key=column.source, code="missing-stretch",
                         hint="They are left out of every comparison, not bridged")
             )  # fmt: skip
         values = column.values[~missing]
@@ -33,13 +33,13 @@ def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
         if len(glitches):
             places = ", ".join(f"{t:.6g}" for t in glitches[:4]) + (", ..." if len(glitches) > 4 else "")
             found.append(
-                Problem(message=f"{len(glitches)} single samples stand far from both neighbours (glitches?), at t = {places} s",
+                Problem(f"{len(glitches)} single samples stand far from both neighbours (glitches?), at t = {places} s",
                         file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
             )  # fmt: skip
         if len(values) > 2 and np.ptp(values) == 0.0:
             hint = None if "reference" in column.quantity else "Was the sensor connected?"
             found.append(
-                Problem(message=f"is constant at {values[0]:g} {column.unit}".rstrip(), file=path, key=column.source,
+                Problem(f"is constant at {values[0]:g} {column.unit}".rstrip(), file=path, key=column.source,
                         code="constant-column", hint=hint)
             )  # fmt: skip
     return found

@@ -54,7 +54,7 @@ def read_recording(
     """
     path = Path(path)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
-        raise RecordingError(Problem(message="the sampling rate must be positive", value=rate, code="bad-rate"))
+        raise RecordingError("the sampling rate must be positive", value=rate, code="bad-rate")
     parts = parts_of(path)
     if len(parts) == 1:
         maps = resolve_mapping(mapping, path)
@@ -68,19 +68,15 @@ def read_recording(
 def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: bool = False) -> Raw:
     """The series of one file; `partly`: a time that is mapped may be in another one."""
     if not path.exists():
-        raise RecordingError(Problem(message="there is no such file", file=path, hint=similar_file(path), code="no-file"))
+        raise RecordingError("there is no such file", file=path, hint=similar_file(path), code="no-file")
     if path.is_file() and path.stat().st_size == 0:
-        raise RecordingError(
-            Problem(message="the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
-        )
+        raise RecordingError("the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
     suffix = path.suffix.lower()
     ignored = {one.column for one in maps if one.role == "ignore"}
     try:
         if path.is_dir():
             if not (path / "metadata.yaml").is_file():
-                raise RecordingError(
-                    Problem(message="is a folder without a metadata.yaml, so no ROS 2 bag", file=path, code="no-bag")
-                )
+                raise RecordingError("is a folder without a metadata.yaml, so no ROS 2 bag", file=path, code="no-bag")
             return read_bag(path, ignored)
         if suffix == ".mcap":
             return _own_log(path) if _is_own_log(path) else read_bag(path, ignored)
@@ -94,7 +90,7 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
             maps = here
         return series_of(table, path, maps, rate, form="json" if is_json(path) else "csv")
     except OSError as error:
-        raise RecordingError(Problem(message=f"cannot be read: {error.strerror or error}", file=path, code="no-file")) from None
+        raise RecordingError(f"cannot be read: {error.strerror or error}", file=path, code="no-file") from None
 
 
 def _is_text(path: Path) -> bool:
@@ -128,5 +124,5 @@ def _own_log(path: Path) -> Raw:
     ]
     findings: tuple[Problem, ...] = ()
     if log.truncated:
-        findings = (Problem(message="the log was cut off; read up to its last whole chunk", file=path, code="truncated"),)
+        findings = (Problem("the log was cut off; read up to its last whole chunk", file=path, code="truncated"),)
     return Raw(format="asrsim", series=tuple(series), findings=findings)

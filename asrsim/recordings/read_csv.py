@@ -12,8 +12,8 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.messages import named_joints
-from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero
+from asrsim.recordings.messages import mixed_names, named_joints
+from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero, past_midnight
 from asrsim.recordings.time_columns import TIME_WORDS, time_columns
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import Unit, find_unit, split_header, unknown_unit
@@ -30,8 +30,8 @@ def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
     table = read_table(path)
     if table.layout.misfit and not any(one.column.lstrip("#").isdigit() for one in maps):
         raise RecordingError(
-            Problem(message=table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
-                    hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position")
+            table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
+            hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
         )  # fmt: skip
     return table
 
@@ -39,12 +39,15 @@ def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
 def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float | None, *, form: str = "csv") -> Raw:
     """The series of a table on clean times. Raises RecordingError with what was found and expected."""
     findings = list(table.findings)
+    table, passed = past_midnight(table)
+    if passed is not None:
+        findings.append(Problem(passed, file=path, code="midnight"))
     table, epoch = one_zero(table)
     for merge in (merge_seconds, merge_date):
         table, start, merged = merge(table)
         epoch = epoch if start is None else start
         if merged is not None:
-            findings.append(Problem(message=merged, file=path, code="split-time"))
+            findings.append(Problem(merged, file=path, code="split-time"))
     names, stated = zip(*(_name_and_unit(table, i) for i in range(len(table.layout.names))), strict=True)
     if rate is not None:
         time = np.arange(len(table.values)) / rate
@@ -53,6 +56,12 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
     else:
         bases, start = _bases(path, table, names, stated, maps, findings)
         epoch = epoch if start is None else start
+    mixed = mixed_names(table.layout.names, table.layout.text, table.words)
+    if mixed is not None and not maps:
+        raise RecordingError(
+            "names other joints from row to row: its columns are of several joints", file=path, key=mixed, code="mixed-joints",
+            hint="Keep the rows of one publisher, or say with --map what a column is",
+        )  # fmt: skip
     joints = named_joints(table.layout.names, table.words, path.stem)
     series: list[RawSeries] = []
     owner: int | None = None
@@ -72,14 +81,14 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         values = table.values[:, column]
         kept, marked = _unmarked(_kept(values, keep))
         if marked is not None:
-            findings.append(Problem(message=marked, file=path, key=label, code="missing-mark"))
+            findings.append(Problem(marked, file=path, key=label, code="missing-mark"))
         joint, quantity = joints.get(column, (None, None))
         symbol = unit.symbol if unit else ""
         series.append(RawSeries(name=label, time=time, values=kept, unit=symbol, joint=joint, quantity=quantity))
     if not series:
         raise RecordingError(
-            Problem(message=f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal",
-                    file=path, code="one-column", hint="For a signal without a time give the sampling rate with --rate")
+            f"has one column only ('{table.layout.names[0]}'); expected a time and at least one signal", file=path,
+            code="one-column", hint="For a signal without a time give the sampling rate with --rate",
         )  # fmt: skip
     return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names,
                remarks=table.layout.remarks)  # fmt: skip
@@ -143,13 +152,13 @@ def _bases(
             both = np.isfinite(time) & np.isfinite(other)
             if both.sum() > 1 and _same_clock(time[both], other[both]):
                 findings.append(
-                    Problem(message=f"is the same clock as '{table.layout.names[first]}', which is used", file=path, key=label,
+                    Problem(f"is the same clock as '{table.layout.names[first]}', which is used", file=path, key=label,
                             code="second-time")
                 )  # fmt: skip
                 bases.append((column, other, bases[0][2]))
                 continue
             findings.append(
-                Problem(message=f"is a second time base beside '{table.layout.names[first]}'; the columns after it use it",
+                Problem(f"is a second time base beside '{table.layout.names[first]}'; the columns after it use it",
                         file=path, key=label, code="second-time-base")
             )  # fmt: skip
             filled = np.isfinite(time)
@@ -169,8 +178,8 @@ def _refuse_unknown_unit(label: str, factor: float | None, path: Path) -> None:
     unit = unknown_unit(label) if factor is None else None
     if unit is not None and unit.lower() not in TIME_WORDS:
         raise RecordingError(
-            Problem(message=f"the unit of this time is not known: {unit}", file=path, key=label, code="unknown-unit",
-                    hint=f"State it: --map '{label}=time [ms]'")
+            f"the unit of this time is not known: {unit}", file=path, key=label, code="unknown-unit",
+            hint=f"State it: --map '{label}=time [ms]'",
         )  # fmt: skip
 
 
@@ -183,9 +192,9 @@ def _refuse_short_stamps(table: Table, column: int, path: Path) -> None:
         names = table.layout.names
         rows = " or there is a row for each of " + ", ".join(names[i] for i in table.layout.text) if table.layout.text else ""
         raise RecordingError(
-            Problem(message=f"{repeated.sum()} of {len(repeated) + 1} rows have the time of the row before, and other numbers: "
-                    f"time is written with too few digits{rows}", file=path, key=names[column], code="repeated-time",
-                    hint="Give the sampling rate with --rate" + (", or a column to each of these" if rows else ""))
+            f"{repeated.sum()} of {len(repeated) + 1} rows have the time of the row before, and other numbers: "
+            f"time is written with too few digits{rows}", file=path, key=names[column], code="repeated-time",
+            hint="Give the sampling rate with --rate" + (", or a column to each of these" if rows else ""),
         )  # fmt: skip
 
 

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.recordings.cells import kind_of
 from asrsim.recordings.delimited import Faults, Table, report, value_of
 from asrsim.recordings.header import unique
+from asrsim.recordings.messages import NAME_FIELDS
 from asrsim.recordings.sniff import Layout, encoding_of
 
 _LONGEST = 64
@@ -38,8 +39,8 @@ def read_json(path: Path) -> Table:
     units = _units(text)
     if len(records) < 2 or not labels:
         raise RecordingError(
-            Problem(message=f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
-                    hint="Expected records with a time and signals: one a line, a list of them, or lists by name")
+            f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
+            hint="Expected records with a time and signals: one a line, a list of them, or lists by name",
         )  # fmt: skip
     columns = [[record.get(label, "") for record in records] for label in labels]
     kinds = [kind_of(cells, ".") for cells in columns]
@@ -81,7 +82,7 @@ def _records(text: str, path: Path) -> tuple[list[Record], list[int]]:
         said, place = type(whole).__name__, None
         if isinstance(whole, json.JSONDecodeError):
             said, place = whole.msg, whole.lineno
-        raise RecordingError(Problem(message=f"cannot be read as JSON: {said}", file=path, line=place, code="bad-json"))
+        raise RecordingError(f"cannot be read as JSON: {said}", file=path, line=place, code="bad-json")
     return records, bad
 
 
@@ -98,10 +99,19 @@ def _of(data: Any) -> list[Record]:
         return [_flat(one) for one in data.values()]  # pandas writes records by their index
     tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     if tables:
-        return [_flat(one) for one in max(tables, key=len) if isinstance(one, Mapping)]
-    columns = dict(_columns(data, ""))
+        shared = {key: data[key] for key in NAME_FIELDS if isinstance(data.get(key), list)}
+        return [_flat({**shared, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
+    columns = _of_pairs(dict(_columns(data, "")))
     length = max((len(column) for column in columns.values()), default=0)
     return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]
+
+
+def _of_pairs(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """`{"hip": [[t, q], ...], "knee": [[t, q], ...]}` as one time and a column each; any other as it is."""
+    times = [column for name, column in columns.items() if name.endswith("[0]")]
+    if len(times) < 2 or len(columns) != 2 * len(times) or any(time != times[0] for time in times):
+        return columns
+    return {"time": times[0], **{name.removesuffix("[1]"): column for name, column in columns.items() if name.endswith("[1]")}}
 
 
 def _units(text: str) -> dict[str, str]:

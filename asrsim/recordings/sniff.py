@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed
 
@@ -62,16 +62,14 @@ def encoding_of(path: Path) -> str:
     with path.open("rb") as stream:
         start = stream.read(65536)
     if not start.strip(b"\xef\xbb\xbf \t\r\n"):
-        raise RecordingError(
-            Problem(message="the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
-        )
+        raise RecordingError("the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     for magic, what in _FOREIGN:
         if start.startswith(magic):
             raise RecordingError(
-                Problem(message=f"is {what}, which is not read here", file=path, code="foreign-format",
-                        hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; export or unpack it as CSV")
+                f"is {what}, which is not read here", file=path, code="foreign-format",
+                hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; export or unpack it as CSV",
             )  # fmt: skip
     start = start.rstrip(b"\0")  # a computer that was switched off leaves them
     for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
@@ -79,13 +77,13 @@ def encoding_of(path: Path) -> str:
             return encoding
     if b"\0" in start:
         raise RecordingError(
-            Problem(message="is not a text file (it holds zero bytes)", file=path, code="binary",
-                    hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; the ending of its name says which")
+            "is not a text file (it holds zero bytes)", file=path, code="binary",
+            hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; the ending of its name says which",
         )  # fmt: skip
     if start.count(b"\n---\n") > 1 and b": " in start[:4096]:
         raise RecordingError(
-            Problem(message="is what `ros2 topic echo` prints (YAML), which is not read here", file=path, code="foreign-format",
-                    hint="Print it with --csv, or record a bag")
+            "is what `ros2 topic echo` prints (YAML), which is not read here", file=path, code="foreign-format",
+            hint="Print it with --csv, or record a bag",
         )  # fmt: skip
     try:
         start.decode("utf-8")
@@ -114,7 +112,7 @@ def sniff(path: Path) -> Layout:
         declared = match[1]  # the line by which Excel is told the separator
         lines = lines[1:]
     if not lines:
-        raise RecordingError(Problem(message="holds comments only", file=path, code="empty", hint="Expected rows of numbers"))
+        raise RecordingError("holds comments only", file=path, code="empty", hint="Expected rows of numbers")
     quoted = any('"' in text for _, text in lines)
     separator, decimal, columns = _separator(lines, quoted=quoted, declared=declared)
     rows = [(count, split(glue(text, separator), separator, quoted=quoted)) for count, text in lines]
@@ -125,8 +123,8 @@ def sniff(path: Path) -> Layout:
     first = next((i for i, (own, after) in enumerate(followed) if own >= 0.5 and max(own, after) >= usual), None)
     if first is None:
         raise RecordingError(
-            Problem(message="no row of numbers found", file=path, line=lines[0][0], value=lines[0][1][:60], code="no-numbers",
-                    hint="Expected columns separated by comma, semicolon, tab or spaces, with at most a header above")
+            "no row of numbers found", file=path, line=lines[0][0], value=lines[0][1][:60], code="no-numbers",
+            hint="Expected columns separated by comma, semicolon, tab or spaces, with at most a header above",
         )  # fmt: skip
     data = [cells for _, cells in rows[first:] if len(cells) == columns]
     header = find_header(rows[:first], data, decimal)

@@ -15,6 +15,26 @@ MERGED = "time [s]"
 """Name of a time that stood in two columns."""
 _DAY = 86_400_000_000_000
 """ns."""
+_PARTS = (
+    ("sec", "nanosec", 1e-9), ("sec", "nsec", 1e-9), ("secs", "nsecs", 1e-9), ("sec", "usec", 1e-6), ("secs", "usecs", 1e-6),
+    ("sec", "msec", 1e-3),
+)  # fmt: skip
+"""Last words of two columns that are one time, and s of the second's unit."""
+
+
+def past_midnight(table: Table) -> tuple[Table, str | None]:
+    """Times of day that begin anew at midnight go on, and what was done."""
+    values = table.values
+    for column, zero in table.zeros.items():
+        if zero < _DAY:
+            time = values[:, column]
+            days = np.cumsum(np.r_[0.0, np.diff(time) < -0.9 * _DAY * 1e-9])
+            if days[-1]:
+                values = values.copy()
+                values[:, column] = time + days * (_DAY * 1e-9)
+    if values is table.values:
+        return table, None
+    return replace(table, values=values), "the time passes midnight, and goes on"
 
 
 def one_zero(table: Table) -> tuple[Table, float | None]:
@@ -32,12 +52,12 @@ def one_zero(table: Table) -> tuple[Table, float | None]:
 
 
 def merge_seconds(table: Table) -> tuple[Table, float | None, str | None]:
-    """Whole seconds and nanoseconds in two columns (a ROS stamp) as one time, its Unix zero in s, and what was done."""
+    """Seconds and their parts in two columns (a ROS stamp, a timeval) as one time, its Unix zero in s, and what was done."""
     ends = [tokens_of(name)[-1:] for name in table.layout.names]
-    for whole, part in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
+    for whole, part, unit in _PARTS:
         if [whole] in ends and [part] in ends:
             i, j = ends.index([whole]), ends.index([part])
-            seconds, rest = table.values[:, i], table.values[:, j] * 1e-9
+            seconds, rest = table.values[:, i], table.values[:, j] * unit
             # From the first whole second: a float of 1.7e9 s resolves 2.4e-7 s only.
             finite = seconds[np.isfinite(seconds)]
             zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0

@@ -43,6 +43,8 @@ TIME_WORDS = {
 """Words that name a time, or say which."""
 _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
+_COUNTERS = {"tick", "ticks", "count", "counts", "counter", "cycle", "cycles", "sample", "samples", "frame", "frames", "index"}
+"""Words of what rises evenly and is no time, for want of what one of it takes."""
 _MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
 
 
@@ -63,9 +65,8 @@ def time_columns(
         index = find_column(one.column, labels)
         if index is None:
             raise RecordingError(
-                Problem(message="there is no such column for the time", file=path, key=one.column, choices=tuple(labels),
-                        code="no-time")
-            )  # fmt: skip
+                "there is no such column for the time", file=path, key=one.column, choices=tuple(labels), code="no-time"
+            )
         if one.unit is not None:
             factors[index] = one.unit.factor
         return [index], factors
@@ -75,7 +76,7 @@ def time_columns(
     blank = [i for i in named if i not in table.layout.stamps and np.isfinite(table.values[:, i]).sum() < 2]
     if blank and (len(blank) < len(named) or table.layout.stamps):
         findings += [
-            Problem(message="is named as a time but has no numbers; not used", file=path, key=labels[i], code="empty-time")
+            Problem("is named as a time but has no numbers; not used", file=path, key=labels[i], code="empty-time")
             for i in blank
         ]
         named = [i for i in named if i not in blank]
@@ -87,7 +88,7 @@ def time_columns(
     ]
     if sent and got and len(named) == len({*sent, *got}):
         findings.append(
-            Problem(message=f"is when messages were sent, and is used; '{labels[got[0]]}' is when they were recorded",
+            Problem(f"is when messages were sent, and is used; '{labels[got[0]]}' is when they were recorded",
                     file=path, key=labels[sent[0]], code="second-time", hint=f"Use that with --map '{labels[got[0]]}=time'")
         )  # fmt: skip
         return sent[:1], factors
@@ -98,24 +99,28 @@ def time_columns(
         i for i in free if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
     ]
     # What counts 0, 1, 2 and is not called a time is an index, no time in ms: pandas writes one, under a blank name.
-    counters = [i for i in rising if _steps_by_one(table.values[:, i]) or _is_index(table, i)]
+    counters = [
+        i for i in rising
+        if _steps_by_one(table.values[:, i]) or _is_index(table, i) or set(tokens_of(names[i])) & _COUNTERS
+    ]  # fmt: skip
     rising = [i for i in rising if i not in counters]
     if counters and not rising:
         nameless = counters[0] in table.layout.unnamed
         which = f"column {counters[0] + 1}, which has no name," if nameless else f"'{labels[counters[0]]}'"
+        what = "the rows" if _steps_by_one(table.values[:, counters[0]]) else "something"
         raise RecordingError(
-            Problem(message=f"no time column found; {which} counts the rows", file=path, code="no-time",
-                    hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]")
+            f"no time column found; {which} counts {what}", file=path, code="no-time",
+            hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]",
         )  # fmt: skip
     if rising:
         findings.append(
-            Problem(message="no column is named as the time; this one rises evenly and is taken", file=path,
+            Problem("no column is named as the time; this one rises evenly and is taken", file=path,
                     key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
         )  # fmt: skip
         return rising[:1], factors
     raise RecordingError(
-        Problem(message=f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
-                hint="Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate")
+        f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
+        hint="Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate",
     )  # fmt: skip
 
 

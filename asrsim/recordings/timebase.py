@@ -41,7 +41,7 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
     findings: list[Problem] = []
     finite = values[np.isfinite(values)]
     if not len(finite):
-        raise RecordingError(Problem(message="the time column has no number", file=path, key=name, code="no-time"))
+        raise RecordingError("the time column has no number", file=path, key=name, code="no-time")
     steps = np.abs(np.diff(finite))
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
@@ -49,7 +49,7 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
     by = next((by for by, (_, low, high) in _COUNTED_DAYS.items() if low < size < high), None)
     if factor is None and by is not None and step < _FASTEST and _FASTEST <= step * _DAY <= _SLOWEST:
         findings.append(
-            Problem(message=f"is read as days, as {by} counts dates", file=path, key=name, code="time-unit-assumed",
+            Problem(f"is read as days, as {by} counts dates", file=path, key=name, code="time-unit-assumed",
                     hint=f"Say otherwise with --map '{name}=time [s]'")
         )  # fmt: skip
         return (values - finite[0]) * _DAY, (float(finite[0]) - _COUNTED_DAYS[by][0]) * _DAY, findings
@@ -63,7 +63,7 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
             unit = next(unit for unit, seconds in _SECONDS.items() if seconds == factor)
             findings.append(
                 Problem(
-                    message=f"time states no unit; read as {unit}, since its samples are {step:g} apart"
+                    f"time states no unit; read as {unit}, since its samples are {step:g} apart"
                     + (" (or does it count the rows? Then give --rate)" if step == 1.0 and abs(finite[0]) <= 1.0 else ""),
                     file=path, key=name, hint=f"Say otherwise with --map '{name}=time [s]'", code="time-unit-assumed",
                 )
@@ -83,12 +83,12 @@ def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list
     step = float(np.median(steps)) if len(steps) else 0.0
     if not step or _SLOWEST >= step * factor >= _FASTEST:
         return []
-    others = [unit for unit, other in _SECONDS.items() if other != factor and 2e-5 <= step * other <= 0.2]
+    others = [unit for unit, other in _SECONDS.items() if _FASTEST <= step * other <= 0.2]
     if not others:
         return []
     return [
         Problem(
-            message=f"its samples are {step * factor:g} s apart by the unit that it states; in {others[0]} they would be "
+            f"its samples are {step * factor:g} s apart by the unit that it states; in {others[0]} they would be "
             f"{step * _SECONDS[others[0]]:g} s", file=path,
             key=name, hint=f"If so: --map '{name}=time [{others[0]}]'", code="suspected-time",
         )
@@ -110,7 +110,7 @@ def clean_time(
     if not valid.all():
         bad = where[~valid]
         findings.append(
-            Problem(message=f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}",
+            Problem(f"{len(bad)} {noun}s without a valid time are dropped: {lines_text(bad).replace('line', noun)}",
                     file=path, line=int(bad[0]) if lines is not None else None, key=name, code="bad-time")
         )  # fmt: skip
     # One stamp that is ahead of both that follow it, which go on where the one before it was.
@@ -120,7 +120,7 @@ def clean_time(
     if ahead.any():
         stray = where[valid][ahead]
         findings.append(
-            Problem(message=f"{len(stray)} time stamps far ahead of those that follow, dropped: "
+            Problem(f"{len(stray)} time stamps far ahead of those that follow, dropped: "
                     f"{lines_text(stray).replace('line', noun)}", file=path,
                     line=int(stray[0]) if lines is not None else None, key=name, code="stray-time")
         )  # fmt: skip
@@ -128,7 +128,7 @@ def clean_time(
     t, w = time[valid], where[valid]
     if len(t) < 2:
         raise RecordingError(
-            Problem(message=f"{len(t)} samples with a valid time; at least 2 are needed", file=path, key=name, code="too-short")
+            f"{len(t)} samples with a valid time; at least 2 are needed", file=path, key=name, code="too-short"
         )
     _one_base(t, w, path=path, name=name, noun=noun)
     top = np.maximum.accumulate(t)
@@ -139,17 +139,14 @@ def clean_time(
     if backward.sum() > 0.1 * len(t):
         first = int(np.flatnonzero(backward)[0])
         raise RecordingError(
-            Problem(
-                message=f"time jumps back from {t[first - 1]:g} s to {t[first]:g} s at {noun} {w[first]} and stays behind: "
-                "two time bases or two recordings in one file",
-                file=path, line=int(w[first]) if lines is not None else None, key=name,
-                hint="Expected one time that increases; split the file there", code="two-time-bases",
-            )
+            f"time jumps back from {t[first - 1]:g} s to {t[first]:g} s at {noun} {w[first]} and stays behind: "
+            "two time bases or two recordings in one file", file=path, line=int(w[first]) if lines is not None else None,
+            key=name, hint="Expected one time that increases; split the file there", code="two-time-bases",
         )  # fmt: skip
     if fresh.sum() < 2:
         raise RecordingError(
-            Problem(message=f"all {len(t)} time stamps are {t[0]:g} s", file=path, key=name, code="too-short",
-                    hint="Give the sampling rate with --rate")
+            f"all {len(t)} time stamps are {t[0]:g} s", file=path, key=name, code="too-short",
+            hint="Give the sampling rate with --rate",
         )  # fmt: skip
     for mask, what, code in (
         (duplicate, "duplicate time stamps", "duplicate-time"),
@@ -162,7 +159,7 @@ def clean_time(
             if mask is duplicate and mask.sum() > 0.2 * len(t):
                 hint = "Time is written with too few digits; give the sampling rate with --rate to keep all samples"
             findings.append(
-                Problem(message=f"{len(bad)} {what}, dropped: {place}", file=path,
+                Problem(f"{len(bad)} {what}, dropped: {place}", file=path,
                         line=int(bad[0]) if lines is not None else None, key=name, hint=hint, code=code)
             )  # fmt: skip
     findings += _spacing(t[fresh], w[fresh], path=path, name=name, numbered=lines is not None)
@@ -180,11 +177,9 @@ def _one_base(t: Array, where: NDArray[np.int64], *, path: Path, name: str, noun
     rest = float(np.sum(np.delete(steps, worst))) or float(np.median(steps))
     if steps[worst] > max(1e3 * rest, 3600.0) and rest > 0:
         raise RecordingError(
-            Problem(
-                message=f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s at {noun} {where[worst + 1]}: two time bases",
-                file=path, line=int(where[worst + 1]) if noun == "line" else None, key=name,
-                hint="Expected one clock over the whole file; split it or repair the time", code="two-time-bases",
-            )
+            f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s at {noun} {where[worst + 1]}: two time bases", file=path,
+            line=int(where[worst + 1]) if noun == "line" else None, key=name,
+            hint="Expected one clock over the whole file; split it or repair the time", code="two-time-bases",
         )  # fmt: skip
 
 
@@ -202,7 +197,7 @@ def _spacing(t: Array, where: NDArray[np.int64], *, path: Path, name: str, numbe
         place = f" after line {where[worst]}" if numbered else ""
         findings.append(
             Problem(
-                message=f"{missing} samples are missing in {len(gaps)} gaps; the longest is {steps[worst]:.4g} s at "
+                f"{missing} samples are missing in {len(gaps)} gaps; the longest is {steps[worst]:.4g} s at "
                 f"t = {t[worst]:.6g} s{place}",
                 file=path, line=int(where[gaps[0]]) if numbered else None, key=name, code="dropped-samples",
             )
@@ -212,7 +207,7 @@ def _spacing(t: Array, where: NDArray[np.int64], *, path: Path, name: str, numbe
     if jitter > 0.01 * typical:
         findings.append(
             Problem(
-                message=f"samples are {typical * 1e3:.4g} ms apart with a jitter of {jitter * 1e3:.2g} ms (standard "
+                f"samples are {typical * 1e3:.4g} ms apart with a jitter of {jitter * 1e3:.2g} ms (standard "
                 f"deviation), {np.min(steps) * 1e3:.4g} to {np.max(steps) * 1e3:.4g} ms",
                 file=path, key=name, code="jitter",
             )

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.errors import RecordingError, did_you_mean
 from asrsim.quantities import PRISMATIC_UNITS
 
 
@@ -24,6 +24,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     # SI unit, factor, spellings (compared without spaces; case matters only where two units differ by it)
     ("rad", 1.0, ("rad", "rads", "radian", "radians")),
     ("rad", 1e-3, ("mrad",)),
+    ("rad", 1e-6, ("urad", "µrad", "μrad")),
     ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "Grad", "grado", "gradi", "grados", "degré", "degrés")),
     ("rad", _DEGREE * 1e-3, ("mdeg",)),
     ("rad", _DEGREE / 60, ("arcmin",)),
@@ -42,6 +43,9 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("N m", 1e-3, ("mNm", "mN*m", "mN.m", "mN_m", "Nmm", "N*mm")),
     ("N m", 1e-2, ("Ncm", "cNm", "N*cm")),
     ("N m", 1e3, ("kNm",)),
+    ("N m", 1.3558179483, ("lbft", "lb-ft", "lbf-ft", "lbf.ft", "lbfft", "ft-lb", "ft-lbs", "ft-lbf", "ftlb")),
+    ("N m", 0.1129848290, ("lbin", "lb-in", "lbf-in", "lbf.in", "lbfin", "in-lb", "in-lbs", "in-lbf")),
+    ("N m", 7.06155183e-3, ("ozin", "oz-in", "ozf-in", "ozfin")),
     ("N m", 9.80665e-2, ("kgcm", "kgf.cm", "kgf*cm", "kgfcm")),
     ("N m/rad", 1.0, ("Nm/rad", "N*m/rad", "N.m/rad", "Nm_rad", "Nm_per_rad")),
     ("N m/rad", 1e-3, ("mNm/rad",)),
@@ -53,6 +57,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("m", 1e-2, ("cm",)),
     ("m", 1e-3, ("mm", "millimetre", "millimeter")),
     ("m", 1e-6, ("um", "µm", "μm")),
+    ("m", 0.0254, ("inch", "inches")),
     ("m/s", 1.0, ("m/s", "m_s", "m_per_s")),
     ("m/s", 1e-3, ("mm/s", "mm_s")),
     ("m/s^2", 1.0, ("m/s^2", "m/s2", "m_s2")),
@@ -121,13 +126,20 @@ def find_unit(text: str) -> Unit | None:
     return None
 
 
+def _several(text: str) -> Unit | None:
+    """A number of units: `250us`, `0.1 deg`, `1e-3 rad`."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\d\s].*)", text)
+    unit = find_unit(match[2]) if match else None
+    return None if match is None or unit is None else Unit(text.strip(), unit.si, float(match[1]) * unit.factor)
+
+
 def _ordinary(text: str) -> str:
     """Spellings that differ in their signs only: `N-m`, `N⋅m`, `rad s⁻¹`, `º/sec`, `deg.`, as `N*m`, `rad/s`, `°/s`, `deg`."""
     for old, new in _SIGNS:
         text = text.replace(old, new)
     text = re.sub(r"[*.]?(?:s\^?-1|(?<=/)sec(?:ond)?s?)(?![a-z])", lambda m: "s" if m[0].startswith("sec") else "/s", text)
     text = re.sub(r"[*.]?rad\^?-1", "/rad", text)
-    text = re.sub(r"^(k|m|c)?N-?(?=m)", r"\1N*", text)
+    text = re.sub(r"^([kmc]?)N[-*.]?([mc]?m)(?![a-z])", r"\1N\2", text)
     text = re.sub(r"(?<=[a-z])\.(?=/|$)", "", text)
     return text if text in UNITS else re.sub(r"^(degree|radian|meter|metre)s?(?=/)", lambda m: _WORDS[m[1]], text)
 
@@ -137,12 +149,10 @@ def parse_unit(text: str) -> Unit:
     unit = find_unit(text)
     if unit is None:
         raise RecordingError(
-            Problem(
-                message="is not a unit that is known here",
-                value=text,
-                hint=did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}",
-                code="unknown-unit",
-            )
+            "is not a unit that is known here",
+            value=text,
+            hint=did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}",
+            code="unknown-unit",
         )
     return unit
 
@@ -155,7 +165,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         # q[1] is the second of an array, q [1] without dimension.
         if match and re.search(r"\S[\[(]\d+[\])]$", text):
             return text, None
-        if match and match["name"] and (unit := find_unit(match["unit"])):
+        if match and match["name"] and (unit := find_unit(match["unit"]) or _several(match["unit"])):
             return match["name"].strip().rstrip("_").strip(), unit
     tokens = re.split(r"[_\s]+", text)
     for count in (3, 2, 1):

@@ -36,6 +36,6 @@ def unstated(path: Path, columns: Sequence[Column], remarks: str) -> list[Proble
         return []
     what = "states no unit and is" if len(assumed) == 1 else "state no unit and are"
     return [
-        Problem(message=f"{what} read in SI, but {told}", file=path, key=", ".join(assumed[:6]),
+        Problem(f"{what} read in SI, but {told}", file=path, key=", ".join(assumed[:6]),
                 code="unstated-unit", hint=f"If it is so: --map '{assumed[0]}=JOINT.QUANTITY [deg]'")
     ]  # fmt: skip

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.errors import InputError, OutputError, Problem
+from asrsim.errors import InputError, OutputError
 from asrsim.outfile import is_ours, written
 from asrsim.render.motion import Film, Frame, even_times, telling_times
 
@@ -113,9 +113,8 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
         import imageio_ffmpeg
     except ModuleNotFoundError:
         raise InputError(
-            Problem(message="MP4 needs imageio-ffmpeg", key="--mp4", hint="pip install 'asrsim[video]', or use --gif",
-                    code="no-video")
-        ) from None  # fmt: skip
+            "MP4 needs imageio-ffmpeg", key="--mp4", hint="pip install 'asrsim[video]', or use --gif", code="no-video"
+        ) from None
     times = _times(film, speed, fps)
     with written(path, "picture") as stream:
         writer = imageio_ffmpeg.write_frames(
@@ -140,6 +139,6 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
 def _times(film: Film, speed: float, fps: float, *, most: int | None = None) -> list[float]:
     for key, value in (("speed", speed), ("fps", fps)):
         if not (np.isfinite(value) and value > 0):
-            raise InputError(Problem(message="must be larger than 0", key=key, value=value, code="bad-speed"))
+            raise InputError("must be larger than 0", key=key, value=value, code="bad-speed")
     count = max(2, round((film.end - film.start) / speed * fps) + 1)
     return even_times(film, count if most is None else min(count, most))

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from asrsim.errors import InputError, LogError, Problem
+from asrsim.errors import InputError, LogError
 from asrsim.log import open_log
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
@@ -66,14 +66,14 @@ class Film:
         self.info: RunInfo = reader.info
         count = reader.duration / (self.info.step * max(self.info.log_every, 1)) + 1
         if not any("link_position" in joint.quantities for joint in self.info.joints):
-            raise LogError(Problem(message="the log holds no link positions", file=self.path, code="no-motion"))
+            raise LogError("the log holds no link positions", file=self.path, code="no-motion")
         self.samples: Samples = reader.read(
             quantities=["link_position"], stride=max(1, math.ceil(count / KEPT)), start=start, end=end
         ).samples
         """Positions, poses and contacts, thinned where the log is long."""
         if not len(self.samples.time):
             what = "the log holds no samples" + ("" if start is None and end is None else " in that time")
-            raise LogError(Problem(message=what, file=self.path, code="empty-log"))
+            raise LogError(what, file=self.path, code="empty-log")
         self.scene, self.notes = self._open()
         self._painter = Painter(self.scene)
         self.camera, self.width, self.height = common_view([self])
@@ -123,7 +123,7 @@ class Film:
         from asrsim.runs.repeat import restore
 
         if not self.info.urdf or "scenario" not in self.info.resolved:
-            raise LogError(Problem(message="the log does not hold its robot and scenario", file=self.path, code="no-scenario"))
+            raise LogError("the log does not hold its robot and scenario", file=self.path, code="no-scenario")
         keys = {key: value for key, value in self.info.resolved["scenario"].items() if key in _KEYS}
         info = replace(self.info, urdf=_shape_only(self.info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
         with TemporaryDirectory(prefix="asrsim-render-") as folder:
@@ -181,7 +181,7 @@ def share_view(films: Sequence[Film]) -> None:
 def even_times(film: Film, count: int) -> list[float]:
     """So many times in s over the whole film, both ends included. Raises InputError for less than one."""
     if count < 1:
-        raise InputError(Problem(message="must be 1 or more", key="frames", value=count, code="bad-frames"))
+        raise InputError("must be 1 or more", key="frames", value=count, code="bad-frames")
     return [film.end] if count == 1 else np.linspace(film.start, film.end, count).tolist()
 
 

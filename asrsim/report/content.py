@@ -27,6 +27,9 @@ STRIPS = 12
 """Runs of which film strips are drawn."""
 PICTURES = 4
 """Pictures of comparisons."""
+PICTURE_BYTES = 200_000
+FRAMES = 6
+"""Of a film strip."""
 
 
 _NUMBER = (float, None)
@@ -158,7 +161,7 @@ class Films:
     """What could not be drawn, and why."""
 
 
-def read_films(logs: Sequence[Path], labels: Sequence[str], *, frames: int = 6) -> Films:
+def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
     """Film strips, all seen from one place at the same times, and the moving view."""
     from io import BytesIO
 
@@ -176,7 +179,7 @@ def read_films(logs: Sequence[Path], labels: Sequence[str], *, frames: int = 6) 
     strips: dict[Path, str] = {}
     if films:
         share_view(list(films.values()))
-        times = telling_times(list(films.values()), frames)
+        times = telling_times(list(films.values()), FRAMES)
         for log, film in films.items():
             buffer = BytesIO()
             film_strip(list(film.frames(times)), letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
@@ -200,7 +203,7 @@ def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str,
     return found
 
 
-def picture(path: Path, *, most: int = 200_000) -> str | None:
+def picture(path: Path) -> str | None:
     """A PNG as a data address, in few colours; None if it cannot be read or is too large for the page all the same."""
     from io import BytesIO
 
@@ -213,7 +216,7 @@ def picture(path: Path, *, most: int = 200_000) -> str | None:
     except (OSError, ValueError):
         return None
     data = buffer.getvalue()
-    return None if len(data) > most else "data:image/png;base64," + base64.b64encode(data).decode("ascii")
+    return None if len(data) > PICTURE_BYTES else "data:image/png;base64," + base64.b64encode(data).decode("ascii")
 
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:

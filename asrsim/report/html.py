@@ -22,10 +22,10 @@ def section(title: str, body: str) -> str:
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
     """Columns that hold nothing are left out; `raw` ones hold HTML already."""
-    kept = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
-    head = "".join(f"<th>{escape(heads[i])}</th>" for i in kept)
+    filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
+    head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)
     body = "".join(
-        "<tr>" + "".join(f"<td>{row[i] if i in raw else escape(str(row[i]))}</td>" for i in kept) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td>{row[i] if i in raw else escape(str(row[i]))}</td>" for i in filled) + "</tr>" for row in rows
     )
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
@@ -46,8 +46,3 @@ def number(value: Any, factor: float = 1.0) -> str:
     if value is None or not isinstance(value, int | float) or math.isnan(value):
         return "-"
     return f"{value * factor:.5g}"
-
-
-def share(count: int, total: int) -> str:
-    """A count as a share of the total."""
-    return "-" if not count or not total else f"{100 * count / total:.2g} %"

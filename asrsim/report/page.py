@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -11,9 +12,11 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.plots.rows import metric_tables
+from asrsim.quantities import LIMITS
 from asrsim.report.accuracy import numerical_error
 from asrsim.report.content import Compared, Films, RunContent, picture
-from asrsim.report.html import badge, bullets, number, script_json, section, share, table
+from asrsim.report.html import badge, bullets, number, script_json, section, table
+from asrsim.summary.table import cells, share
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -138,13 +141,16 @@ _MEASURES = (
     ("steady_state", "steady state", 1.0), ("steady_state_error", "error", 1.0), ("overshoot", "overshoot (%)", 100.0),
     ("settling", "settling (s)", 1.0), ("frequency", "frequency (Hz)", 1.0), ("peak_deflection", "peak deflection", 1.0),
 )  # fmt: skip
-_LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     rows, limited = [], False
     for run, label in zip(runs, labels, strict=True):
-        total = run.summary.get("total_substeps") or 0
+        total = run.summary.get("total_substeps") or 1
         for joint in run.summary.get("joints", ()):
             unit = "m" if joint.get("prismatic") else "rad"
             counts = joint.get("limits", {})
@@ -156,14 +162,14 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                     joint["name"],
                     f"{joint['actuator']}{mode}",
                     unit,
-                    *(number(joint.get(key), factor) for key, _, factor in _MEASURES),
-                    *(share(counts.get(key, 0), total) for key in _LIMITS),
+                    *cells([factor * _known(joint.get(key)) for key, _, factor in _MEASURES]),
+                    *(share(counts.get(key, 0), total) for key in LIMITS),
                 ]
             )
-    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES),
-             "effort limit", "velocity limit", "motor limit", "deflection limit", "joint stop"]  # fmt: skip
+    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES)]
+    heads += LIMITS.values()
     if not limited:
-        heads, rows = heads[: -len(_LIMITS)], [row[: -len(_LIMITS)] for row in rows]
+        heads, rows = heads[: -len(LIMITS)], [row[: -len(LIMITS)] for row in rows]
     note = "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limited else ""
     return section("Joints", table(heads, rows) + note) if rows else ""
 

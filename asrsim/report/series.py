@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import LogError, Problem
+from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.curves import CurveSource, RunCurves
 from asrsim.plots.decimate import Envelope
@@ -102,7 +102,7 @@ def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
             envelope = Envelope(len(source.columns), start=0.0, end=duration, bins=grid.count // 2)
         envelope.add(part.time, matrix)
     if not count:
-        raise LogError(Problem(message="the log holds no samples", file=source.reader.path, code="empty-log"))
+        raise LogError("the log holds no samples", file=source.reader.path, code="empty-log")
     series: dict[tuple[str, str], Array] = {}
     for index, column in enumerate(source.columns):
         values = whole[:, index] if envelope is None else envelope.pairs(index)

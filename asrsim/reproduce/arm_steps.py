@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.claim import Claim, Origin
+from asrsim.reproduce.claim import Claim, Origin, above, at_most, below, near
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Picture, Table
 from asrsim.reproduce.law import RATIO, damping_overrides, swings
-from asrsim.reproduce.motors import motor_claims
-from asrsim.reproduce.newton import ALTEREGO, level, motion_claims
+from asrsim.reproduce.motors import qbmove_claims
+from asrsim.reproduce.newton import level
 from asrsim.reproduce.pictures import joints_figure, picture
 
 if TYPE_CHECKING:
@@ -39,33 +39,28 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     first = Part(
         title="Steps of 0.8 rad, horizontal",
         text="Two links, each a qbMove cube on its flange, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
-        "friction "
-        "0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
+        "friction 0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
         claims=(
             *_settled(plain, "AlterEgo's springs"),
             *_faster(plain),
-            *motion_claims(12, {name: run.samples for name, run in plain.items()}, [ALTEREGO] * 2, level),
-            *motor_claims(12, {name: run.samples for name, run in plain.items()}, [ALTEREGO] * 2),
+            *qbmove_claims(plain, level),
         ),
         tables=(_table(plain),),
         pictures=(_picture("figure_12", "Both joints' links (solid) and equilibria (dashed), soft and stiff.", plain),),
     )
     rings = [
         Claim(
-            figure=12,
             text=f"the stiff arm rings more than the soft one, {joint}",
             quantity="swings beyond 2 % of the step, stiff - soft",
             measured=float(_swings(nominal["stiff"], joint) - _swings(nominal["soft"], joint)),
-            comparison=">",
-            value=0.0,
+            bound=above(0.0),
         )
         for joint in JOINTS
     ]
     second = Part(
         title="With the toolbox's default springs",
         text="Here it is as in the paper's simulation: the stiff arm oscillates. The soft springs are weak against the "
-        "joint's friction, "
-        "so that a soft link may stop a sixth of a radian off.",
+        "joint's friction, so that a soft link may stop a sixth of a radian off.",
         claims=(*_settled(nominal, "default springs"), *rings),
         tables=(_table(nominal),),
         pictures=(_picture("figure_12_nominal", "The same steps with the toolbox's default springs.", nominal),),
@@ -78,14 +73,11 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
     for name, result in results.items():
         claims.append(
             Claim(
-                figure=12,
                 origin=origin,
                 text=f"{name}: the equilibria arrive at the reference ({springs})",
                 quantity="largest distance of an equilibrium from the reference at the end",
                 measured=max(abs(float(result[joint].equilibrium_position[-1]) - GOAL) for joint in JOINTS),
-                comparison="<=",
-                value=MOTORS_OFF,
-                unit="rad",
+                bound=at_most(MOTORS_OFF, "rad"),
             )
         )
         claims += [_arrives(result, name, joint, springs, origin) for joint in JOINTS]
@@ -94,7 +86,8 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
 
 def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
     """That the link settles on the reference; where its springs are too weak for that, that friction is what holds it off."""
-    from asrsim.kinematics.compensation import drive_of, equilibrium_for_load
+    from asrsim.kinematics.compensation import equilibrium_for_load
+    from asrsim.robot import drive_of
 
     block = next(block for block in result.run.robot.actuators if block.joint == joint)
     series = result[joint]
@@ -102,38 +95,29 @@ def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin
     band = equilibrium_for_load(drive_of(block), GOAL, FRICTION, float(series.reference_2[-1])) - GOAL
     if band <= SETTLED:
         return Claim(
-            figure=12,
             origin=origin,
             text=f"{name}, {joint}: the link settles on the reference ({springs})",
             quantity="link at the end",
             measured=float(np.mean(series.link_position[-200:])),
-            comparison="==",
-            value=GOAL,
-            tolerance=band + MOTORS_OFF,
-            unit="rad",
+            bound=near(GOAL, band + MOTORS_OFF, "rad"),
         )
     return Claim(
-        figure=12,
         origin="theory" if origin == "paper" else origin,
         text=f"{name}, {joint}: the link stops short only where its springs give less than the joint's friction ({springs})",
         quantity="torque of the springs at the end",
         measured=abs(float(np.mean(series.link_torque[-200:]))),
-        comparison="<=",
-        value=FRICTION,
-        unit="N m",
+        bound=at_most(FRICTION, "N m"),
     )
 
 
 def _faster(results: Mapping[str, Result]) -> list[Claim]:
     return [
         Claim(
-            figure=12,
             origin="theory",
             text=f"the stiff {joint} swings faster than the soft one",
             quantity="frequency stiff / soft",
             measured=_frequency(results["stiff"], joint) / _frequency(results["soft"], joint),
-            comparison=">",
-            value=2.0,
+            bound=above(2.0),
         )
         for joint in JOINTS
     ]
@@ -193,29 +177,25 @@ def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]
         before, after = (_settling(runs["stiff"], joint) for runs in (nominal, default))
         claims += [
             Claim(
-                figure=12,
                 origin="beyond",
                 text=f"the stiff {joint} no longer rings as in the paper's simulation (default springs)",
                 quantity="swings beyond 2 %, with - without",
                 measured=float(_swings(default["stiff"], joint) - _swings(nominal["stiff"], joint)),
-                comparison="<",
-                value=0.0,
+                bound=below(0.0),
             ),
             Claim(
-                figure=12,
                 origin="beyond",
                 text=f"the stiff {joint} settles sooner, as the real arm does (default springs)",
                 quantity="settling time with / without",
                 measured=after / before,
-                comparison="<",
-                value=0.8,
+                bound=below(0.8),
             ),
         ]
     return Part(
         title="What the paper could not show: damping that changes with the preset",
-        text="The authors explain the stiff simulation's ringing by a damping that stays fixed, where the real joint's "
-        "grows with the "
-        f"preset. The same steps with an added damping ratio of {RATIO} at each moment's stiffness and each joint's inertia.",
+        text="The authors explain the stiff simulation's ringing by a damping that stays fixed, where the real "
+        "joint's grows with the preset. "
+        f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness and each joint's inertia.",
         claims=tuple(claims),
         tables=(_table({f"default {name}": run for name, run in default.items()} | alterego),),
         pictures=(
@@ -240,8 +220,7 @@ FIGURES.add(
         title="Steps of a horizontal arm",
         section="4.2.2",
         paper="Two joints step by 0.8 rad without gravity in the way. Links and equilibria reach the reference in both "
-        "presets; "
-        "the stiff simulation oscillates more than the real arm, since its damping does not change with the preset.",
+        "presets; the stiff simulation oscillates more than the real arm, since its damping does not change with the preset.",
         parts=parts,
         cost=4.0,
     ),

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.reproduce.chain import five_links
-from asrsim.reproduce.claim import Claim, Origin
+from asrsim.reproduce.claim import Claim, Origin, above, at_most, below, near
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.motors import motor_claims
-from asrsim.reproduce.newton import ALTEREGO, motion_claims
+from asrsim.reproduce.motors import qbmove_claims
 from asrsim.reproduce.pictures import curves, films, picture
 from asrsim.reproduce.statics import GRAVITY
-from asrsim.reproduce.tip import tip_path
+from asrsim.samples import TIP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -39,26 +38,18 @@ BEFORE = 0.01
 def parts(lab: Lab) -> tuple[Part, ...]:
     """As in the paper, and with growing damping."""
     results = lab.pairs(SCENARIO, PRESETS)
-    tips = {name: tip_path(result) for name, result in results.items()}
+    tips = {name: result.bodies[TIP] for name, result in results.items()}
     strips = [
         item for name in PRESETS for item in films(results[name].log, f"figure_14_{name}", f"The {name} arm meets the box.")
     ]
     first = Part(
         title="Pushing a box of 2 kg",
         text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is "
-        "closed on the "
-        "model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of 0.265 m and "
-        "2 kg with friction 0.23 on the ground.",
+        "closed on the model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of "
+        "0.265 m and 2 kg with friction 0.23 on the ground.",
         claims=(
             *_claims(results, tips, "paper"),
-            *motion_claims(
-                14,
-                {name: run.samples for name, run in results.items()},
-                [ALTEREGO] * 5,
-                five_links,
-                until={name: _touch(run) - BEFORE for name, run in results.items()},
-            ),
-            *motor_claims(14, {name: run.samples for name, run in results.items()}, [ALTEREGO] * 5),
+            *qbmove_claims(results, five_links, until={name: _touch(run) - BEFORE for name, run in results.items()}),
         ),
         tables=(_table(results, tips),),
         pictures=(
@@ -71,7 +62,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         ),
     )
     damped = {name: lab.run(SCENARIO, name, overrides=damping_overrides(result), log=False) for name, result in results.items()}
-    tips = {name: tip_path(result) for name, result in damped.items()}
+    tips = {name: result.bodies[TIP] for name, result in damped.items()}
     second = Part(
         title="With link damping that grows with the stiffness",
         text=f"The same push with an added damping ratio of {RATIO} at each moment's stiffness.",
@@ -88,65 +79,46 @@ def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Or
     holding = soft.time > 0.8 * soft.time[-1]
     return [
         Claim(
-            figure=14,
             origin=origin,
             text="soft, the box stays where it is",
             quantity="displacement of the box along the push",
             measured=abs(_moved(soft)),
-            comparison="<",
-            value=1e-3,
-            unit="m",
+            bound=below(1e-3, "m"),
         ),
         Claim(
-            figure=14,
             origin=origin,
             text="soft, the box stops the end effector",
             quantity="tip short of its goal",
             measured=goal - float(tips["soft"][-1, Y]),
-            comparison=">",
-            value=0.05,
-            unit="m",
+            bound=above(0.05, "m"),
         ),
         Claim(
-            figure=14,
             origin="theory" if origin == "paper" else origin,
             text="soft, the arm pushes less than friction can take up",
             quantity="contact force while it holds",
             measured=float(np.mean(force[holding])),
-            comparison="<",
-            value=RESISTANCE,
-            unit="N",
+            bound=below(RESISTANCE, "N"),
         ),
         Claim(
-            figure=14,
             origin=origin,
             text="stiff, the arm takes the box along to the goal",
             quantity="box from its place at the goal",
             measured=abs(_box_goal(stiff) - float(stiff.bodies[BOX][-1, Y])),
-            comparison="<=",
-            value=0.01,
-            unit="m",
+            bound=at_most(0.01, "m"),
         ),
         Claim(
-            figure=14,
             origin="theory" if origin == "paper" else origin,
             text="stiff, the box slides on the ground as 2 kg with friction 0.23 do",
             quantity="contact force while it slides",
             measured=_sliding_force(stiff),
-            comparison="==",
-            value=RESISTANCE,
-            tolerance=0.1,
-            unit="N",
+            bound=near(RESISTANCE, 0.1, "N"),
         ),
         Claim(
-            figure=14,
             origin=origin,
             text="stiff, the end effector reaches its goal",
             quantity="tip from its goal",
             measured=abs(goal - float(tips["stiff"][-1, Y])),
-            comparison="<=",
-            value=0.01,
-            unit="m",
+            bound=at_most(0.01, "m"),
         ),
     ]
 
@@ -263,8 +235,7 @@ FIGURES.add(
         title="An arm meets a box",
         section="4.2.3",
         paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box "
-        "stops it; stiff, "
-        "it moves the box and reaches its goal, on the real arm and in simulation.",
+        "stops it; stiff, it moves the box and reaches its goal, on the real arm and in simulation.",
         parts=parts,
         cost=10.0,
     ),

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.reproduce.claim import Claim
+from asrsim.reproduce.claim import Claim, at_least, below, near
 from asrsim.reproduce.figure import FIGURES, Figure, Part
 from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.motors import motor_claims
-from asrsim.reproduce.newton import ALTEREGO, hanging, motion_claims
+from asrsim.reproduce.motors import qbmove_claims
+from asrsim.reproduce.newton import hanging
 from asrsim.reproduce.pictures import joints_figure, picture
 from asrsim.reproduce.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
 
@@ -49,8 +49,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "phase come from a sweep at the same rate over a little more than the band, at whose ends a chirp's power fades.",
         claims=(
             *_claims(results, wide, found),
-            *motion_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO], hanging),
-            *motor_claims(11, {name: run.samples for name, run in results.items()}, [ALTEREGO]),
+            *qbmove_claims(results, hanging),
         ),
         tables=(response_table(found),),
         pictures=pictures,
@@ -66,24 +65,18 @@ def _claims(results: Mapping[str, Result], wide: Mapping[str, Result], found: Ma
         motor = frequency_response(wide[name].time, series.reference_1, series.equilibrium_position, band=BAND)
         claims += [
             Claim(
-                figure=11,
                 origin="theory",
                 text=f"{name}: the response is known over the whole sweep",
-                comparison=">=",
-                value=0.9,
                 quantity=f"least coherence, {low:.2g} to {high:.2g} Hz",
                 measured=float(np.min(one.coherence)),
+                bound=at_least(0.9),
             ),
             Claim(
-                figure=11,
                 origin="simulation",
                 text=f"{name}: the equilibrium follows the chirp until the motors' own bandwidth",
                 quantity="-3 dB of the equilibrium",
                 measured=motor.bandwidth or float("nan"),
-                comparison="==",
-                value=4.6,
-                tolerance=0.3,
-                unit="Hz",
+                bound=near(4.6, 0.3, "Hz"),
             ),
         ]
     through = {name: from_equilibrium(wide[name]) for name in PRESETS}
@@ -91,60 +84,43 @@ def _claims(results: Mapping[str, Result], wide: Mapping[str, Result], found: Ma
     peak = {name: float(np.max(np.abs(results[name][JOINT].link_position))) for name in PRESETS}
     claims += [
         Claim(
-            figure=11,
             origin="simulation",
             text="the soft joint resonates within the sweep",
             quantity="peak of the gain from equilibrium to link",
             measured=soft[0] if soft else float("nan"),
-            comparison="==",
-            value=4.55,
-            tolerance=0.3,
-            unit="Hz",
+            bound=near(4.55, 0.3, "Hz"),
         ),
         Claim(
-            figure=11,
             origin="simulation",
             text="there the soft link swings wider than its equilibrium",
             quantity="gain from equilibrium to link at the peak",
             measured=soft[1] if soft else float("nan"),
-            comparison="==",
-            value=1.49,
-            tolerance=0.1,
+            bound=near(1.49, 0.1),
         ),
         Claim(
-            figure=11,
             text="the stiff link goes with its equilibrium, its resonance is beyond the sweep",
             quantity="largest gain from equilibrium to link, stiff",
             measured=float(np.max(through["stiff"].gain)),
-            comparison="<",
-            value=1.1,
+            bound=below(1.1),
         ),
         Claim(
-            figure=11,
             text="the stiff link is where it is told at the sweep's low end",
             quantity="gain there, stiff",
             measured=float(found["stiff"].gain[0]),
-            comparison="==",
-            value=1.0,
-            tolerance=0.03,
+            bound=near(1.0, 0.03),
         ),
         Claim(
-            figure=11,
             text="the soft one is not: gravity and friction take their share",
             quantity="gain there, soft",
             measured=float(found["soft"].gain[0]),
-            comparison="<",
-            value=0.9,
+            bound=below(0.9),
         ),
         Claim(
-            figure=11,
             origin="simulation",
             text="the largest deflection of the link is about the same in both presets",
             quantity="peak soft / peak stiff",
             measured=peak["soft"] / peak["stiff"],
-            comparison="==",
-            value=1.09,
-            tolerance=0.08,
+            bound=near(1.09, 0.08),
         ),
     ]
     return claims
@@ -160,32 +136,24 @@ def _nominal(lab: Lab) -> Part:
     torque = float(np.max(np.abs(soft[JOINT].link_torque)))
     claims = [
         Claim(
-            figure=11,
             origin="theory",
             text="the soft link's springs are weaker than its joint's friction",
             quantity=f"largest spring torque, friction {friction:g} N m",
             measured=torque,
-            comparison="<",
-            value=friction,
-            unit="N m",
+            bound=below(friction, "N m"),
         ),
         Claim(
-            figure=11,
             origin="theory",
             text="the soft link does not move",
             quantity="amplitude of the soft link",
             measured=0.5 * float(np.ptp(soft[JOINT].link_position)),
-            comparison="<",
-            value=1e-6,
-            unit="rad",
+            bound=below(1e-6, "rad"),
         ),
         Claim(
-            figure=11,
             text="the stiff link follows",
             quantity="median coherence",
             measured=float(np.median(one.coherence)),
-            comparison=">=",
-            value=0.9,
+            bound=at_least(0.9),
         ),
     ]
     said = "No link is held by friction."
@@ -214,13 +182,11 @@ def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, Frequenc
     found = {name: response(result) for name, result in results.items()}
     peaks = [float(np.max(one.gain)) for one in (before["soft"], found["soft"])]
     claim = Claim(
-        figure=11,
         origin="beyond",
         text="the soft resonance is lower with damping that grows with the stiffness",
         quantity="largest gain with / without",
         measured=peaks[1] / peaks[0],
-        comparison="<",
-        value=0.95,
+        bound=below(0.95),
     )
     return Part(
         title="With link damping that grows with the stiffness",

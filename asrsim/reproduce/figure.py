@@ -86,7 +86,7 @@ class Reproduction:
             "paper": self.paper,
             "holds": self.holds,
             "error": self.error,
-            "claims": [claim.as_dict() for claim in self.claims],
+            "claims": [{"figure": self.number, **claim.as_dict()} for claim in self.claims],
             "tables": [
                 {"caption": table.caption, "headings": list(table.headings), "rows": [list(row) for row in table.rows]}
                 for part in self.parts

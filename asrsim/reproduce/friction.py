@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -37,10 +36,10 @@ class Held:
         return f"{self.joint} is held by friction: {springs}"
 
 
-def held_by_friction(result: Result, joints: Sequence[str] | None = None) -> tuple[Held, ...]:
+def held_by_friction(result: Result) -> tuple[Held, ...]:
     """Joints that rest during a whole run although their reference moves, with spring torques below their friction."""
     found = []
-    for name in joints or result.joints:
+    for name in result.joints:
         series = result[name]
         friction = result.run.robot.joint(name).friction
         torque = float(np.max(np.abs(series.link_torque)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,17 +55,15 @@ class Lab:
         began = clock.perf_counter()
         scenario = self.scenario(name, variant, overrides)
         if overrides or robot is not None:
-            # What the example claims is about the example as it is.
+            # The example's claims are about the unchanged example.
             scenario = replace(scenario, expect=())
         result = run(scenario, robot=robot, out=out, overwrite=True)
         self.count(result.run.simulated_time, clock.perf_counter() - began)
         return result
 
-    def pairs(
-        self, name: str, variants: Sequence[str], overrides: Mapping[str, Sequence[str]] | None = None
-    ) -> dict[str, Result]:
+    def pairs(self, name: str, variants: Sequence[str]) -> dict[str, Result]:
         """Several variants, by name."""
-        return {variant: self.run(name, variant, overrides=(overrides or {}).get(variant, ())) for variant in variants}
+        return {variant: self.run(name, variant) for variant in variants}
 
     def count(self, simulated: float, seconds: float) -> None:
         """Note simulated time and the wall-clock time that it took."""

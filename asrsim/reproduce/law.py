@@ -33,10 +33,10 @@ def damping_overrides(result: Result) -> tuple[str, ...]:
     )
 
 
-def swings(values: Array, goal: float, *, share: float = 0.02) -> int:
-    """How often a series (n,) turns after its first arrival at `goal`, counting turns beyond `share` of the step only."""
+def swings(values: Array, goal: float) -> int:
+    """How often a series (n,) turns after its first arrival at `goal`, counting turns beyond 2 % of the step only."""
     x = values - goal
-    floor = share * abs(float(x[0]))
+    floor = 0.02 * abs(float(x[0]))
     state = np.where(x > floor, 1, np.where(x < -floor, -1, 0))
     state = state[state != 0]
     return int(np.sum(np.diff(state) != 0))

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.claim import Claim
-from asrsim.reproduce.newton import Springs, differences, sliding
+from asrsim.reproduce.claim import Claim, at_most
+from asrsim.reproduce.newton import ALTEREGO, Springs, differences, motion_claims, sliding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from asrsim.api import Result
+    from asrsim.reproduce.newton import Law
     from asrsim.samples import Samples
 
 INERTIA, DAMPING, FRICTION = 0.0233, 0.2698, 0.02
@@ -53,17 +55,17 @@ def departure(samples: Samples, springs: Sequence[Springs]) -> float:
     return float(np.max(np.abs(found / paper - 1.0) / ALLOWED))
 
 
-def motor_claims(figure: int, runs: Mapping[str, Samples], springs: Sequence[Springs]) -> list[Claim]:
-    """That the motors of each run are the paper's."""
-    return [
+def qbmove_claims(results: Mapping[str, Result], law: Law, *, until: Mapping[str, float] | None = None) -> list[Claim]:
+    """That each run's links and motors move as the paper's with AlterEgo's springs. law, until: of :func:`motion_claims`."""
+    runs = {name: result.samples for name, result in results.items()}
+    motors = [
         Claim(
-            figure=figure,
             origin="theory",
             text=f"{name}: the motors move as Newton's law with the paper's inertia, damping, friction and gains has it",
             quantity="how far the worst of them, read from the motion, is off, over the 1 % (friction 5 %) that it may be",
-            measured=departure(samples, springs),
-            comparison="<=",
-            value=1.0,
+            measured=departure(samples, [ALTEREGO] * len(samples.joints)),
+            bound=at_most(1.0),
         )
         for name, samples in runs.items()
     ]
+    return [*motion_claims(runs, law, until=until), *motors]

@@ -8,6 +8,7 @@ damping or friction does not fit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.reproduce.claim import Claim
+from asrsim.reproduce.claim import Claim, near
 from asrsim.reproduce.statics import GRAVITY
 
 if TYPE_CHECKING:
@@ -138,12 +139,20 @@ def _planar(q: Array, v: Array, acceleration: Array, gravity: float) -> Array:
 
 
 def motion_claims(
-    figure: int, runs: Mapping[str, Samples], springs: Sequence[Springs], law: Law, *, until: Mapping[str, float] | None = None
+    runs: Mapping[str, Samples],
+    law: Law,
+    springs: Sequence[Springs] | None = None,
+    *,
+    until: Mapping[str, float] | None = None,
 ) -> list[Claim]:
-    """That each run's motion is one of the paper's masses and losses under these springs. until: s, of each run, if not to its
-    end."""
-    ends = until or dict.fromkeys(runs, np.inf)
-    motions = {name: read_motion(samples, springs, law, until=ends[name]) for name, samples in runs.items()}
+    """That each run's motion is one of the paper's masses and losses under these springs.
+
+    springs: of each joint, AlterEgo's if not given; until: s, of each run, if not to its end.
+    """
+    motions = {
+        name: read_motion(samples, springs or [ALTEREGO] * len(samples.joints), law, until=until[name] if until else math.inf)
+        for name, samples in runs.items()
+    }
     wanted = {
         "masses": ("masses, times the paper's, that the motion tells", 1.0, ""),
         "damping": ("damping that the motion tells", DAMPING, "N m s/rad"),
@@ -151,15 +160,11 @@ def motion_claims(
     }
     return [
         Claim(
-            figure=figure,
             origin="theory",
             text=f"{name}: the links move as Newton's law with the paper's springs and {what} has it",
             quantity=quantity,
             measured=getattr(motion, what),
-            comparison="==",
-            value=value,
-            tolerance=SHARE * value,
-            unit=unit,
+            bound=near(value, SHARE * value, unit),
         )
         for name, motion in motions.items()
         for what, (quantity, value, unit) in wanted.items()

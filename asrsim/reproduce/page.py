@@ -100,7 +100,7 @@ def _claims(claims: Sequence[Claim]) -> str:
         f'<tr class="{_class(claim.holds)}"><td>{escape(claim.text)}'
         f'<span class="small" title="{escape(ORIGINS[claim.origin])}">{escape(claim.quantity)} · {claim.origin}</span></td>'
         f'<td class="number" data-name="measured">{escape(claim.found)}</td>'
-        f'<td class="number" data-name="expected">{escape(claim.expected)}</td>'
+        f'<td class="number" data-name="expected">{escape(str(claim.bound))}</td>'
         f"<td>{_verdict(claim.holds, WORDS[claim.holds])}</td></tr>"
         for claim in claims
     )

@@ -18,28 +18,23 @@ if TYPE_CHECKING:
     from asrsim.plots.panels import Panel
 
 DPI = 130
+FRAMES = 6
+"""Of a film strip."""
 
 
-def picture(name: str, caption: str, draw: Callable[[], Figure], *, kind: str = "svg") -> Picture:
-    """What `draw` draws. kind: svg, or png for pictures with very many points."""
-    from asrsim.plots.output import styled
+def picture(name: str, caption: str, draw: Callable[[], Figure]) -> Picture:
+    """What `draw` draws, as SVG."""
+    import matplotlib
+
+    from asrsim.plots.output import METADATA, styled
 
     with styled():
         figure = draw()
-        data = render(figure, kind)
-    return Picture(name=name, caption=caption, kind=kind, data=data)
-
-
-def render(figure: Figure, kind: str) -> bytes:
-    """The bytes of a figure's file; letters of an SVG become paths, so that it looks the same without our font."""
-    import matplotlib
-
-    stream = io.BytesIO()
-    from asrsim.plots.output import METADATA
-
-    with matplotlib.rc_context({"svg.fonttype": "path"}):
-        figure.savefig(stream, format=kind, metadata=METADATA[kind], dpi=DPI)
-    return stream.getvalue()
+        stream = io.BytesIO()
+        # Letters become paths, so that it looks the same without our font.
+        with matplotlib.rc_context({"svg.fonttype": "path"}):
+            figure.savefig(stream, format="svg", metadata=METADATA["svg"], dpi=DPI)
+    return Picture(name=name, caption=caption, kind="svg", data=stream.getvalue())
 
 
 def curves(results: Mapping[str, Result], *, start: float | None = None, end: float | None = None) -> list[RunCurves]:
@@ -80,7 +75,7 @@ def link_panel() -> Panel:
     )  # fmt: skip
 
 
-def films(log: Path | None, name: str, caption: str, *, frames: int = 6) -> tuple[Picture, ...]:
+def films(log: Path | None, name: str, caption: str) -> tuple[Picture, ...]:
     """A film strip of a run's motion, from its log; nothing without one."""
     if log is None or not log.is_file():
         return ()
@@ -88,5 +83,5 @@ def films(log: Path | None, name: str, caption: str, *, frames: int = 6) -> tupl
 
     film = Film(log)
     stream = io.BytesIO()
-    film_strip(list(film.frames(telling_times([film], frames)))).save(stream, format="PNG", compress_level=6)
+    film_strip(list(film.frames(telling_times([film], FRAMES)))).save(stream, format="PNG", compress_level=6)
     return (Picture(name=name, caption=caption, kind="png", data=stream.getvalue()),)

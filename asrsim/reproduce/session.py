@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import AsrsimError
-from asrsim.outfile import make_folder, write_text, written
+from asrsim.outfile import make_folder, write_json, write_text, written
 from asrsim.reproduce.figure import FIGURES, Reproduction
 from asrsim.workers import Lost, executor
 
@@ -115,5 +114,4 @@ def _write(folder: Path, outcome: Outcome) -> None:
                     stream.write(picture.data)
                 done.add(path)
     write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds), "page")
-    numbers = {"generator": f"asrsim {__version__}", **outcome.as_dict()}
-    write_text(outcome.numbers, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n", "json")
+    write_json(outcome.numbers, outcome.as_dict())

@@ -14,8 +14,10 @@ import numpy as np
 
 from asrsim.samples import Array
 
-STEP = 0.8
-"""rad, of the reference."""
+STEP, AT = 0.8, 0.1
+"""rad, s, of the reference's step."""
+RESIDUAL = 1e-6
+"""rad that the last swings may still have."""
 GRAVITY = 9.81
 """m/s^2."""
 MASS, ARM = 0.2, 0.04
@@ -78,6 +80,12 @@ SPRINGS = {
     ("qbmove", "stiff"): _qbmove(0.6),
 }
 """Actuator and setting of figure 8 -> its spring."""
+ACTUATORS = {"sea": "SEA", "awas_ii": "AwAS-II", "bavs": "BAVS", "qbmove": "qbMove"}
+
+
+def label_of(case: tuple[str, str]) -> str:
+    """A case for people."""
+    return f"{ACTUATORS[case[0]]} {case[1]}"
 
 
 @dataclass(frozen=True, kw_only=True)

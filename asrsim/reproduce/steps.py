@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.claim import Claim
+from asrsim.reproduce.claim import Claim, above, below, near
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.pictures import curves, link_panel, picture
 from asrsim.reproduce.ringing import fit_ringing
-from asrsim.reproduce.statics import STEP, Rest, rest
-from asrsim.reproduce.step_cases import ACTUATORS, AT, CASES, RESIDUAL, label_of
+from asrsim.reproduce.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
 from asrsim.reproduce.step_losses import with_friction, with_growing_damping
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ FINE_TIME = 0.5
 
 def parts(lab: Lab) -> tuple[Part, ...]:
     """All eight cases, three times: as in the paper, with the friction of section 4.2, with growing damping."""
-    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in CASES}
-    rests = {case: rest(case) for case in CASES}
+    results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in SPRINGS}
+    rests = {case: rest(case) for case in SPRINGS}
     claims: list[Claim] = []
     rows = []
     for case, result in results.items():
@@ -75,15 +74,11 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     omega_h = wanted.natural * step
     claims = [
         Claim(
-            figure=8,
             origin="theory",
             text=f"{label} rests where its spring and gravity balance",
             quantity="rest - predicted rest",
             measured=end - wanted.position,
-            comparison="==",
-            value=0.0,
-            tolerance=RESIDUAL,
-            unit="rad",
+            bound=near(0.0, RESIDUAL, "rad"),
         )
     ]
     sampled = result
@@ -95,28 +90,20 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     found = fit_ringing(sampled.time, sampled["joint_1"].link_velocity, start=AT)
     claims.append(
         Claim(
-            figure=8,
             origin="theory",
             text=f"{label} swings at the frequency of its stiffness and inertia",
             quantity="natural frequency of the last swings",
             measured=found.frequency,
-            comparison="==",
-            value=wanted.frequency,
-            tolerance=0.005 * wanted.frequency,
-            unit="Hz",
+            bound=near(wanted.frequency, 0.005 * wanted.frequency, "Hz"),
         )
     )
     claims.append(
         Claim(
-            figure=8,
             origin="theory",
             text=f"{label} loses its swings to the joint's damping alone",
             quantity="decay rate of the last swings",
             measured=found.decay,
-            comparison="==",
-            value=wanted.decay,
-            tolerance=0.01 * wanted.decay,
-            unit="1/s",
+            bound=near(wanted.decay, 0.01 * wanted.decay, "1/s"),
         )
     )
     row = (
@@ -141,27 +128,19 @@ def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[
     unfolded = float(np.hypot(turns * 2.0 * np.pi / step - omega, found.decay)) / (2.0 * np.pi)
     return [
         Claim(
-            figure=8,
             origin="theory",
             text=f"{label} swings right at a step of {1e3 * step:g} ms too, though its frequency is beyond "
             "what such a step samples",
             quantity="natural frequency at 1 ms, unfolded",
             measured=unfolded,
-            comparison="==",
-            value=wanted.frequency,
-            tolerance=0.005 * wanted.frequency,
-            unit="Hz",
+            bound=near(wanted.frequency, 0.005 * wanted.frequency, "Hz"),
         ),
         Claim(
-            figure=8,
             origin="theory",
             text=f"{label} decays right at a step of {1e3 * step:g} ms",
             quantity="decay rate at 1 ms",
             measured=found.decay,
-            comparison="==",
-            value=wanted.decay,
-            tolerance=0.005 * wanted.decay,
-            unit="1/s",
+            bound=near(wanted.decay, 0.005 * wanted.decay, "1/s"),
         ),
     ]
 
@@ -174,23 +153,18 @@ def _paper(results: dict[tuple[str, str], Result]) -> list[Claim]:
         ratio = sag[name, "soft"] / sag[name, "stiff"]
         claims.append(
             Claim(
-                figure=8,
                 text=f"gravity pulls the soft {ACTUATORS[name]} off its reference, far more than the stiff one",
                 quantity="sag soft / sag stiff",
                 measured=ratio,
-                comparison=">",
-                value=5.0,
+                bound=above(5.0),
             )
         )
         claims.append(
             Claim(
-                figure=8,
                 text=f"the stiff {ACTUATORS[name]} is regulated correctly",
                 quantity="reference - rest",
                 measured=sag[name, "stiff"],
-                comparison="<",
-                value=0.02,
-                unit="rad",
+                bound=below(0.02, "rad"),
             )
         )
     return claims

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from asrsim.robot.engine_text import engine_urdf
-from asrsim.robot.merge import MergedRobot, Place, merge_fixed
-from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot, Shape
-from asrsim.robot.mounting import block_for, with_actuators
+from asrsim.robot.merge import merge_fixed
+from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.mounting import drive_of, with_actuators
 from asrsim.robot.overrides import with_overrides
 from asrsim.robot.reader import load_robot
 from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
@@ -14,13 +14,10 @@ __all__ = [
     "ActuatorBlock",
     "Joint",
     "Link",
-    "MergedRobot",
     "ParameterValue",
-    "Place",
     "Robot",
-    "Shape",
     "StepFigures",
-    "block_for",
+    "drive_of",
     "engine_urdf",
     "load_robot",
     "merge_fixed",

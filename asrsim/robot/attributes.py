@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-from asrsim.robot.findings import Findings
+from asrsim.robot.findings import Reader
 from asrsim.robot.model import Vector
 from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import BLANKS, elements
@@ -16,8 +16,6 @@ LARGEST = 1e12
 """In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
 SMALLEST = 1e-30
 """In SI units: masses, inertias and parameters closer to 0, and not 0, are mistakes, and their inverses would overflow."""
-Line = Callable[[Any], int | None]
-"""An element's line in the user's file, None if unknown."""
 
 
 def words(text: str) -> list[str]:
@@ -30,12 +28,8 @@ def beyond_a_turn(angles: Sequence[float]) -> bool:
     return max(map(abs, angles)) > math.tau + 1e-3
 
 
-class AttributeReader:
+class AttributeReader(Reader):
     """Reads attributes; problems go to `findings`, and a harmless value comes back."""
-
-    def __init__(self, findings: Findings, line: Line) -> None:
-        self.findings = findings
-        self.line = line
 
     def origin(self, element: Any, name: str) -> tuple[Vector, Vector]:
         """Position in m and roll, pitch, yaw in rad of an `<origin>`, zero where it is absent."""
@@ -46,8 +40,8 @@ class AttributeReader:
         key = f"{name}.origin"
         position, angles = self.vector(tags[0], "xyz", key, default=zero), self.vector(tags[0], "rpy", key, default=zero)
         if beyond_a_turn(angles):
-            self.findings.warn(
-                "turns by more than once round; angles are in rad", code="rpy-in-degrees", line=self.line(tags[0]), key=key,
+            self.warn(
+                "turns by more than once round; angles are in rad", tags[0], key, code="rpy-in-degrees",
                 value=tags[0].get("rpy"), hint="90 degrees are 1.5708 rad",
             )  # fmt: skip
         return position, angles
@@ -57,9 +51,7 @@ class AttributeReader:
         text = element.get(key)
         if text is None:
             if required:
-                self.findings.error(
-                    f"attribute '{key}' is missing", code="missing-attribute", line=self.line(element), key=place
-                )
+                self.error(f"attribute '{key}' is missing", element, place, code="missing-attribute")
             return 0.0
         return self._float(text, text, element, place, finite=finite)
 
@@ -70,9 +62,7 @@ class AttributeReader:
             return default
         parts = words(text)
         if len(parts) != 3:
-            self.findings.error(
-                f"'{key}' must be three numbers", code="not-a-number", line=self.line(element), key=place, value=text
-            )
+            self.error(f"'{key}' must be three numbers", element, place, code="not-a-number", value=text)
             return default
         x, y, z = (self._float(part, text, element, place, finite=True) for part in parts)
         return x, y, z
@@ -81,19 +71,16 @@ class AttributeReader:
         try:
             value = plain_number(text)
         except ValueError:
-            self.findings.error("is not a number", code="not-a-number", line=self.line(element), key=place, value=shown)
+            self.error("is not a number", element, place, code="not-a-number", value=shown)
             return 0.0
         return self.bounded(value, shown, element, place, finite=finite)
 
     def bounded(self, value: float, shown: str, element: Any, place: str, *, finite: bool) -> float:
         """The value, or 0 and an error if it is no number, infinite where it must not be, or beyond all reason."""
         if math.isnan(value) or (finite and math.isinf(value)):
-            self.findings.error("must be finite", code="not-finite", line=self.line(element), key=place, value=shown)
+            self.error("must be finite", element, place, code="not-finite", value=shown)
             return 0.0
         if finite and abs(value) > LARGEST:
-            self.findings.error(
-                f"is larger than {LARGEST:g}, which no robot has", code="out-of-range", line=self.line(element), key=place,
-                value=shown,
-            )  # fmt: skip
+            self.error(f"is larger than {LARGEST:g}, which no robot has", element, place, code="out-of-range", value=shown)
             return 0.0
         return value

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
 from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
 from asrsim.errors import did_you_mean, nearest
 from asrsim.robot.advice import advise
-from asrsim.robot.findings import Findings
+from asrsim.robot.findings import Findings, Line, Reader
 from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
@@ -23,9 +23,7 @@ _TRUE, _FALSE = ("true", "1"), ("false", "0")
 MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 
 
-def read_blocks(
-    root: Any, joints: Sequence[Joint], findings: Findings, line: Callable[[Any], int | None]
-) -> tuple[ActuatorBlock, ...]:
+def read_blocks(root: Any, joints: Sequence[Joint], findings: Findings, line: Line) -> tuple[ActuatorBlock, ...]:
     """All blocks of the toolbox's actuators and of registered ones; other plugins are left alone."""
     reader = _BlockReader({joint.name: joint for joint in joints}, findings, line)
     for gazebo in elements(root, "gazebo"):
@@ -42,13 +40,18 @@ def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin
     return parameter.default, "default"
 
 
-class _BlockReader:
+def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> ParameterValue:
+    """The parameter where nothing sets it."""
+    value, origin = default_value(parameter, mode)
+    return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
+
+
+class _BlockReader(Reader):
     """Keeps what was read so far, to see two blocks on one joint."""
 
-    def __init__(self, joints: Mapping[str, Joint], findings: Findings, line: Callable[[Any], int | None]) -> None:
+    def __init__(self, joints: Mapping[str, Joint], findings: Findings, line: Line) -> None:
+        super().__init__(findings, line)
         self.joints = joints
-        self.findings = findings
-        self.line = line
         self.blocks: list[ActuatorBlock] = []
         self._taken: dict[str, int | None] = {}
 
@@ -129,10 +132,7 @@ class _BlockReader:
         by_tag: dict[str, Any] = {}
         for tag in tags:
             if tag.tag in by_tag:
-                self.findings.error(
-                    "tag stands twice in one block", code="duplicate-tag", line=self.line(tag), key=f"{shown}.{tag.tag}",
-                    value=text_of(tag),
-                )  # fmt: skip
+                self.error("tag stands twice in one block", tag, f"{shown}.{tag.tag}", code="duplicate-tag", value=text_of(tag))
             else:
                 by_tag[tag.tag] = tag
         return by_tag
@@ -142,9 +142,9 @@ class _BlockReader:
         for name, tag in by_tag.items():
             if name not in known:
                 close = nearest(name, known)
-                self.findings.warn(
-                    f"unknown tag <{name}>; it has no effect", code="unknown-tag", line=self.line(tag),
-                    key=f"{shown}.{name}", hint=f"Did you mean <{close}>?" if close else None,
+                self.warn(
+                    f"unknown tag <{name}>; it has no effect", tag, f"{shown}.{name}", code="unknown-tag",
+                    hint=f"Did you mean <{close}>?" if close else None,
                 )  # fmt: skip
 
     def _joint(self, by_tag: Mapping[str, Any], line: int | None, shown: str) -> Joint | None:
@@ -156,22 +156,19 @@ class _BlockReader:
         name, place = text_of(tag), f"{shown}.joint"
         joint = self.joints.get(name)
         if joint is None:
-            self.findings.error(
-                "the robot has no such joint", code="unknown-joint", line=self.line(tag), key=place, value=name,
-                choices=movable, hint=did_you_mean(name, tuple(self.joints)),
+            self.error(
+                "the robot has no such joint", tag, place, code="unknown-joint", value=name, choices=movable,
+                hint=did_you_mean(name, tuple(self.joints)),
             )  # fmt: skip
             return None
         if not joint.moves:
-            self.findings.error(
-                f"a {joint.kind} joint cannot have an actuator", code="joint-type", line=self.line(tag), key=place,
-                value=name, choices=movable,
-            )  # fmt: skip
+            self.error(
+                f"a {joint.kind} joint cannot have an actuator", tag, place, code="joint-type", value=name, choices=movable
+            )
             return None
         if name in self._taken:
             first = f", the other on line {self._taken[name]}" if self._taken[name] else ""
-            self.findings.error(
-                f"two actuators on one joint{first}", code="two-actuators", line=self.line(tag), key=place, value=name
-            )
+            self.error(f"two actuators on one joint{first}", tag, place, code="two-actuators", value=name)
             return None
         self._taken[name] = line
         return joint
@@ -189,9 +186,9 @@ class _BlockReader:
         needed = [f"motor_{i}_torque_constant" for i in range(1, actuator.motors + 1)]
         lacking = [tag for name, tag in parameter_tags(actuator).items() if name in needed and tag not in by_tag]
         if mode not in MODES or (MODES[mode].command != "torque" and lacking):
-            self.findings.error(
-                "there is no such operation mode", code="operation-mode", line=self.line(tag),
-                key=f"{shown}.operation_mode", value=text, choices=MODE_CHOICES,
+            self.error(
+                "there is no such operation mode", tag, f"{shown}.operation_mode", code="operation-mode", value=text,
+                choices=MODE_CHOICES,
                 hint=f"Mode {mode} is for electric motors: give <{'>, <'.join(lacking)}>" if mode in MODES else None,
             )  # fmt: skip
             return None
@@ -202,9 +199,9 @@ class _BlockReader:
             return default
         text = text_of(by_tag[name])
         if text.lower() not in (*_TRUE, *_FALSE):
-            self.findings.error(
-                "must be true or false", code="not-a-boolean", line=self.line(by_tag[name]), key=f"{shown}.{name}",
-                value=text, choices=("true", "false", "1", "0"),
+            self.error(
+                "must be true or false", by_tag[name], f"{shown}.{name}", code="not-a-boolean", value=text,
+                choices=("true", "false", "1", "0"),
             )  # fmt: skip
             return default
         return text.lower() in _TRUE
@@ -214,8 +211,8 @@ class _BlockReader:
             return None
         value = self._number(by_tag["t_sample"], f"{shown}.t_sample")
         if value is not None and not (math.isfinite(value) and value > 0.0):
-            self.findings.error(
-                "must be larger than 0 s", code="out-of-range", line=self.line(by_tag["t_sample"]), key=f"{shown}.t_sample",
+            self.error(
+                "must be larger than 0 s", by_tag["t_sample"], f"{shown}.t_sample", code="out-of-range",
                 value=text_of(by_tag["t_sample"]),
             )  # fmt: skip
             return None
@@ -232,12 +229,7 @@ class _BlockReader:
         for parameter in actuator.all_parameters():
             present = [tag for tag in accepted[parameter.name] if tag in by_tag]
             value = self._tag_value(parameter, present[0], by_tag[present[0]], shown) if present else None
-            if value is None:
-                number, origin = default_value(parameter, mode)
-                value = ParameterValue(
-                    name=parameter.name, value=number, unit=parameter.unit, origin=origin, tag=tags[parameter.name]
-                )
-            values[parameter.name] = value
+            values[parameter.name] = value or default_parameter(parameter, mode, tags[parameter.name])
         for index in range(1, actuator.motors + 1):
             low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
             if low.value > high.value:
@@ -254,7 +246,7 @@ class _BlockReader:
             return None
         fault = parameter_fault(parameter, value)
         if fault:
-            self.findings.error(fault, code="out-of-range", line=self.line(tag), key=place, value=text_of(tag))
+            self.error(fault, tag, place, code="out-of-range", value=text_of(tag))
             return None
         return ParameterValue(
             name=parameter.name,
@@ -271,14 +263,14 @@ class _BlockReader:
         try:
             number = read_number(text)
         except ValueError as error:
-            self.findings.error(
-                str(error), code="not-a-number", line=self.line(tag), key=place, value=text,
+            self.error(
+                str(error), tag, place, code="not-a-number", value=text,
                 hint=f"The toolbox would read {leading_number(text):g}" if text else None,
             )  # fmt: skip
             return None
         if number.arithmetic:
-            self.findings.warn(
+            self.warn(
                 f"arithmetic, taken as {number.value:g}; the toolbox reads only the leading number {leading_number(text):g}",
-                code="misread-value", line=self.line(tag), key=place, value=text,
+                tag, place, code="misread-value", value=text,
             )  # fmt: skip
         return number.value

@@ -64,12 +64,9 @@ class Chain:
     @cached_property
     def _outwards(self) -> tuple[_Step, ...]:
         """The joints from the root on, parents first."""
-        by_parent: dict[str, list[Joint]] = {}
-        for joint in self.robot.joints:
-            by_parent.setdefault(joint.parent, []).append(joint)
         steps, waiting = [], [self.robot.root.name]
         while waiting:
-            for joint in by_parent.get(waiting.pop(), ()):
+            for joint in self.robot.carried.get(waiting.pop(), ()):
                 steps.append(_Step(joint))
                 waiting.append(joint.child)
         return tuple(steps)

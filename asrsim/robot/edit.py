@@ -9,15 +9,12 @@ from xml.parsers import expat
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, RobotError
-from asrsim.robot.model import Robot
-from asrsim.robot.tags import parameter_tags
-from asrsim.robot.vary import CENTRES, INERTIAS
+from asrsim.robot.model import INERTIAS, Robot
+from asrsim.robot.tags import JOINT_TAGS, parameter_tags
+from asrsim.robot.vary import CENTRES, JOINT_NAMES
 
 _DYNAMICS = {"damping": "damping", "friction": "friction"}
-_PASSIVE = {
-    "passive_stiffness": "springStiffness", "passive_reference": "springReference", "stribeck_friction": "stribeckFriction",
-    "stribeck_velocity": "stribeckVelocity", "load_friction": "loadFriction",
-}  # fmt: skip
+_PASSIVE = {name: JOINT_TAGS[field] for name, field in JOINT_NAMES.items() if field in JOINT_TAGS}
 """Name of a joint -> tag of its `<gazebo reference>`."""
 
 
@@ -51,9 +48,7 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
         for name, value in values.items():
             found = list(_edits(data, root, robot, owner, name, f"{value:.9g}"))
             if not found:
-                lacking.append(
-                    Problem(message="the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place")
-                )
+                lacking.append(Problem("the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place"))
             edits += found
     if lacking:
         raise RobotError(lacking)
@@ -91,7 +86,7 @@ def _parse(data: bytes) -> _Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise RobotError(Problem(message=f"is no XML: {error}", code="xml")) from None
+        raise RobotError(f"is no XML: {error}", code="xml") from None
     return top.children[0]
 
 

@@ -36,28 +36,28 @@ def usable_shapes(
     missing: list[tuple[str, str]] = []
     links = []
     for link in robot.links:
-        kept: dict[str, list[Shape]] = {"collisions": [], "visuals": []}
+        readable: dict[str, list[Shape]] = {"collisions": [], "visuals": []}
         for name, shapes in (("collisions", link.collisions), ("visuals", link.visuals if visuals else ())):
             for shape in shapes:
                 found = _mesh_file(shape, packages) if shape.kind == "mesh" else None
                 if not isinstance(found, str):
-                    kept[name].append(shape if found is None else replace(shape, mesh=str(found)))
+                    readable[name].append(shape if found is None else replace(shape, mesh=str(found)))
                 elif name == "visuals":
                     missing.append((shape.mesh, found))
                 else:
                     message = f"collision mesh {found}; the link does not collide with it"
                     warnings.append(
                         Problem(
-                            message=message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
+                            message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
                             hint=_cure(shape.mesh, found), code="missing-collision-mesh",
                         )
                     )  # fmt: skip
-        links.append(replace(link, collisions=tuple(kept["collisions"]), visuals=tuple(kept["visuals"])))
+        links.append(replace(link, collisions=tuple(readable["collisions"]), visuals=tuple(readable["visuals"])))
     if missing:
         first, fault = missing[0]
         message = f"{len(missing)} visual meshes are not drawn; the first {fault}"
         hint = _cure(first, fault)
-        warnings.append(Problem(message=message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
+        warnings.append(Problem(message, file=robot.path, value=first, hint=hint, code="missing-visual-mesh"))
     return replace(robot, links=tuple(links)), tuple(warnings)
 
 
@@ -170,5 +170,5 @@ def _in_short_lines(root: Any, robot: Robot) -> str:
     for line in text.splitlines():
         if len(line.encode()) > LONGEST_LINE:
             message = f"an element is longer than {LONGEST_LINE} bytes, which PyBullet cannot read"
-            raise RobotError(Problem(message=message, file=robot.path, value=line, code="long-element"))
+            raise RobotError(message, file=robot.path, value=line, code="long-element")
     return text

@@ -47,25 +47,19 @@ def expand_xacro(
             env={name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ},
         )
     except subprocess.TimeoutExpired:
-        raise RobotError(
-            Problem(message=f"xacro did not finish within {time_limit:g} s", file=path, code="xacro-timeout")
-        ) from None
+        raise RobotError(f"xacro did not finish within {time_limit:g} s", file=path, code="xacro-timeout") from None
     try:
         answer = json.loads(done.stdout)
     except ValueError:
-        raise RobotError(
-            Problem(message="xacro ended without a result (too much memory or time)", file=path, code="xacro-failed")
-        ) from None
+        raise RobotError("xacro ended without a result (too much memory or time)", file=path, code="xacro-failed") from None
     if "error" in answer:
         place = Path(answer["file"]) if answer.get("file") else path
         raise RobotError(
-            Problem(
-                message=f"xacro: {answer['error']}",
-                file=place,
-                line=answer.get("line"),
-                code=answer.get("code", "xacro-failed"),
-                hint=answer.get("hint"),
-            )
+            f"xacro: {answer['error']}",
+            file=place,
+            line=answer.get("line"),
+            code=answer.get("code", "xacro-failed"),
+            hint=answer.get("hint"),
         )
-    warnings = tuple(Problem(message=f"xacro: {text}", file=path, code="xacro-warning") for text in answer["warnings"])
+    warnings = tuple(Problem(f"xacro: {text}", file=path, code="xacro-warning") for text in answer["warnings"])
     return answer["text"].encode(), warnings

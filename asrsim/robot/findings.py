@@ -1,21 +1,15 @@
-"""Collects the errors and warnings of one file while it is read."""
+"""Collects the errors and warnings of one file while its elements are read."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Any, Unpack
 
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import Details, Place, Problem, RobotError
 
-
-class Place(TypedDict, total=False):
-    """What a finding may say besides its message: as in :class:`asrsim.errors.Problem`."""
-
-    line: int | None
-    key: str | None
-    value: object | None
-    choices: tuple[str, ...]
-    hint: str | None
+Line = Callable[[Any], int | None]
+"""An element's line in the user's file, None if unknown."""
 
 
 class Findings:
@@ -28,13 +22,29 @@ class Findings:
 
     def error(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add an error: the file cannot be simulated."""
-        self.errors.append(Problem(message=message, code=code, file=self.file, **place))
+        self.errors.append(Problem(message, code=code, file=self.file, **place))
 
     def warn(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add a warning: something to know. Messages leave the name to `key`, so that equal ones can be shown as one."""
-        self.warnings.append(Problem(message=message, code=code, file=self.file, **place))
+        self.warnings.append(Problem(message, code=code, file=self.file, **place))
 
     def raise_errors(self) -> None:
         """Raise RobotError with all errors, if there are any."""
         if self.errors:
             raise RobotError(sorted(self.errors, key=lambda problem: problem.line or 0), warnings=self.warnings)
+
+
+class Reader:
+    """Reads elements of a file; problems go to `findings`, each with its element's line."""
+
+    def __init__(self, findings: Findings, line: Line) -> None:
+        self.findings = findings
+        self.line = line
+
+    def error(self, message: str, element: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
+        """Add an error of an element."""
+        self.findings.error(message, code=code, line=self.line(element), key=key, **details)
+
+    def warn(self, message: str, element: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
+        """Add a warning of an element."""
+        self.findings.warn(message, code=code, line=self.line(element), key=key, **details)

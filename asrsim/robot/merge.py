@@ -39,10 +39,6 @@ def merge_fixed(robot: Robot) -> MergedRobot:
     no mass keeps the sum of their inertias.
     """
     links = {link.name: link for link in robot.links}
-    fixed: dict[str, list[Joint]] = {}
-    for joint in robot.joints:
-        if not joint.moves:
-            fixed.setdefault(joint.parent, []).append(joint)
     moving = robot.moving_joints
     places: dict[str, Place] = {}
     bodies: dict[str, Link] = {}
@@ -50,7 +46,8 @@ def merge_fixed(robot: Robot) -> MergedRobot:
         members = [(links[name], HERE)]
         for link, pose in members:  # grows while it is walked: children come behind their parents
             places[link.name] = Place(body=name, pose=pose)
-            members += [(links[joint.child], pose.then(joint.origin, joint.rpy)) for joint in fixed.get(link.name, ())]
+            fixed = [joint for joint in robot.carried.get(link.name, ()) if not joint.moves]
+            members += [(links[joint.child], pose.then(joint.origin, joint.rpy)) for joint in fixed]
         bodies[name] = _body(links[name], members)
     joints = tuple(_moved(joint, places[joint.parent]) for joint in moving)
     ordered = tuple(bodies[link.name] for link in robot.links if link.name in bodies)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -13,6 +15,8 @@ Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
 STRIBECK_VELOCITY = 0.1
 """rad/s (m/s), where a file gives none."""
+INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Of a link's inertia, as URDFs name them."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 
 
@@ -154,6 +158,14 @@ class Joint:
         return bool(self.stribeck_friction or self.load_friction)
 
     @property
+    def stops(self) -> tuple[float, float]:
+        """Lower and upper limit in rad or m, infinite where there is none."""
+        turns = self.kind == "continuous"
+        lower = -math.inf if self.lower is None or turns else self.lower
+        upper = math.inf if self.upper is None or turns else self.upper
+        return lower, upper
+
+    @property
     def moves(self) -> bool:
         """One degree of freedom that an actuator can drive."""
         return self.kind in ("revolute", "continuous", "prismatic")
@@ -175,6 +187,14 @@ class Robot:
     def joint(self, name: str) -> Joint:
         """The joint of that name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
+
+    @cached_property
+    def carried(self) -> Mapping[str, tuple[Joint, ...]]:
+        """Link -> the joints that it is the parent of, in file order; absent: none."""
+        found: dict[str, tuple[Joint, ...]] = {}
+        for joint in self.joints:
+            found[joint.parent] = (*found.get(joint.parent, ()), joint)
+        return found
 
     @property
     def root(self) -> Link:

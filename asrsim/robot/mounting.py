@@ -8,11 +8,12 @@ from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
-from asrsim.robot.blocks import default_value
+from asrsim.robot.blocks import default_parameter
 from asrsim.robot.findings import Findings
-from asrsim.robot.model import ActuatorBlock, ParameterValue, Robot
+from asrsim.robot.model import ActuatorBlock, Robot
 from asrsim.robot.overrides import with_overrides
 from asrsim.robot.tags import REQUIRED_TAGS, parameter_tags
 
@@ -21,12 +22,7 @@ def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> Actu
     """The block of an actuator with nothing but defaults. Raises InputError where the actuator is unknown."""
     cls = ACTUATORS.get(actuator)
     tags = parameter_tags(cls)
-    parameters = {}
-    for parameter in cls.all_parameters():
-        value, origin = default_value(parameter, mode)
-        parameters[parameter.name] = ParameterValue(
-            name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tags[parameter.name]
-        )
+    parameters = {one.name: default_parameter(one, mode, tags[one.name]) for one in cls.all_parameters()}
     return ActuatorBlock(actuator=actuator, joint=joint, mode=mode, namespace=namespace, parameters=parameters)
 
 
@@ -65,7 +61,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     names = tuple(moving)
     problems = [
         Problem(
-            message="the robot has no such moving joint", key=f"actuators.{name}", choices=names,
+            "the robot has no such moving joint", key=f"actuators.{name}", choices=names,
             hint=did_you_mean(name, names) or "For all joints write \"*\"", code="unknown-joint",
         )
         for name in types
@@ -74,7 +70,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     kinds = ACTUATORS.names()
     problems += [
         Problem(
-            message="there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
+            "there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
             hint=did_you_mean(kind, kinds), code="unknown-actuator",
         )
         for name, (kind, _) in types.items()
@@ -110,3 +106,8 @@ def _key(key: str) -> str:
     """`parameters.JOINT.NAME` as the scenario has it: `actuators.JOINT.parameters.NAME`."""
     joint, _, name = key.removeprefix("parameters.").rpartition(".")
     return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")
+
+
+def drive_of(block: ActuatorBlock) -> Drive:
+    """The drive of an actuator block, with the parameters that it resolved."""
+    return Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[block.mode], values=block.values())

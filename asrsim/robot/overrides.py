@@ -31,7 +31,7 @@ def with_overrides(
     for section, keys in (("modes", modes), ("parameters", parameters)):
         problems.extend(
             Problem(
-                message="no actuator is on this joint",
+                "no actuator is on this joint",
                 key=f"{section}.{joint}",
                 choices=joints,
                 hint=did_you_mean(joint, joints),
@@ -42,7 +42,7 @@ def with_overrides(
         )
     problems.extend(
         Problem(
-            message="there is no such operation mode",
+            "there is no such operation mode",
             key=f"modes.{joint}",
             value=mode,
             choices=MODE_CHOICES,
@@ -87,7 +87,7 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
         place = f"parameters.{scope}.{key}"
         name = parameter_name(actuator, key)
         if name in seen:
-            twice = Problem(message=f"is the same parameter as {seen[name]}", key=place, code="duplicate-parameter")
+            twice = Problem(f"is the same parameter as {seen[name]}", key=place, code="duplicate-parameter")
             if twice not in problems:
                 problems.append(twice)
             continue
@@ -98,7 +98,7 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
         seen[name] = key
         fault = parameter_fault(declared[name], float(number))
         if fault:
-            problem = Problem(message=fault, key=place, value=number, code="out-of-range")
+            problem = Problem(fault, key=place, value=number, code="out-of-range")
             if problem not in problems:
                 problems.append(problem)
             continue
@@ -112,6 +112,4 @@ def _names(block: ActuatorBlock) -> set[str]:
 
 def _unknown(place: str, key: str, known: set[str]) -> Problem:
     names = tuple(sorted(known))
-    return Problem(
-        message="no such parameter", key=place, hint=did_you_mean(key, names), choices=names, code="unknown-parameter"
-    )
+    return Problem("no such parameter", key=place, hint=did_you_mean(key, names), choices=names, code="unknown-parameter")

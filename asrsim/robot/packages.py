@@ -88,7 +88,8 @@ def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = Non
     named: dict[str, Path] = {}
     own = _own_package(folder)
     if own is not None:
-        named[own[0]] = own[1]
+        # What its files call it: some were named before the package was.
+        named.update({own[1].name: own[1], own[0]: own[1]})
     named.update({name: Path(given) for name, given in (package_paths or {}).items()})
     searched = [
         Path(entry).resolve()

@@ -10,12 +10,12 @@ from asrsim.errors import did_you_mean
 from asrsim.robot.attributes import AttributeReader
 from asrsim.robot.model import ActuatorBlock, Joint, Mimic
 from asrsim.robot.numbers import plain_number
+from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
-STIFFNESS, REFERENCE = "springStiffness", "springReference"
-EXCESS, PACE, SHARE = "stribeckFriction", "stribeckVelocity", "loadFriction"
-FRICTION = {EXCESS: "stribeck_friction", PACE: "stribeck_velocity", SHARE: "load_friction"}
-"""Tag -> field of a joint: friction that depends on speed and load. The tags are ours; Gazebo passes them by."""
+STIFFNESS, REFERENCE, EXCESS, PACE, SHARE = JOINT_TAGS.values()
+FRICTION = {tag: field for field, tag in JOINT_TAGS.items() if tag in (EXCESS, PACE, SHARE)}
+"""Tag -> field of a joint: friction that depends on speed and load."""
 
 
 class PassiveReader(AttributeReader):
@@ -57,9 +57,9 @@ class PassiveReader(AttributeReader):
                     continue
                 value = self._value(tag, name)
                 if value < 0.0 or (value == 0.0 and tag.tag == PACE):
-                    self.findings.error(
-                        f"must be {'larger than' if tag.tag == PACE else 'at least'} 0", code="out-of-range",
-                        line=self.line(tag), key=f"{name}.{tag.tag}", value=f"{value:g}",
+                    self.error(
+                        f"must be {'larger than' if tag.tag == PACE else 'at least'} 0", tag, f"{name}.{tag.tag}",
+                        code="out-of-range", value=f"{value:g}",
                         hint="It is what static friction has above the Coulomb level" if tag.tag == EXCESS else None,
                     )  # fmt: skip
                     continue
@@ -68,14 +68,14 @@ class PassiveReader(AttributeReader):
                 places[name] = tag
         for name, tag in places.items():
             if not found[name].friction_varies:
-                self.findings.warn(
-                    f"has no effect: the joint has neither <{EXCESS}> nor <{SHARE}>", code="no-friction", line=self.line(tag),
-                    key=f"{name}.{tag.tag}",
+                self.warn(
+                    f"has no effect: the joint has neither <{EXCESS}> nor <{SHARE}>", tag, f"{name}.{tag.tag}",
+                    code="no-friction",
                 )  # fmt: skip
             elif found[name].load_friction >= 1.0:
-                self.findings.warn(
-                    "friction grows by more than the torque that drives the joint: nothing moves it", code="self-locking",
-                    line=self.line(tag), key=f"{name}.{SHARE}", value=f"{found[name].load_friction:g}",
+                self.warn(
+                    "friction grows by more than the torque that drives the joint: nothing moves it", tag, f"{name}.{SHARE}",
+                    code="self-locking", value=f"{found[name].load_friction:g}",
                 )  # fmt: skip
         return tuple(found[joint.name] for joint in joints)
 
@@ -84,7 +84,7 @@ class PassiveReader(AttributeReader):
         try:
             value = plain_number(text)
         except ValueError as error:
-            self.findings.error(str(error), code="not-a-number", line=self.line(tag), key=place, value=text)
+            self.error(str(error), tag, place, code="not-a-number", value=text)
             return 0.0
         return self.bounded(value, text, tag, place, finite=True)
 
@@ -94,10 +94,7 @@ class PassiveReader(AttributeReader):
     ) -> None:  # fmt: skip
         why = "the robot has no such joint" if joint is None else f"a {joint.kind} joint does not move"
         hint = did_you_mean(name, moving) if joint is None else None
-        self.findings.warn(
-            f"{what} without effect: {why}", code=code, line=self.line(tag), key=f"{name}.{tag.tag}",
-            hint=hint,
-        )  # fmt: skip
+        self.warn(f"{what} without effect: {why}", tag, f"{name}.{tag.tag}", code=code, hint=hint)
 
     def _judge(self, joint: Joint, line: int | None) -> None:
         place = f"{joint.name}.{STIFFNESS}"

@@ -68,15 +68,11 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 
 def link_poses(robot: Robot) -> dict[str, Pose]:
     """Pose of every link in the root's frame at the zero pose, parents before children."""
-    children: dict[str, list[int]] = {}
-    for index, joint in enumerate(robot.joints):
-        children.setdefault(joint.parent, []).append(index)
     poses = {robot.root.name: HERE}
     waiting = [robot.root.name]
     while waiting:
         name = waiting.pop()
-        for index in children.get(name, ()):
-            joint = robot.joints[index]
+        for joint in robot.carried.get(name, ()):
             poses[joint.child] = poses[name].then(joint.origin, joint.rpy)
             waiting.append(joint.child)
     return poses

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.blocks import read_blocks
-from asrsim.robot.findings import Findings
+from asrsim.robot.findings import Findings, Line
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.packages import packages_of
 from asrsim.robot.passive import PassiveReader
@@ -42,7 +42,7 @@ def load_robot(
     data = read_bytes(path)
     root = parse_xml(data, path)
     warnings: tuple[Problem, ...] = ()
-    line: Callable[[Any], int | None] = _line
+    line: Line = _line
     if path.suffix == ".xacro" or _uses_xacro(root):
         from asrsim.robot.expansion import expand_xacro
 
@@ -52,23 +52,15 @@ def load_robot(
     return _read(root, data, path, line, warnings)
 
 
-def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None], earlier: tuple[Problem, ...]) -> Robot:
+def _read(root: Any, data: bytes, path: Path, line: Line, earlier: tuple[Problem, ...]) -> Robot:
     findings = Findings(path)
     findings.warnings.extend(earlier)
     if root.tag != "robot":
         what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
-        raise RobotError(
-            Problem(
-                message=f"the root element is <{root.tag}>, not <robot>{what}", file=path, line=line(root), code="not-a-urdf"
-            )
-        )
+        raise RobotError(f"the root element is <{root.tag}>, not <robot>{what}", file=path, line=line(root), code="not-a-urdf")
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
-        raise RobotError(
-            Problem(
-                message=f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links"
-            )
-        )
+        raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     structure = StructureReader(findings, line)
     check_words(structure, root)
     links = structure.links(root)
@@ -95,7 +87,7 @@ def _read(root: Any, data: bytes, path: Path, line: Callable[[Any], int | None],
         check_movable(findings, robot)
     findings.raise_errors()
     check_sanity(findings, robot)
-    if not blocks and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
+    if not blocks and robot.moving_joints and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn(
             "no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name,
             hint="`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint",

@@ -14,6 +14,7 @@ from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
 
+GRAVITY = 9.81
 HEAVY = 50.0
 """kg: a link of an arm below 0.8 m is not that heavy; beyond, the bound grows with the cube of the arm's size."""
 DENSITY = 100.0
@@ -22,6 +23,8 @@ AWAY = 2.0
 """m that a centre of mass may lie outside everything that is known of the robot."""
 DEGREES = (20.0, 720.0)
 """Limits of revolute joints in this range are turns of several, or degrees."""
+STUCK = 1000.0
+"""s/rad (s/m) and more: damping and friction, over the moment (or force) of the arm's own weight, that no joint has."""
 GAINS = ("proportional", "integral", "derivative")
 
 
@@ -33,6 +36,11 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
         _check_body(findings, link, size, moves=link is not robot.root)
     for joint in robot.moving_joints:
         _check_limits(findings, joint)
+        bound = most_damping(robot, joint)
+        for name, value in (("damping", joint.damping), ("friction", joint.friction)):
+            if 0.0 < bound < value:
+                message = f"so much {name} holds the joint still, whatever drives it"
+                findings.warn(message, code="stuck-joint", line=joint.line, key=joint.name, value=f"{name} {value:g}")
     for block in robot.actuators:
         for doubt in block_doubts(block):
             line = block.line if doubt.parameter is None else doubt.parameter.line
@@ -45,6 +53,21 @@ def _size(robot: Robot, poses: Mapping[str, Pose]) -> float:
     return float(np.ptp(points, axis=0).max())
 
 
+def own_weight(robot: Robot) -> tuple[float, float]:
+    """The weight of all links in N, and its moment in N m were the robot stretched out."""
+    poses = link_poses(robot)
+    bodies = [link for link in robot.links if link.mass]
+    force = GRAVITY * sum(link.mass or 0.0 for link in bodies)
+    reach = max((math.hypot(*link.centre_of_mass) for link in bodies), default=0.0)
+    return force, force * max(_size(robot, poses), reach)
+
+
+def most_damping(robot: Robot, joint: Joint) -> float:
+    """N m s/rad (N s/m) beyond which a joint does not move; 0 where nothing is known of the arm's weight."""
+    force, moment = own_weight(robot)
+    return STUCK * (force if joint.kind == "prismatic" else moment)
+
+
 def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
     yield pose.position
     for shape in (*link.collisions, *link.visuals):
@@ -55,7 +78,7 @@ def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
 
 def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> None:
     bound = max(HEAVY, DENSITY * size**3)
-    # A single rod of a robot without shapes has no size.
+    # A robot of one link without shapes has no size.
     what = f"a robot of {size:.2g} m" if size else "a robot"
     if moves and link.mass is not None and link.mass > bound:
         findings.warn(

@@ -51,4 +51,4 @@ def second_reading(robot: Robot) -> tuple[Problem, ...]:
 
 
 def _difference(robot: Robot, key: str, message: str) -> Problem:
-    return Problem(message=message, file=robot.path, key=key or None, code="second-reader")
+    return Problem(message, file=robot.path, key=key or None, code="second-reader")

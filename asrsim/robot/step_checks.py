@@ -152,7 +152,7 @@ def _findings(robot: Robot, joint: Joint, block: ActuatorBlock | None, figures: 
     found = []
 
     def warn(message: str, code: str, line: int | None, value: str, hint: str | None = None) -> None:
-        found.append(Problem(message=message, file=robot.path, line=line, key=joint.name, value=value, hint=hint, code=code))
+        found.append(Problem(message, file=robot.path, line=line, key=joint.name, value=value, hint=hint, code=code))
 
     if figures.inertia <= 0.0:
         return found

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.attributes import SMALLEST, AttributeReader
-from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
+from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
 
@@ -47,17 +47,15 @@ class StructureReader(AttributeReader):
         for element in elements(root, tag):
             name = name_of(element)
             if not name:
-                self.findings.error(f"a {tag} has no name", code="missing-name", line=self.line(element), key=tag)
+                self.error(f"a {tag} has no name", element, tag, code="missing-name")
             elif len(name) > LONGEST_NAME:
-                self.findings.error(
-                    f"the name of a {tag} is longer than {LONGEST_NAME} characters", code="long-name", line=self.line(element),
-                    key=f"{name[:20]}...",
+                self.error(
+                    f"the name of a {tag} is longer than {LONGEST_NAME} characters", element, f"{name[:20]}...",
+                    code="long-name",
                 )  # fmt: skip
             elif name in seen:
                 first = f" (the first is on line {seen[name]})" if seen[name] else ""
-                self.findings.error(
-                    f"two {tag}s have this name{first}", code=f"duplicate-{tag}", line=self.line(element), key=name
-                )
+                self.error(f"two {tag}s have this name{first}", element, name, code=f"duplicate-{tag}")
             else:
                 seen[name] = self.line(element)
                 found.append((element, name))
@@ -71,7 +69,7 @@ class StructureReader(AttributeReader):
         )  # fmt: skip
         inertials = elements(element, "inertial")
         if len(inertials) > 1:
-            self.findings.error("has more than one <inertial>", code="duplicate-tag", line=self.line(inertials[1]), key=name)
+            self.error("has more than one <inertial>", inertials[1], name, code="duplicate-tag")
         if not inertials:
             return link
         inertial = inertials[0]
@@ -97,29 +95,26 @@ class StructureReader(AttributeReader):
     def _mass(self, inertial: Any, name: str) -> float:
         tags = elements(inertial, "mass")
         if not tags:
-            self.findings.error("<inertial> has no <mass>", code="missing-tag", line=self.line(inertial), key=name)
+            self.error("<inertial> has no <mass>", inertial, name, code="missing-tag")
             return 0.0
         before = len(self.findings.errors)
         mass = self.number(tags[0], "value", f"{name}.mass", required=True)
         if mass < 0.0:
-            self.findings.error(
-                "mass must not be negative", code="negative-mass", line=self.line(tags[0]), key=name, value=f"{mass:g}"
-            )
+            self.error("mass must not be negative", tags[0], name, code="negative-mass", value=f"{mass:g}")
         elif 0.0 < mass < SMALLEST:
             self._too_small(tags[0], f"{name}.mass", mass)
         elif mass == 0.0 and len(self.findings.errors) == before:
-            self.findings.warn("mass is zero", code="massless-link", line=self.line(tags[0]), key=name)
+            self.warn("mass is zero", tags[0], name, code="massless-link")
         return mass
 
     def _inertia(self, inertial: Any, name: str, mass: float) -> tuple[float, float, float, float, float, float]:
         tags = elements(inertial, "inertia")
         if not tags:
-            self.findings.error("<inertial> has no <inertia>", code="missing-tag", line=self.line(inertial), key=name)
+            self.error("<inertial> has no <inertia>", inertial, name, code="missing-tag")
             return (0.0,) * 6
-        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         before = len(self.findings.errors)
         # Left-out products of inertia are zero in every URDF reader; left-out moments are mistakes.
-        values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in keys]
+        values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in INERTIAS]
         xx, xy, xz, yy, yz, zz = values
         for moment in (xx, yy, zz):
             if 0.0 < abs(moment) < SMALLEST:
@@ -129,10 +124,9 @@ class StructureReader(AttributeReader):
         return xx, xy, xz, yy, yz, zz
 
     def _too_small(self, element: Any, place: str, value: float) -> None:
-        self.findings.error(
-            f"is closer to 0 than {SMALLEST:g}, which no body is", code="out-of-range", line=self.line(element), key=place,
-            value=f"{value:g}",
-        )  # fmt: skip
+        self.error(
+            f"is closer to 0 than {SMALLEST:g}, which no body is", element, place, code="out-of-range", value=f"{value:g}"
+        )
 
     def _check_inertia(self, name: str, mass: float, matrix: np.ndarray, line: int | None) -> None:
         moments = np.linalg.eigvalsh(matrix)
@@ -182,12 +176,12 @@ class StructureReader(AttributeReader):
         tags = elements(element, tag)
         if len(tags) != 1:
             count = "no" if not tags else "more than one"
-            self.findings.error(f"joint has {count} <{tag}>", code="missing-tag", line=self.line(element), key=name)
+            self.error(f"joint has {count} <{tag}>", element, name, code="missing-tag")
             return None
         link = name_of(tags[0], "link")
         if link not in links:
-            self.findings.error(
-                f"the {tag} link does not exist", code="unknown-link", line=self.line(tags[0]), key=name, value=link,
+            self.error(
+                f"the {tag} link does not exist", tags[0], name, code="unknown-link", value=link,
                 hint=did_you_mean(link, links),
             )  # fmt: skip
             return None
@@ -198,20 +192,17 @@ class StructureReader(AttributeReader):
         if not tags:
             return (1.0, 0.0, 0.0)
         if tags[0].get("xyz") is None:
-            self.findings.error(
-                "attribute 'xyz' is missing", code="missing-attribute", line=self.line(tags[0]), key=f"{name}.axis"
-            )
+            self.error("attribute 'xyz' is missing", tags[0], f"{name}.axis", code="missing-attribute")
             return (1.0, 0.0, 0.0)
         x, y, z = self.vector(tags[0], "xyz", f"{name}.axis", default=(1.0, 0.0, 0.0))
         length = math.hypot(x, y, z)
         if length == 0.0:
-            self.findings.error("the axis of a moving joint is zero", code="zero-axis", line=self.line(tags[0]), key=name)
+            self.error("the axis of a moving joint is zero", tags[0], name, code="zero-axis")
             return (1.0, 0.0, 0.0)
         if abs(length - 1.0) > UNIT:
-            self.findings.warn(
-                "the axis is not of length 1; its direction is used", code="axis-length", line=self.line(tags[0]),
-                key=name, value=f"{length:.9g}",
-            )  # fmt: skip
+            self.warn(
+                "the axis is not of length 1; its direction is used", tags[0], name, code="axis-length", value=f"{length:.9g}"
+            )
         # A length that is 1 to rounding stays as it is, so that a written robot reads back to the bit.
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
@@ -219,10 +210,9 @@ class StructureReader(AttributeReader):
         tags = elements(element, "limit")
         if not tags:
             if kind in ("revolute", "prismatic"):
-                self.findings.warn(
-                    "has no <limit>, which the URDF format asks for; taken as unlimited",
-                    code="missing-limit", line=self.line(element), key=name,
-                )  # fmt: skip
+                self.warn(
+                    "has no <limit>, which the URDF format asks for; taken as unlimited", element, name, code="missing-limit"
+                )
             return None, None, None, None
         tag, line = tags[0], self.line(tags[0])
 
@@ -274,8 +264,6 @@ class StructureReader(AttributeReader):
         for key in ("damping", "friction"):
             value = self.number(tags[0], key, f"{name}.{key}", required=False)
             if value < 0.0:
-                self.findings.error(
-                    f"{key} must not be negative", code=f"negative-{key}", line=self.line(tags[0]), key=name, value=f"{value:g}"
-                )
+                self.error(f"{key} must not be negative", tags[0], name, code=f"negative-{key}", value=f"{value:g}")
             values.append(value)
         return values[0], values[1]

@@ -46,6 +46,7 @@ _MOTOR_TAGS = {
     "stribeck_friction": "tauStribeck",
     "stribeck_velocity": "velStribeck",
     "load_friction": "fricLoad",
+    "friction_stiffness": "fricStiff",
     "torque_constant": "kt",
     "resistance": "R",
     "gear_ratio": "gear",
@@ -54,6 +55,15 @@ _MOTOR_TAGS = {
 }
 _HYSTERESIS_TAGS = {"hysteresis_torque": "hyst_tau", "hysteresis_deflection": "hyst_def"}
 _CONTROLLER_TAGS = {"proportional": "P", "integral": "I", "derivative": "D"}
+
+JOINT_TAGS = {
+    "spring_stiffness": "springStiffness",
+    "spring_reference": "springReference",
+    "stribeck_friction": "stribeckFriction",
+    "stribeck_velocity": "stribeckVelocity",
+    "load_friction": "loadFriction",
+}
+"""Field of a joint -> tag in its `<gazebo reference>`. Springs are Gazebo's; friction is ours, and Gazebo passes it by."""
 
 REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_tau")
 """Tags without which the released code crashes; asrsim can do without the last three."""

@@ -83,9 +83,6 @@ def check_masses(findings: Findings, links: Sequence[Link], joints: Sequence[Joi
 
 def check_movable(findings: Findings, robot: Robot) -> None:
     """A moving joint with neither mass nor inertia behind it has no equation of motion: an error."""
-    children: dict[str, list[str]] = {}
-    for joint in robot.joints:
-        children.setdefault(joint.parent, []).append(joint.child)
     bodies = {link.name: link for link in robot.links}
     for joint in robot.moving_joints:
         behind = [joint.child]
@@ -93,7 +90,7 @@ def check_movable(findings: Findings, robot: Robot) -> None:
         while behind and not heavy:
             link = bodies[behind.pop()]
             heavy = bool(link.mass) or any(link.inertia or ())
-            behind += children.get(link.name, [])
+            behind += [carried.child for carried in robot.carried.get(link.name, ())]
         if not heavy:
             findings.error(
                 "nothing behind this joint has mass or inertia, so its motion is not defined",

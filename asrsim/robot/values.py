@@ -70,14 +70,14 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
         low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
         if low > high:
             message, value = f"lower stop of motor {index} is above the upper one", f"{low:g} > {high:g}"
-            yield Problem(message=message, key=f"parameters.{block.joint}", value=value, code="limits-crossed")
+            yield Problem(message, key=f"parameters.{block.joint}", value=value, code="limits-crossed")
     fault = mode_fault(block)
     if fault is not None:
-        yield Problem(message=fault, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
+        yield Problem(fault, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
     fault = law_fault(block)
     if fault is not None:
         given = ", ".join(f"{one.name} = {one.value:g}" for one in block.parameters.values() if one.origin == "scenario")
-        yield Problem(message=f"with these parameters {fault}", key=f"parameters.{block.joint}", value=given, code="law")
+        yield Problem(f"with these parameters {fault}", key=f"parameters.{block.joint}", value=given, code="law")
 
 
 def has_spring(block: ActuatorBlock) -> bool:

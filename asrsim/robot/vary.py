@@ -9,7 +9,7 @@ from typing import Any
 
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError, did_you_mean
-from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
+from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
 JOINT_NAMES = {
@@ -22,7 +22,6 @@ JOINT_NAMES = {
     "passive_reference": "spring_reference",
 }
 """Name -> field of a joint; the last two are of a joint's own spring (Gazebo's)."""
-INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 CENTRES = ("x", "y", "z")
 LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
 
@@ -38,7 +37,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             known = (*joints, *links)
             hint = did_you_mean(owner, known)
             problems.append(
-                Problem(message="no joint or link has this name", key=owner, hint=hint, choices=known, code="unknown-joint")
+                Problem("no joint or link has this name", key=owner, hint=hint, choices=known, code="unknown-joint")
             )
         for name, value in values.items():
             key = f"{owner}.{name}"
@@ -55,7 +54,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 known = names_of(owner, blocks, joints, links)
                 hint = did_you_mean(name, known)
                 problems.append(
-                    Problem(message="no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
+                    Problem("no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
                 )
     if not problems:
         problems += (fault for block in robot.actuators if blocks[block.joint] is not block
@@ -84,7 +83,7 @@ def names_of(
 
 def _check(fine: bool, key: str, value: Any, message: str, problems: list[Problem]) -> None:
     if not fine:
-        problems.append(Problem(message=message, key=key, value=f"{value:g}", code="parameter-range"))
+        problems.append(Problem(message, key=key, value=f"{value:g}", code="parameter-range"))
 
 
 @cache

@@ -6,6 +6,7 @@ from typing import Any
 
 from asrsim.errors import nearest
 from asrsim.robot.attributes import AttributeReader
+from asrsim.robot.model import INERTIAS
 from asrsim.robot.xmlfile import elements, name_of
 
 Words = dict[str, tuple[tuple[str, ...], tuple[str, ...]]]
@@ -17,7 +18,7 @@ VOCABULARY: Words = {
     "link": (("name", "type"), ("inertial", "visual", "collision", "sensor")),
     "inertial": ((), ("origin", "mass", "inertia")),
     "mass": (("value",), ()),
-    "inertia": (("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ()),
+    "inertia": (INERTIAS, ()),
     "visual": (("name",), ("origin", "geometry", "material")),
     "collision": (("name",), ("origin", "geometry")),
     "geometry": ((), _SHAPES),
@@ -76,7 +77,7 @@ def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None
         inner = name_of(child) or name if kind == "robot" else f"{place}.{name}"
         if name in seen:
             message = f"a second <{name}> of one <{kind}>; only the first has an effect"
-            reader.findings.warn(message, code="repeated-element", line=reader.line(child), key=place)
+            reader.warn(message, child, place, code="repeated-element")
         if name in children:
             seen |= {name} - SEVERAL
             if name not in OPAQUE:
@@ -88,8 +89,8 @@ def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None
 def _warn(reader: AttributeReader, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
     short = [word for word in known if word.startswith(name.lower())]
     close = nearest(name, known) or nearest(name.lower(), known) or (short[0] if len(short) == 1 else None)
-    reader.findings.warn(
-        f"unknown {what} {form.format(name)}; it has no effect", code=f"unknown-{what}", line=reader.line(element), key=place,
+    reader.warn(
+        f"unknown {what} {form.format(name)}; it has no effect", element, place, code=f"unknown-{what}",
         hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,
     )  # fmt: skip
 

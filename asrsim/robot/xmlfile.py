@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 from lxml import etree
 
-from asrsim.errors import Problem, RobotError, similar_file
+from asrsim.errors import RobotError, similar_file
 
 MAX_BYTES = 64 * 1024 * 1024
 BLANKS = " \t\r\n"
@@ -20,17 +20,15 @@ def read_bytes(path: Path) -> bytes:
     """The file's content; raises RobotError if it is missing, no plain file, unreadable or too large."""
     try:
         if not path.exists():
-            raise RobotError(Problem(message="no such file", file=path, hint=similar_file(path), code="missing-file"))
+            raise RobotError("no such file", file=path, hint=similar_file(path), code="missing-file")
         if not path.is_file():
-            raise RobotError(Problem(message="is not a file", file=path, code="not-a-file"))
+            raise RobotError("is not a file", file=path, code="not-a-file")
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except OSError as error:
-        raise RobotError(
-            Problem(message=f"cannot be read: {error.strerror or error}", file=path, code="unreadable-file")
-        ) from error
+        raise RobotError(f"cannot be read: {error.strerror or error}", file=path, code="unreadable-file") from error
     if len(data) > MAX_BYTES:
-        raise RobotError(Problem(message=f"is larger than {MAX_BYTES // 2**20} MB", file=path, code="file-too-large"))
+        raise RobotError(f"is larger than {MAX_BYTES // 2**20} MB", file=path, code="file-too-large")
     return data
 
 
@@ -50,10 +48,10 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
         raise RobotError(
-            Problem(message=f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml",
-                    hint=_expected(path))
+            f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml",
+            hint=_expected(path),
         ) from error  # fmt: skip
-    # The first look was another parser's; this is what lxml itself saw.
+    # expat looked above; lxml may see declarations that expat did not.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
         raise _declares(path, None)
@@ -62,13 +60,11 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
 
 def _declares(path: Path, line: int | None) -> RobotError:
     return RobotError(
-        Problem(
-            message="XML declares entities or a document type; such files are refused",
-            file=path,
-            line=line,
-            code="xml-declarations",
-            hint="Take the <!DOCTYPE ...> out",
-        )
+        "XML declares entities or a document type; such files are refused",
+        file=path,
+        line=line,
+        code="xml-declarations",
+        hint="Take the <!DOCTYPE ...> out",
     )
 
 
@@ -97,16 +93,14 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
         # Python knows encodings (UTF-7, multi-byte ones) that its parser cannot use, and fails on each in a way of its own.
         message = "the XML declaration names an encoding that cannot be read"
         hint = "Save the file as UTF-8"
-        raise RobotError(Problem(message=message, file=path, line=1, value=str(error), hint=hint, code="encoding")) from error
+        raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error
     except expat.ExpatError as error:
         raise RobotError(
-            Problem(
-                message=f"XML is not well-formed: {expat.ErrorString(error.code)}",
-                file=path,
-                line=error.lineno,
-                code="malformed-xml",
-                hint=_expected(path),
-            )
+            f"XML is not well-formed: {expat.ErrorString(error.code)}",
+            file=path,
+            line=error.lineno,
+            code="malformed-xml",
+            hint=_expected(path),
         ) from error
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from asrsim.errors import DivergenceError
 from asrsim.log import LogWriter, open_log
 from asrsim.outfile import write_text
+from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
@@ -111,8 +112,8 @@ def execute(
     if certificate is not None:
         summary = replace(summary, certificate=certificate.as_dict())
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
-        kept = open_log(log).iter_samples(quantities=COMPARED)
-        found = run_cross_check(scenario, run.info, kept, robot, progress=certifying)
+        logged = open_log(log).iter_samples(quantities=COMPARED)
+        found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
         summary = replace(summary, cross_check=found.as_dict())
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
@@ -142,7 +143,7 @@ def result_metadata(run: Run, error: DivergenceError | None = None, certificate:
         metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}
     counts = run.counts
     names = [joint.name for joint in run.robot.moving_joints]
-    for kind in ("effort", "velocity", "saturation", "deflection", "stop"):
+    for kind in LIMITS:
         counted = {name: int(count) for name, count in zip(names, getattr(counts, kind), strict=True) if count}
         if counted:
             metadata[f"limit_{kind}"] = json.dumps(counted)

@@ -14,8 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, OutputError, Problem
-from asrsim.outfile import check_output, is_ours, is_special
+from asrsim.errors import AsrsimError, InputError, OutputError
+from asrsim.outfile import check_output, is_special, remove_ours
 from asrsim.scenario.data import Scenario
 
 LOG = "log.mcap"
@@ -57,7 +57,7 @@ def find_logs(place: Path) -> list[Path]:
         if place.is_dir():
             message = "holds no log of a run (log.mcap), nor does a folder in it"
         hint = "Run a scenario first: asrsim run scenario.yaml"
-        raise InputError(Problem(message=message, file=place, hint=hint, code="no-log"))
+        raise InputError(message, file=place, hint=hint, code="no-log")
     return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
 
 
@@ -111,12 +111,7 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, in
 def clear(files: Iterable[Path]) -> None:
     """Take away an earlier run's files, so that none of them stands beside the new run's."""
     for path in files:
-        if not is_ours(path, _kind(path.name)):
-            continue
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot replace it: {error.strerror or error}") from error
+        remove_ours(path, _kind(path.name))
 
 
 @contextmanager
@@ -127,7 +122,7 @@ def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
     Raises OutputError.
     """
     log, aside = folder / LOG, folder / ASIDE
-    # What a run left aside that was killed is in nobody's way.
+    # A killed run may have left its unfinished log.
     clear([aside])
     path = aside if log in earlier else log
     try:

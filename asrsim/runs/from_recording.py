@@ -13,11 +13,11 @@ from asrsim.errors import AsrsimError, OutputError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
-from asrsim.robot import load_robot, with_actuators, with_overrides
+from asrsim.robot import with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
-from asrsim.scenario.start_file import MOUNTED_MODE, SCHEMA_FILE, is_foreign, relative_path, write_new
+from asrsim.scenario.start_file import MOUNTED_MODE, SCHEMA_FILE, is_foreign, moving_robot, relative_path, write_new
 from asrsim.scenario.starter_extract import extract
 from asrsim.scenario.starter_fit import fit_text
 from asrsim.scenario.starter_mounted import fitting_modes, open_parameters
@@ -71,7 +71,7 @@ def write_from_recording(
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
-    loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
+    loaded = moving_robot(robot, arguments, packages)
     joints = [joint.name for joint in loaded.moving_joints]
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
     mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]

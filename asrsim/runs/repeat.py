@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from asrsim.engines import ENGINES
-from asrsim.errors import ActuatorError, DivergenceError, LogError, Problem
+from asrsim.errors import ActuatorError, DivergenceError, LogError
 from asrsim.log import LogReader, LogWriter, open_log
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
@@ -103,7 +103,7 @@ def repeat(
     folder = Path(out) if out is not None else None
     if UNREPEATABLE in reader.metadata:
         message = f"the run cannot be repeated: no document says what was changed about it ({reader.metadata[UNREPEATABLE]})"
-        raise LogError(Problem(message=message, file=reader.path, code="unrepeatable"))
+        raise LogError(message, file=reader.path, code="unrepeatable")
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary, ExitStack() as stack:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
@@ -120,7 +120,7 @@ def repeat(
             nonlocal writer
             if place is None:
                 return [comparer]
-            # It describes the same run.
+            # The new log describes the original run.
             there = reader.info
             same = replace(
                 info, scenario=there.scenario, scenario_path=there.scenario_path, resolved=there.resolved,
@@ -134,7 +134,7 @@ def repeat(
 
         error: DivergenceError | None = None
         try:
-            # A live run lasted as long as its log, and was told what to do.
+            # A live run lasts as long as its log, and repeats the commands recorded there.
             live = LIVE in reader.metadata
             run = simulate(
                 scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended,
@@ -180,12 +180,10 @@ def _require_engine(reader: LogReader, name: str) -> None:
     if not entry.available:
         version = reader.info.metadata.get("engine_version", name)
         raise LogError(
-            Problem(
-                message=f"the run was made with the engine '{name}' ({version}), and '{entry.module}' is not installed here",
-                file=reader.path,
-                hint="Install it, or run the scenario itself in another engine with asrsim run --engine NAME",
-                code="engine-missing",
-            )
+            f"the run was made with the engine '{name}' ({version}), and '{entry.module}' is not installed here",
+            file=reader.path,
+            hint="Install it, or run the scenario itself in another engine with asrsim run --engine NAME",
+            code="engine-missing",
         )
 
 
@@ -195,7 +193,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     Raises LogError if it has none, and InputError where they cannot be read any more.
     """
     if "scenario" not in info.resolved:
-        raise LogError(Problem(message="the log does not say how to repeat the run", code="no-scenario"))
+        raise LogError("the log does not say how to repeat the run", code="no-scenario")
     files: dict[str, Path] = {}
     for number, (name, data) in enumerate(sorted(info.attachments.items())):
         # Names come from a file: only their last part, and each in its own folder.
@@ -208,7 +206,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     robot = load_robot(urdf)
     # Meshes are sought where they were when the log was written.
     robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
-    # What the run should have given is no part of it, and may name recordings that are not here.
+    # Claims do not change a run, and may name recordings that are not here.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
     named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
     scenario = scenario_from_data(
@@ -236,7 +234,7 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
         names = ", ".join(name.removeprefix(PLUGINS) for name in carried)
         message = f"the run needs actuators of the user's own, whose Python code the log carries ({names})"
         hint = "Run that code with --trust-plugins if you trust the log's author, or name your own file with --plugin"
-        raise ActuatorError(Problem(message=message, file=reader.path, hint=hint, code="plugin-code"))
+        raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
     for number, (name, data) in enumerate(carried.items()):
         path = folder / "plugins" / str(number) / (PurePosixPath(name).name or "plugin.py")
         path.parent.mkdir(parents=True)

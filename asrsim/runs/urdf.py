@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from asrsim.robot import Robot, load_robot
-from asrsim.robot.model import Joint, Link
+from asrsim.robot.model import INERTIAS, Joint, Link
 from asrsim.robot.xmlfile import elements, parse_xml
 
 _JOINT = {
@@ -22,7 +22,6 @@ _LINK = {
     "mass": ("mass", "value"), "centre_of_mass": ("origin", "xyz"), "inertial_rpy": ("origin", "rpy"),
 }  # fmt: skip
 """Field of a link -> element in its `<inertial>` and attribute."""
-_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 Blocks = Mapping[str, tuple[int, Mapping[str, float]]]
 
@@ -52,7 +51,7 @@ def urdf_as_run(robot: Robot) -> tuple[str, Blocks, list[str]]:
             elif isinstance(one, Link):
                 inertial = _child(element, "inertial")
                 _write(inertial, one, _LINK)
-                for key, value in zip(_INERTIA, one.inertia or (), strict=False):
+                for key, value in zip(INERTIAS, one.inertia or (), strict=False):
                     _child(inertial, "inertia").set(key, repr(float(value)))
     text: str = etree.tostring(root, encoding="unicode")
     again = _read(text)

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
-from asrsim.samples import Array
 from asrsim.scenario.apply import apply_to_robot
 from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
-from asrsim.signals.base import Signal
+from asrsim.scenario.signal_doubts import over_run, reference_key, signal_doubts, signal_faults
 
-GRID = 2000
-"""Points at which a reference is looked at over the duration, besides its jumps."""
+PLANNED_MODES = (1, 2, 3, 5, 6)
+"""Modes whose references are positions: the only ones that a Cartesian path can drive."""
 
 
 def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
@@ -44,9 +42,7 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors: list[Problem] = []
     warnings: list[Problem] = []
     if not robot.moving_joints:
-        return [
-            Problem(message="the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
-        ], []
+        return [nothing_moves(robot)], []
     try:
         changed = apply_to_robot(scenario, robot)
     except InputError as error:
@@ -56,17 +52,26 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
     errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _task(scenario))
+    errors.extend(placed(scenario, problem) for problem in _task(scenario, changed))
+    warnings.extend(placed(scenario, problem) for problem in _default_start(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
     warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
     errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
-    for problem, fatal in _references(scenario, changed):
+    faults = list(signal_faults(scenario))
+    errors.extend(placed(scenario, problem) for problem in faults)
+    warnings.extend(placed(scenario, problem) for problem in ([] if faults else signal_doubts(scenario, changed)))
+    for problem, fatal in (*_references(scenario, changed), *(() if faults else _sigma(scenario, changed))):
         (errors if fatal else warnings).append(placed(scenario, problem))
     if not errors:
         from asrsim.kinematics.sizing import holding_findings
 
         warnings.extend(holding_findings(scenario, changed, propose=propose))
     return errors, warnings
+
+
+def nothing_moves(robot: Robot) -> Problem:
+    """What is said of a robot without a joint that moves."""
+    return Problem("the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
 
 
 def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -77,6 +82,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ("initial", scenario.initial_positions, moving),
         ("references", scenario.references, actuated),
         ("reference_ranges", scenario.reference_ranges, moving),
+        ("desired", scenario.desired, moving),
         ("external_torques", scenario.external_torques, moving),
         ("effects.commands", scenario.command_effects, actuated),
         ("effects.sensors", scenario.sensor_effects, actuated),
@@ -110,7 +116,7 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str = "") -> Problem:
     return Problem(
-        message=f"the robot has no {kind}{noun} '{name}'",
+        f"the robot has no {kind}{noun} '{name}'",
         key=key,
         choices=known,
         hint=did_you_mean(name, known),
@@ -124,16 +130,23 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         mode = MODES[block.mode]
         if mode.command != "torque":
             message = f"'{block.joint}' is in mode {mode.number} ({mode.name}), which the toolbox does not have"
-            yield Problem(message=message, key="stepping", value=scenario.stepping, code="released-mode")
+            yield Problem(message, key="stepping", value=scenario.stepping, code="released-mode")
 
 
-def _task(scenario: Scenario) -> Iterator[Problem]:
-    """Poses that the run ends before: the robot would never be asked to go there."""
-    for index, pose in enumerate(scenario.task.poses if scenario.task else ()):
+def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Modes that no path can drive, and poses that the run ends before."""
+    if scenario.task is None:
+        return
+    for block in robot.actuators:
+        if block.mode not in PLANNED_MODES:
+            message = f"a Cartesian task drives positions, which mode {block.mode} does not take"
+            choices = tuple(map(str, PLANNED_MODES))
+            yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
+    for index, pose in enumerate(scenario.task.poses):
         # The rounding of a duration that is counted in steps is no overrun.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
-                message=f"comes after the run's end at {scenario.duration:g} s",
+                f"comes after the run's end at {scenario.duration:g} s",
                 key=f"task.poses.{index}.time",
                 value=pose.time,
                 hint=f"Let the run last at least {pose.time:g} s (duration), or move the pose before its end",
@@ -145,13 +158,22 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for joint in robot.moving_joints:
         key = joint.name if joint.name in scenario.initial_positions else "*"
         position = scenario.initial_positions.get(key)
-        if position is None or joint.kind == "continuous":
-            continue
-        low = -np.inf if joint.lower is None else joint.lower
-        high = np.inf if joint.upper is None else joint.upper
-        if not low <= position <= high:
+        low, high = joint.stops
+        if position is not None and not low <= position <= high:
             message = f"lies outside the limits of '{joint.name}', {low:g} to {high:g}"
-            yield Problem(message=message, key=f"initial.{key}", value=position, code="initial-limits")
+            yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
+
+
+def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Joints that start at 0, since nothing else is said, where their limits do not let them be."""
+    if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
+        return
+    for joint in robot.moving_joints:
+        low, high = joint.stops
+        if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
+            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
+            hint = f"Say under `initial` where it starts, such as {low if low > 0.0 else high:g}"
+            yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -161,7 +183,7 @@ def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     body = merge_fixed(robot).robot.root
     if not (body.mass and body.inertia and any(body.inertia)):
         message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in what is fixed to it"
-        yield Problem(message=message, key="base.fixed", value=False, code="massless-base")
+        yield Problem(message, key="base.fixed", value=False, code="massless-base")
 
 
 def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -171,11 +193,11 @@ def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if effects.active and blocks and not any(MODES[block.mode].controller for block in blocks):
             modes = ", ".join(sorted({str(block.mode) for block in blocks}))
             message = f"no controller reads this sensor in mode {modes}: it does nothing"
-            yield Problem(message=message, key=f"effects.sensors.{name}", code="unused-effect")
+            yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
         steps = effects.delay / scenario.step
         if abs(steps - round(steps)) > 1e-6:
             message = "is no whole number of steps and may be rounded"
-            yield Problem(message=message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
+            yield Problem(message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
 
 
 def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
@@ -188,33 +210,29 @@ def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, boo
             message = "no actuator of the robot has this reference in its mode"
             hint = did_you_mean(name, known)
             key = f"references.*.{name}"
-            yield Problem(message=message, key=key, choices=known, hint=hint, code="unknown-reference"), True
+            yield Problem(message, key=key, choices=known, hint=hint, code="unknown-reference"), True
     for block in robot.actuators:
-        names = _names(block)
+        names = reference_names(block)
         mode = MODES[block.mode]
         own = scenario.references.get(block.joint, {})
         for name in own:
             if name not in names and name in mode.references:
                 message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
-                yield Problem(message=message, key=f"references.{block.joint}.{name}", code="unused-reference"), False
+                yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference"), False
             elif name not in names:
                 message = f"mode {mode.number} ({mode.name}) has no such reference"
                 key = f"references.{block.joint}.{name}"
                 hint = did_you_mean(name, names)
-                yield Problem(message=message, key=key, choices=names, hint=hint, code="unknown-reference"), True
-        for slot, name in enumerate(names):
-            key = f"references.{block.joint if name in own else '*'}.{name}"
-            signal = own.get(name, common.get(name))
-            if signal is not None:
-                yield from _values(scenario, robot, block, slot, key, signal)
-            elif not made_elsewhere(scenario, block.joint):
+                yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference"), True
+        for name in names:
+            if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
-                yield Problem(message=message, key=f"references.{block.joint}", code="missing-reference"), False
+                yield Problem(message, key=f"references.{block.joint}", code="missing-reference"), False
 
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Ranges of references that no joint has, or not the joint that they stand under."""
-    blocks = {block.joint: _names(block) for block in robot.actuators}
+    blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
         choices = (*sorted(known), "external_torque")
@@ -222,10 +240,10 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             if name not in choices:
                 key, hint = f"reference_ranges.{joint}.{name}", did_you_mean(name, choices)
                 message = "there is no such reference in the mode"
-                yield Problem(message=message, key=key, choices=choices, hint=hint, code="unknown-reference")
+                yield Problem(message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
-def _names(block: ActuatorBlock) -> tuple[str, ...]:
+def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     """References that count for this actuator: one with one motor and no adjuster has no second."""
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references
@@ -240,45 +258,21 @@ def made_elsewhere(scenario: Scenario, joint: str) -> bool:
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
 
-def _grid(scenario: Scenario, signal: Signal) -> Array:
-    end = scenario.duration
-    return np.sort(np.concatenate([np.linspace(0.0, end, GRID + 1), signal.jumps(0.0, end)]))
-
-
-def _values(
-    scenario: Scenario, robot: Robot, block: ActuatorBlock, slot: int, key: str, signal: Signal
-) -> Iterator[tuple[Problem, bool]]:
-    try:
-        time = _grid(scenario, signal)
-        with np.errstate(all="ignore"):
-            values = signal.values(time)
-    except Exception as error:  # a user's own signal may raise anything
-        yield Problem(message=f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal"), True
-        return
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        yield Problem(message=f"is not finite at {time[bad[0]]:g} s", key=key, code="signal"), True
-        return
-    actuator = ACTUATORS.get(block.actuator)
-    length: Any = block.values().get("lever_length")
-    # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
-    torque = block.mode == 4 and released_order(scenario.stepping)
-    if slot == 1 and actuator.adjuster and length is not None and len(MODES[block.mode].references) == 2 and not torque:
-        worst = int(np.argmax(values))
-        if values[worst] >= length:
-            message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[worst]:g} s"
+def _sigma(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
+    """References of adjusters that their lever does not reach: (problem, whether it is an error)."""
+    for block in robot.actuators:
+        names, values = MODES[block.mode].references, block.values()
+        signal = scenario.references_of(block.joint).get(names[-1])
+        # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
+        torque = block.mode == 4 and released_order(scenario.stepping)
+        if signal is None or len(names) < 2 or torque or not ACTUATORS.get(block.actuator).adjuster:
+            continue
+        key, length = reference_key(scenario, block, names[1]), values.get("lever_length", np.inf)
+        time, sigma = over_run(scenario, signal)
+        if (largest := float(sigma.max())) >= length:
+            message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[np.argmax(sigma)]:g} s"
             hint = "There the stiffness is infinite: stay below L"
-            yield Problem(message=message, key=key, value=float(values[worst]), hint=hint, code="sigma-limit"), True
-        elif values.min() < 0.0:
-            message = f"sigma of '{block.joint}' is negative at {time[int(np.argmin(values))]:g} s"
-            yield Problem(message=message, key=key, value=float(values.min()), code="sigma-negative"), False
-    if slot == 0 and block.mode in (1, 3, 6):
-        joint = robot.joint(block.joint)
-        if joint.kind != "continuous" and _outside(values, joint.lower, joint.upper):
-            message = f"leaves the limits of '{block.joint}', {joint.lower:g} to {joint.upper:g}"
-            value = f"{values.min():g} to {values.max():g}"
-            yield Problem(message=message, key=key, value=value, code="reference-limits"), False
-
-
-def _outside(values: Array, low: float | None, high: float | None) -> bool:
-    return low is not None and high is not None and bool(values.min() < low or values.max() > high)
+            yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit"), True
+        elif (least := float(sigma.min())) < 0.0:
+            message = f"sigma of '{block.joint}' is negative at {time[np.argmin(sigma)]:g} s"
+            yield Problem(message, key=key, value=least, code="sigma-negative"), False

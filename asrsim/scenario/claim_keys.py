@@ -9,11 +9,10 @@ from typing import Any
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.kinds import Choice, File, Kind, Optional, Schema, Text
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, Choice, File, Kind, Optional, Schema, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.errors import Problem, ScenarioError, did_you_mean
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER
+from asrsim.errors import ScenarioError, did_you_mean
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 
@@ -69,13 +68,11 @@ class Expectation:
         from asrsim.quantities import DERIVED, QUANTITIES
 
         if (self.joint is None) == (self.body is None):
-            raise ScenarioError(Problem(message="needs the key joint, or body", key="", code="expect"))
+            raise ScenarioError("needs the key joint, or body", key="", code="expect")
         known = (*QUANTITIES, *DERIVED)
         if self.joint is not None and self.quantity not in known:
             hint = did_you_mean(self.quantity, known)
-            raise ScenarioError(
-                Problem(message="no such quantity", key="quantity", choices=known, hint=hint, code="unknown-quantity")
-            )
+            raise ScenarioError("no such quantity", key="quantity", choices=known, hint=hint, code="unknown-quantity")
 
 
 CLAIMS = ListOf(of=block_of(Expectation, "claim", line_argument="line"))

@@ -9,25 +9,24 @@ from typing import Any, TypeVar, overload
 
 from asrsim.document.block import REQUIRED, declare
 from asrsim.document.composite import MapOf
-from asrsim.document.kinds import Boolean, Choice, File, Integer, Optional, Text
+from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
 from asrsim.scenario.choices import default_engine, engines, steppings
 from asrsim.scenario.claim_keys import CLAIMS, Expectation
 from asrsim.scenario.joint_keys import (
     ACTUATORS_BY_JOINT,
     DAMPING_BY_JOINT,
     EFFECTS_BY_JOINT,
+    INITIAL,
     MODE,
     MOTION,
     PARAMETERS,
     RANGES_BY_JOINT,
+    REFERENCES,
     Effects,
     GivenActuator,
-    JointReferences,
     LinkDamping,
-    References,
-    Start,
 )
-from asrsim.scenario.kinds import NOT_NEGATIVE, ORIGIN, POSITION, POSITIVE, RPY, SIGNALS_BY_JOINT, FolderName, Vector
+from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, FolderName, Vector
 from asrsim.scenario.learning_keys import LEARNING
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
@@ -98,7 +97,7 @@ class Scenario:
         doc="actuator parameters that replace the URDF's, by our name or the toolbox's tag",
     )
     initial_positions: Mapping[str, float] = declare(
-        Start(),
+        INITIAL,
         key="initial",
         spread=True,
         default={},
@@ -180,7 +179,7 @@ class Scenario:
     namespace: str | None = None
     """Replaces the blocks' namespace (manager YAML)."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
-        References(of=JointReferences()),
+        REFERENCES,
         spread=True,
         default={},
         doc="the actuators' references, by the names of their mode; absent ones rest at their start; beside them "

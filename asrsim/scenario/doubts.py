@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import numpy as np
-
-from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.attributes import beyond_a_turn
-from asrsim.robot.sanity import block_doubts
+from asrsim.robot.sanity import block_doubts, most_damping
 from asrsim.scenario.choices import released_order
-from asrsim.scenario.data import Effects, Scenario
-from asrsim.signals.base import Signal
-from asrsim.signals.combine import Sum
+from asrsim.scenario.data import Effects, Scenario, for_joint
 
 STRONGEST = 30.0
 """m/s^2; Jupiter's gravity is 24.8."""
@@ -23,6 +19,13 @@ LATEST = 1.0
 """s of delay."""
 LOUDEST = {"commands": 5.0, "sensors": 1.0}
 """Standard deviation of noise, and quantisation steps, in the signal's unit (most often rad)."""
+FARTHEST = 1.0
+"""rad or m in a step."""
+MOST_RATIO = 100.0
+HANDFUL = 5
+"""Samples between which a log shows nothing."""
+LOOSE, FAR = 100.0, 1e6
+"""Tolerances and bounds of claims, in the measure's SI unit, that no run reaches."""
 
 
 def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem]:
@@ -30,19 +33,14 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _gravity(scenario)
     yield from _orientations(scenario)
     yield from _effects(scenario)
-    yield from _damping(scenario)
+    yield from _damping(scenario, changed)
+    yield from _start(scenario, changed)
+    yield from _samples(scenario)
+    yield from _claims(scenario)
     for block in changed.actuators:
         for doubt in block_doubts(block) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
-                yield Problem(message=doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
-    signals = [
-        (f"references.{joint}.{name}", signal) for joint, own in scenario.references.items() for name, signal in own.items()
-    ]
-    signals += [(f"external_torques.{joint}", signal) for joint, signal in scenario.external_torques.items()]
-    for key, signal in signals:
-        for part, one in _parts(key, signal):
-            yield from _late(scenario, part, one)
-    yield from _presets(scenario, changed)
+                yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     yield from _not_released(scenario, changed)
 
 
@@ -50,10 +48,10 @@ def _gravity(scenario: Scenario) -> Iterator[Problem]:
     strength = math.hypot(*scenario.gravity)
     shown = f"{strength:g} m/s^2"
     if strength > STRONGEST:
-        yield Problem(message="is stronger than on any planet (in m/s^2)", key="gravity", value=shown, code="gravity")
+        yield Problem("is stronger than on any planet (in m/s^2)", key="gravity", value=shown, code="gravity")
     elif scenario.gravity[2] > 0.0:
         message = "points upwards: z points up, so weight is negative in z"
-        yield Problem(message=message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
+        yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
 
 
 def _orientations(scenario: Scenario) -> Iterator[Problem]:
@@ -67,7 +65,7 @@ def _orientations(scenario: Scenario) -> Iterator[Problem]:
         if beyond_a_turn(angles):
             shown = ", ".join(f"{angle:g}" for angle in angles)
             message = "turns by more than once round; angles are in rad"
-            yield Problem(message=message, key=key, value=shown, hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
+            yield Problem(message, key=key, value=shown, hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
 
 
 def _effects(scenario: Scenario) -> Iterator[Problem]:
@@ -79,67 +77,73 @@ def _effects(scenario: Scenario) -> Iterator[Problem]:
 def _beyond_reason(scenario: Scenario, key: str, effects: Effects, loudest: float) -> Iterator[Problem]:
     if effects.delay > LATEST or effects.delay >= scenario.duration:
         late = "as long as the run" if effects.delay >= scenario.duration else f"longer than {LATEST:g} s"
-        yield Problem(message=f"is {late} (in s)", key=f"{key}.delay", value=effects.delay, code="long-delay")
+        yield Problem(f"is {late} (in s)", key=f"{key}.delay", value=effects.delay, code="long-delay")
     if effects.rate is not None and effects.rate * scenario.duration < 1.0:
         message = "has one tick in the whole run: the first value is held to the end (in Hz)"
-        yield Problem(message=message, key=f"{key}.rate", value=effects.rate, code="slow-rate")
+        yield Problem(message, key=f"{key}.rate", value=effects.rate, code="slow-rate")
     for name, value in (("noise", effects.noise), ("quantum", effects.quantum)):
         if value > loudest:
             message = "is larger than what it disturbs is likely to be (in the signal's SI unit)"
-            yield Problem(message=message, key=f"{key}.{name}", value=value, code=f"large-{name}")
+            yield Problem(message, key=f"{key}.{name}", value=value, code=f"large-{name}")
 
 
-def _damping(scenario: Scenario) -> Iterator[Problem]:
-    for joint, damping in scenario.link_damping.items():
+def _start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Starts at which a link or motor is past where a step ends, or a motor where its spring cannot follow."""
+    motors = scenario.initial_motor_velocities
+    links = {name: (speed,) for name, speed in scenario.initial_velocities.items()}
+    for joint in robot.moving_joints:
+        for table, part in ((links, "velocity"), (motors, "motor_velocities")):
+            fastest = max(map(abs, for_joint(table, joint.name, ())), default=0.0)
+            if fastest * scenario.step > FARTHEST:
+                key = f"initial.{joint.name if joint.name in table else '*'}.{part}"
+                message = f"is more than {FARTHEST:g} a step of {scenario.step:g} s (in rad/s or m/s)"
+                yield Problem(message, key=key, value=fastest, code="fast-start")
+    for block in robot.actuators:
+        table, place = scenario.initial_motor_positions, for_joint(scenario.initial_positions, block.joint, 0.0)
+        places = for_joint(table, block.joint, ())[: ACTUATORS.get(block.actuator).motors]
+        farthest = max((abs(one - place) for one in places), default=0.0)
+        limit = min(block.values().get("max_deflection", math.inf), math.tau)
+        if farthest > limit:
+            key = f"initial.{block.joint if block.joint in table else '*'}.motor_positions"
+            message = f"is further from the link than its spring reaches, {limit:.4g} rad"
+            yield Problem(message, key=key, value=f"{farthest:g} rad", code="far-motor")
+
+
+def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    for name, damping in scenario.link_damping.items():
+        key = f"link_damping.{name}"
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' does nothing: damping is 2 ratio sqrt(inertia stiffness)"
-            yield Problem(message=message, key=f"link_damping.{joint}", value=damping.ratio, code="ratio-without-inertia")
+            yield Problem(message, key=key, value=damping.ratio, code="ratio-without-inertia")
+        elif damping.ratio > MOST_RATIO:
+            message = "is no damping ratio; at 1 nothing swings"
+            yield Problem(message, key=f"{key}.ratio", value=damping.ratio, code="large-damping")
+        bounds = [most_damping(robot, joint) for joint in robot.moving_joints if name in (joint.name, "*")]
+        if 0.0 < min(bounds, default=0.0) < damping.constant:
+            message = "so much damping holds the link still, whatever drives it"
+            yield Problem(message, key=f"{key}.constant", value=damping.constant, code="large-damping")
 
 
-def _parts(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
-    """A signal, or the terms of a sum."""
-    if not isinstance(signal, Sum):
-        yield key, signal
-        return
-    for index, term in enumerate(signal.terms):
-        yield from _parts(f"{key}.sum.{index}", term)
+def _samples(scenario: Scenario) -> Iterator[Problem]:
+    """A log that shows next to nothing of the run."""
+    apart = scenario.log_every * scenario.step
+    if scenario.log_every > 1 and scenario.duration < HANDFUL * apart:
+        message = f"leaves {int(scenario.duration / apart + 1e-9) + 1} samples of a run of {scenario.duration:g} s"
+        yield Problem(message, key="log_rate", value=f"{1.0 / apart:g} Hz", code="few-samples")
 
 
-def _late(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
-    """A signal that rests for the whole run and changes after its end."""
-    end = scenario.duration
-    try:
-        times = np.concatenate([np.linspace(0.0, end, 501), signal.jumps(0.0, end)])
-        if np.ptp(signal.values(times)) > 0.0 or signal.jumps(0.0, end).size:
-            return
-        # Changes later than a hundred times the run are no slip of a digit.
-        later = np.sort(np.concatenate([signal.jumps(end, 100.0 * end), np.linspace(end, 100.0 * end, 2001)]))
-        changed = np.flatnonzero(signal.values(later) != signal.values(np.array([end]))[0])
-    except Exception:
-        return  # what fails is an error of its own
-    if changed.size:
-        message = f"rests for the whole run of {end:g} s and changes only after its end"
-        yield Problem(message=message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
-
-
-def _presets(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Stiffness presets beyond the springs' deflection limit: there the springs are clipped, not stiffer."""
-    times = np.linspace(0.0, scenario.duration, 501)
-    for block in robot.actuators:
-        actuator, names = ACTUATORS.get(block.actuator), MODES[block.mode].references
-        signal = scenario.references_of(block.joint).get("stiffness_preset")
-        limit = block.values().get("max_deflection", math.inf)
-        if signal is None or actuator.adjuster or actuator.motors < 2 or "stiffness_preset" not in names:
-            continue
-        try:
-            largest = float(np.abs(signal.values(times)).max())
-        except Exception:
-            continue
-        if largest > limit:
-            own = "stiffness_preset" in scenario.references.get(block.joint, {})
-            message = f"is beyond the deflection limit of the springs of '{block.joint}', {limit:g} rad: they are clipped there"
-            key = f"references.{block.joint if own else '*'}.stiffness_preset"
-            yield Problem(message=message, key=key, value=largest, code="large-preset")
+def _claims(scenario: Scenario) -> Iterator[Problem]:
+    """Claims that hold whatever happens."""
+    for index, claim in enumerate(scenario.expect):
+        loose = claim.comparison == "==" and claim.tolerance > max(LOOSE, 10.0 * abs(claim.value))
+        empty = claim.comparison != "==" and abs(claim.value) > FAR
+        if loose or empty:
+            key, value = ("tolerance", claim.tolerance) if loose else ("value", claim.value)
+            message = "so far off that the claim holds, or fails, whatever happens"
+            yield Problem(message, key=f"expect.{index}.{key}", value=value, code="empty-claim")
+        elif claim.tolerance and claim.comparison != "==":
+            message = f"does nothing beside {claim.comparison}: it belongs to =="
+            yield Problem(message, key=f"expect.{index}.tolerance", value=claim.tolerance, code="unused-tolerance")
 
 
 def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -152,4 +156,4 @@ def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ]
         if given:
             message = f"the toolbox's order of a step does not know {', '.join(given)} of '{block.joint}'"
-            yield Problem(message=message, key="stepping", value=scenario.stepping, code="released-model")
+            yield Problem(message, key="stepping", value=scenario.stepping, code="released-model")

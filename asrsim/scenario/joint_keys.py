@@ -9,10 +9,22 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.block import Block, Key, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
-from asrsim.document.kinds import Boolean, Choice, Integer, Kind, Number, Optional, Schema, attempt
+from asrsim.document.kinds import (
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    Boolean,
+    Choice,
+    Integer,
+    Kind,
+    Number,
+    Optional,
+    Schema,
+    attempt,
+)
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Keys
+from asrsim.scenario.kinds import Keys
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 
@@ -96,13 +108,11 @@ START: Block[Keys] = Block(
 EQUILIBRIUM = "equilibrium"
 
 
-class Start(Kind[Mapping[str, Any]]):
+class StartTables(Either):
     """The start, as the scenario's four tables and its flag."""
 
-    _shapes = Either(((lambda node: node.value == EQUILIBRIUM, Choice((EQUILIBRIUM,))), (lambda _: True, MapOf(of=START))))
-
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Mapping[str, Any]:
-        states = self._shapes.read(node, path, reading)
+        states = super().read(node, path, reading)
         if states == EQUILIBRIUM:
             return {"initial_equilibrium": True}
         names = {"position": "positions", "velocity": "velocities"}
@@ -113,56 +123,31 @@ class Start(Kind[Mapping[str, Any]]):
                     table[joint] = value
         return tables
 
-    def schema(self) -> Schema:
-        return self._shapes.schema()
 
-    @property
-    def text(self) -> str:
-        return self._shapes.text
-
-    @property
-    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
-        return self._shapes.parts
-
-    def merge(self, base: Node, over: Node) -> Node:
-        return self._shapes.merge(base, over)
-
+INITIAL = StartTables(((lambda node: node.value == EQUILIBRIUM, Choice((EQUILIBRIUM,))), (lambda _: True, MapOf(of=START))))
 
 INVERSE_DYNAMICS = "inverse_dynamics"
 """Word under a joint's references that makes its first one a desired motion of the link."""
 
 
-class JointReferences(Kind[dict[str, Any]]):
+class JointReferences(MapOf[Any]):
     """Signals by name, and whether the first is a desired motion: a :class:`bool` under :data:`INVERSE_DYNAMICS`."""
-
-    _signals = MapOf(of=SIGNAL, noun="reference", star=False)
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
         if not isinstance(node.value, dict) or INVERSE_DYNAMICS not in node.value:
-            return dict(self._signals.read(node, path, reading))
+            return super().read(node, path, reading)
         rest = {name: item for name, item in node.value.items() if name != INVERSE_DYNAMICS}
         wanted = attempt(Boolean(), node.value[INVERSE_DYNAMICS], (*path, INVERSE_DYNAMICS), reading)
-        signals = self._signals.read(Node(rest, node.line, node.key_lines, node.file), path, reading)
+        signals = super().read(Node(rest, node.line, node.key_lines, node.file), path, reading)
         if wanted is None:
             raise Rejected
         return {**signals, INVERSE_DYNAMICS: wanted[0]}
 
     def schema(self) -> Schema:
-        return {**self._signals.schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}
-
-    @property
-    def text(self) -> str:
-        return self._signals.text
-
-    @property
-    def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
-        return self._signals.parts
-
-    def merge(self, base: Node, over: Node) -> Node:
-        return self._signals.merge(base, over)
+        return {**super().schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}
 
 
-class References(MapOf[Any]):
+class ReferenceTables(MapOf[Any]):
     """Every joint's :class:`JointReferences`, as the scenario's two tables: signals, and whose first is a desired motion."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
@@ -175,6 +160,8 @@ class References(MapOf[Any]):
             "inverse_dynamics": {joint: items[INVERSE_DYNAMICS] for joint, items in given.items() if INVERSE_DYNAMICS in items},
         }
 
+
+REFERENCES = ReferenceTables(of=JointReferences(of=SIGNAL, noun="reference", star=False))
 
 LOCKED = "locked"
 _LOCKED = (lambda node: node.value == LOCKED, Choice((LOCKED,)))

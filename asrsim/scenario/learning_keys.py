@@ -6,11 +6,11 @@ from typing import Any
 
 from asrsim.document.block import Block, Key
 from asrsim.document.composite import MapOf
-from asrsim.document.kinds import Choice, Integer, Kind, Number, Optional, Schema
+from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, SHARE, Choice, Integer, Kind, Optional, Schema
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.errors import Problem, ScenarioError
-from asrsim.scenario.kinds import NOT_NEGATIVE, POSITIVE, SHARE, SIGNALS_BY_JOINT, Keys, names_a_folder
+from asrsim.errors import ScenarioError
+from asrsim.scenario.kinds import SIGNALS_BY_JOINT, Keys, names_a_folder
 
 
 class Gain(Kind["float | str"]):
@@ -31,23 +31,27 @@ class Gain(Kind["float | str"]):
         return "number > 0 or `model`"
 
 
-_SPREAD = Number(minimum=0.0)
-
 SPREAD: Block[Keys] = Block(
     keys=(
         Key(
-            name="parameters", kind=MapOf(of=_SPREAD, noun="parameter", star=False), default={}, unit="1",
+            name="parameters", kind=MapOf(of=NOT_NEGATIVE, noun="parameter", star=False), default={}, unit="1",
             doc="relative spread of actuator parameters, by name (0.1: a tenth)",
         ),
-        Key(name="mass", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the links' masses and inertias"),
-        Key(name="damping", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' damping"),
-        Key(name="friction", kind=_SPREAD, default=0.0, unit="1", doc="relative spread of the joints' and motors' friction"),
+        Key(name="mass", kind=NOT_NEGATIVE, default=0.0, unit="1", doc="relative spread of the links' masses and inertias"),
+        Key(name="damping", kind=NOT_NEGATIVE, default=0.0, unit="1", doc="relative spread of the joints' damping"),
         Key(
-            name="added_friction", kind=_SPREAD, default=0.0, unit="N m",
+            name="friction", kind=NOT_NEGATIVE, default=0.0, unit="1",
+            doc="relative spread of the joints' and motors' friction",
+        ),
+        Key(
+            name="added_friction", kind=NOT_NEGATIVE, default=0.0, unit="N m",
             doc="most that is added to the joints' friction, which a relative spread cannot give to one without",
         ),
-        Key(name="added_damping", kind=_SPREAD, default=0.0, unit="N m s/rad", doc="most that is added to the joints' damping"),
-        Key(name="delay", kind=_SPREAD, default=0.0, unit="s", doc="largest delay of the commands"),
+        Key(
+            name="added_damping", kind=NOT_NEGATIVE, default=0.0, unit="N m s/rad",
+            doc="most that is added to the joints' damping",
+        ),
+        Key(name="delay", kind=NOT_NEGATIVE, default=0.0, unit="s", doc="largest delay of the commands"),
     ),
     build=dict,
     noun="spreads",
@@ -80,9 +84,9 @@ FILTER: Block[Keys] = Block(
 def _learning(**keys: Any) -> Keys:
     if bool(keys["trajectory"]) == bool(keys["trajectories"]):
         message = "needs desired link positions under trajectory, or several of them by name under trajectories"
-        raise ScenarioError(Problem(message=message, key="", code="no-trajectory"))
+        raise ScenarioError(message, key="", code="no-trajectory")
     if bad := [name for name in keys["trajectories"] if not names_a_folder(name)]:
-        raise ScenarioError(Problem(message="is no name: it names a folder too", key=f"trajectories.{bad[0]}", code="name"))
+        raise ScenarioError("is no name: it names a folder too", key=f"trajectories.{bad[0]}", code="name")
     return keys
 
 

@@ -26,7 +26,7 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
         names = tuple(one.variant for one in loaded)
         hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
         message = "the scenario has several variants"
-        raise ScenarioError(Problem(message=message, file=loaded[0].path, choices=names, hint=hint, code="variant"))
+        raise ScenarioError(message, file=loaded[0].path, choices=names, hint=hint, code="variant")
     return loaded[0]
 
 
@@ -42,18 +42,18 @@ def load_scenario(
     path = Path(path)
     if path.suffix in (".urdf", ".xacro"):
         cure = f"Write a scenario for it with: asrsim init {path}"
-        raise ScenarioError(Problem(message="is a robot, no scenario", file=path, hint=cure, code="robot"))
+        raise ScenarioError("is a robot, no scenario", file=path, hint=cure, code="robot")
     faults: list[Problem] = []
     root, text = read_yaml(path, error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
         message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
-        raise ScenarioError([*faults, Problem(message=message, file=path, line=root.line, code="type")])
+        raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
     common, variants = _split(root, faults)
     if variant is not None and variant not in variants:
         names = tuple(variants)
         hint = did_you_mean(variant, names)
         message = f"there is no variant '{variant}'"
-        faults.append(Problem(message=message, file=path, choices=names, hint=hint, code="unknown-variant"))
+        faults.append(Problem(message, file=path, choices=names, hint=hint, code="unknown-variant"))
         raise ScenarioError(faults)
     faults += _faults_of_claims(common, tuple(variants))
     chosen = variants if variant is None else {variant: variants[variant]}
@@ -154,7 +154,7 @@ def _faults_of_claims(common: Node, variants: tuple[str, ...]) -> list[Problem]:
 
 
 def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) -> Problem:
-    return Problem(message=message, file=node.file, line=node.line, key=key, choices=choices, code="variants")
+    return Problem(message, file=node.file, line=node.line, key=key, choices=choices, code="variants")
 
 
 def _distinct(problems: Iterable[Problem]) -> list[Problem]:

@@ -45,15 +45,13 @@ def read_manager(path: Path) -> Manager:
     root, _ = read_yaml(path, error=ScenarioError)
     node = _find(root, MAX_DEPTH)
     if node is None or not isinstance(node.value, dict):
-        raise ScenarioError(Problem(message="has no list 'joints_name'", file=path, line=root.line, code="manager"))
+        raise ScenarioError("has no list 'joints_name'", file=path, line=root.line, code="manager")
     names = node.value["joints_name"]
     if not isinstance(names.value, list) or not names.value:
-        raise ScenarioError(
-            Problem(message="must be a list of joints", file=path, line=names.line, key="joints_name", code="manager")
-        )
+        raise ScenarioError("must be a list of joints", file=path, line=names.line, key="joints_name", code="manager")
     joints = tuple(str(item.value).strip() for item in names.value)
     problems = [
-        Problem(message=f"joint '{joint}' stands there twice", file=path, line=names.line, key="joints_name", code="manager")
+        Problem(f"joint '{joint}' stands there twice", file=path, line=names.line, key="joints_name", code="manager")
         for joint in dict.fromkeys(joints)
         if joints.count(joint) > 1
     ]
@@ -63,7 +61,7 @@ def read_manager(path: Path) -> Manager:
     number = node.value.get("joints_number")
     if number is not None and number.value != len(joints):
         message = f"joints_number is {number.value}, but joints_name has {len(joints)}: the list counts"
-        warnings.append(Problem(message=message, file=path, line=number.line, key="joints_number", code="manager-number"))
+        warnings.append(Problem(message, file=path, line=number.line, key="joints_number", code="manager-number"))
     space = node.value.get("namespace")
     namespace = str(space.value).strip().strip("/") if space is not None and space.value is not None else None
     return Manager(joints=joints, namespace=namespace or None, warnings=tuple(warnings))

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
-from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.errors import InputError, ScenarioError
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
 
@@ -20,7 +20,7 @@ def split_path(text: str) -> tuple[str, ...]:
     while position <= len(text):
         found = _PART.match(text, position)
         if not found or (found.end() < len(text) and text[found.end()] != "."):
-            raise ScenarioError(Problem(message="is no dotted key", key=text, code="override"))
+            raise ScenarioError("is no dotted key", key=text, code="override")
         parts.append(found[1] if found[1] is not None else found[2])
         position = found.end() + 1
     return tuple(parts)
@@ -47,20 +47,20 @@ def apply_override(root: Node, override: str) -> Node:
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         hint = "Write key=value, such as duration=2 or references.joint1.equilibrium_position=0.5"
-        raise ScenarioError(Problem(message="is no key=value", value=override, hint=hint, code="override"))
+        raise ScenarioError("is no key=value", value=override, hint=hint, code="override")
     _check_key(key.strip())
     try:
         value = parse_yaml(text, error=ScenarioError)
     except InputError as error:
         message = f"its value {error.problems[0].message}"
-        raise ScenarioError(Problem(message=message, key=key, value=text, code="override")) from None
+        raise ScenarioError(message, key=key, value=text, code="override") from None
     return _set(root, split_path(key.strip()), _without_lines(value), key.strip())
 
 
 def _check_key(key: str) -> None:
     if key.partition(".")[0] == "variants":
         hint = "What is set holds for every variant that runs; --variant chooses one"
-        raise ScenarioError(Problem(message="cannot be set", key=key, hint=hint, code="override"))
+        raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
 
 
 def _without_lines(node: Node) -> Node:
@@ -78,14 +78,14 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str) -> Node:
     if isinstance(node.value, list):
         if not head.isdigit() or int(head) >= len(node.value):
             message = f"'{head}' is no index of a list of {len(node.value)} entries (they count from 0)"
-            raise ScenarioError(Problem(message=message, key=key, code="override"))
+            raise ScenarioError(message, key=key, code="override")
         items = list(node.value)
         items[int(head)] = _set(items[int(head)], rest, value, key)
         return Node(items, node.line, None, node.file)
     mapping = dict(node.value) if isinstance(node.value, dict) else {}
     if not isinstance(node.value, dict) and node.value is not None:
         message = f"'{head}' cannot be set inside the value {node.describe()!r}"
-        raise ScenarioError(Problem(message=message, key=key, code="override"))
+        raise ScenarioError(message, key=key, code="override")
     if not rest and value.value is None:
         mapping.pop(head, None)
     else:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.document.yaml_reader import parse_yaml
-from asrsim.errors import OutputError, Problem, ScenarioError
+from asrsim.errors import OutputError, Problem, RobotError, ScenarioError
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.robot import Robot, load_robot, with_actuators, with_overrides
 from asrsim.scenario.data import Scenario
@@ -53,7 +53,7 @@ def write_starter(
     """
     from asrsim.kinematics.sizing import problems_of_weight, sizing
 
-    loaded = load_robot(robot, xacro_arguments=arguments or {}, package_paths=packages or {})
+    loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
     mounted = with_actuators(loaded, given, {})
     starter = Starter(
@@ -82,6 +82,16 @@ def write_starter(
         return (out,), notes
     write_new(beside, schema_text(), force=True)
     return (out, beside), notes
+
+
+def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:
+    """The robot that a file tells of. Raises RobotError where it cannot be read, or no joint of it moves."""
+    from asrsim.scenario.check import nothing_moves
+
+    robot = load_robot(path, xacro_arguments=arguments or {}, package_paths=packages or {})
+    if not robot.moving_joints:
+        raise RobotError([nothing_moves(robot)])
+    return robot
 
 
 def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:

@@ -145,7 +145,7 @@ def starter_text(starter: Starter) -> str:
     moved = [drive for drive in drives if drive.start]
     if moved:
         lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
-        lines += [f"  {word(drive.joint.name)}: {number(drive.start)}" for drive in moved]
+        lines += [f"  {word(drive.joint.name)}: {drive.start!r}" for drive in moved]  # rounded, a limit may be passed
     elif starter.hangs:
         lines += ["", "initial: equilibrium # at rest under its own weight; without this line it falls into its springs"]
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]

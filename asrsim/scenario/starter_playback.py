@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import InputError, Problem, RecordingError
+from asrsim.errors import InputError, RecordingError
 from asrsim.recordings.checks import wrong_unit
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
+from asrsim.scenario.check import reference_names
 from asrsim.signals.playback import Playback, since
 
 LATEST = 1.0
@@ -99,7 +100,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
                 why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
                 remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
             played.append(_played(block.joint, 0, command, recording, lag))
-            if second is not None and len(_references(replace(block, mode=mode))) > 1:
+            if second is not None and len(reference_names(replace(block, mode=mode))) > 1:
                 played.append(_played(block.joint, 1, second, recording, lag))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
             played.append(_played(block.joint, None, torque, recording, lag))
@@ -180,12 +181,6 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     return mode.number
 
 
-def _references(block: ActuatorBlock) -> tuple[str, ...]:
-    actuator = ACTUATORS.get(block.actuator)
-    names = MODES[block.mode].references
-    return names if actuator.motors > 1 or actuator.adjuster else names[:1]
-
-
 def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
     changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
@@ -214,12 +209,13 @@ def _initial(
     initial: dict[str, float] = {}
     for joint in robot.moving_joints:
         start = starts.get(joint.name, 0.0)
-        bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None
-        inside = min(max(start, joint.lower or 0.0), joint.upper or 0.0) if bounded else start
+        low, high = joint.stops
+        inside = min(max(start, low), high)
         if inside != start:
             remarks.append(f"{joint.name}: it begins at {start:.6g}, outside of its limits, and is put to {inside:.6g}")
         if abs(inside) > 1e-9:
-            initial[joint.name] = float(f"{inside:.9g}")
+            # A limit stays to the last digit: rounded, it may be passed.
+            initial[joint.name] = float(inside) if inside != start else float(f"{inside:.9g}")
     return initial
 
 
@@ -245,10 +241,10 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
     joint = robot.actuators[0].joint if robot.actuators else "JOINT"
     if idle:
         return RecordingError(
-            Problem(message=f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
-                    hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator")
+            f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
+            hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
     return RecordingError(
-        Problem(message=f"no column is a command that could be played; its columns: {found}", file=recording.path,
-                hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command")
+        f"no column is a command that could be played; its columns: {found}", file=recording.path,
+        hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command",
     )  # fmt: skip

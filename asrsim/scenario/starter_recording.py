@@ -80,7 +80,7 @@ def recording_text(
         lines.append("modes: {" + ", ".join(f"{word(joint)}: {value}" for joint, value in modes.items()) + "}")
     if plan.initial:
         lines += ["initial:".ljust(21) + "# rad, m; where the recording begins"]
-        lines += [f"  {word(joint)}: {exact(value)}" for joint, value in plan.initial.items()]
+        lines += [f"  {word(joint)}: {value!r}" for joint, value in plan.initial.items()]
     if plan.robot.actuators:
         lines += ["", "references:", *_references(plan, names)]
     torques = [one for one in plan.played if one.slot is None]

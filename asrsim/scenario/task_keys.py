@@ -8,9 +8,9 @@ from itertools import pairwise
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.kinds import Boolean, Choice, Optional, Text
-from asrsim.errors import Problem, ScenarioError
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, Vector
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, Boolean, Choice, Optional, Text
+from asrsim.errors import ScenarioError
+from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,10 @@ class CartesianTask:
         for before, after in pairwise(pose.time for pose in self.poses):
             if after <= before:
                 message = f"times must ascend, but {after:g} follows {before:g}"
-                raise ScenarioError(Problem(message=message, key="poses", code="order"))
+                raise ScenarioError(message, key="poses", code="order")
+        if len({pose.rpy is None for pose in self.poses}) > 1:
+            message = "either all poses have an orientation (rpy) or none"
+            raise ScenarioError(message, key="poses", code="mixed-orientation")
 
 
 TASK = block_of(CartesianTask, "Cartesian task")

@@ -8,11 +8,11 @@ from typing import Any
 
 from asrsim.document.block import Block, Key, block_of, declare, declared_keys
 from asrsim.document.composite import Either, ListOf, MapOf, is_list, is_mapping, is_scalar
-from asrsim.document.kinds import Boolean, Choice, File, Optional, Text
-from asrsim.errors import Problem, ScenarioError
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, POSITIVE, SHARE, Boolean, Choice, File, Optional, Text
+from asrsim.errors import ScenarioError
 from asrsim.robot.meshes import mesh_fault
 from asrsim.samples import TIP, TIP_GOAL
-from asrsim.scenario.kinds import NOT_NEGATIVE, NUMBER, ORIGIN, POSITION, POSITIVE, RPY, SHARE, Keys, Vector
+from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, Keys, Vector
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 
@@ -32,7 +32,7 @@ class Wrench:
 
     def __post_init__(self) -> None:
         if all(signal is None for signal in (*self.force, *self.torque)):
-            raise ScenarioError(Problem(message="a wrench needs a force or a torque", key="force", code="empty-wrench"))
+            raise ScenarioError("a wrench needs a force or a torque", key="force", code="empty-wrench")
 
 
 WRENCHES = ListOf(of=block_of(Wrench, "wrench"))
@@ -78,12 +78,12 @@ def _object(**arguments: Any) -> WorldObject:
     if shape == "mesh":
         size = size or (1.0, 1.0, 1.0)
     if len(size) != count:
-        raise ScenarioError(Problem(message=f"the size of a {shape} is [{names}]", key="size", code="size"))
+        raise ScenarioError(f"the size of a {shape} is [{names}]", key="size", code="size")
     if (shape == "mesh") != (mesh is not None):
         message = "a mesh needs the key 'mesh', its file" if mesh is None else f"a {shape} has no mesh file"
-        raise ScenarioError(Problem(message=message, key="mesh", code="mesh"))
+        raise ScenarioError(message, key="mesh", code="mesh")
     if mesh is not None and (fault := mesh_fault(mesh)) is not None:
-        raise ScenarioError(Problem(message=f"the mesh {fault}", key="mesh", code="mesh"))
+        raise ScenarioError(f"the mesh {fault}", key="mesh", code="mesh")
     return WorldObject(**{**arguments, "size": size, "name": ""})
 
 
@@ -125,7 +125,7 @@ def _world(ground: bool | dict[str, Any], objects: dict[str, WorldObject]) -> Wo
     for name in RESERVED:
         if name in objects:
             message = f"an object cannot be called '{name}': logs name something else so"
-            raise ScenarioError(Problem(message=message, key=f"objects.{name}", code="name"))
+            raise ScenarioError(message, key=f"objects.{name}", code="name")
     named = tuple(replace(item, name=name) for name, item in objects.items())
     if isinstance(ground, bool):
         return World(ground=ground, objects=named)

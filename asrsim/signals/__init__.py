@@ -7,12 +7,11 @@ from asrsim.signals.base import Signal
 from asrsim.signals.chirp import Chirp
 from asrsim.signals.combine import Delay, Scale, Sum
 from asrsim.signals.constant import Constant
-from asrsim.signals.minimum_jerk import MinimumJerk
 from asrsim.signals.multisine import Multisine
 from asrsim.signals.parse import parse_signal
 from asrsim.signals.playback import Playback
 from asrsim.signals.pulse_train import PulseTrain
-from asrsim.signals.ramp import Ramp
+from asrsim.signals.ramp import MinimumJerk, Ramp
 from asrsim.signals.sinusoid import Sinusoid
 from asrsim.signals.step import Step
 from asrsim.signals.waypoints import Waypoints

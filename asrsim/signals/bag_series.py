@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.errors import RecordingError, did_you_mean
 from asrsim.samples import Array
 
 _STEP = re.compile(r"([A-Za-z_]\w*)(?:\[([^\]]+)\])?")
@@ -24,7 +24,7 @@ def read_bag_series(path: Path, topic: str, field: str, *, header_time: bool) ->
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:  # pragma: no cover - rosbags is a dependency
-        raise RecordingError(Problem(message=f"rosbags is needed to read it: {error}", file=path)) from None
+        raise RecordingError(f"rosbags is needed to read it: {error}", file=path) from None
     steps = _steps(path, field)
     times: list[float] = []
     values: list[float] = []
@@ -44,10 +44,10 @@ def read_bag_series(path: Path, topic: str, field: str, *, header_time: bool) ->
                     times.append(stamp * 1e-9)
                 values.append(_value(path, topic, message, field, steps))
     except AnyReaderError as error:
-        raise RecordingError(Problem(message=f"cannot be read as a bag: {error}", file=path, code="bag")) from None
+        raise RecordingError(f"cannot be read as a bag: {error}", file=path, code="bag") from None
     except (OSError, ValueError, KeyError, MemoryError, OverflowError) as error:
         message = f"cannot be read as a bag: {type(error).__name__}: {error}"
-        raise RecordingError(Problem(message=message, file=path, code="bag")) from None
+        raise RecordingError(message, file=path, code="bag") from None
     if not times:
         raise _fault(path, topic, f"topic {topic} has no messages", "topic")
     return _ascending(path, topic, np.array(times), np.array(values))
@@ -69,7 +69,7 @@ def _steps(path: Path, field: str) -> list[tuple[str, str | None]]:
     steps = [_STEP.fullmatch(part) for part in re.split(r"\.(?![^\[]*\])", field)]
     if not all(steps):
         message = f"'{field}' is no field path such as data, pose.position.x or position[joint1]"
-        raise RecordingError(Problem(message=message, file=path, key="field", code="no-field"))
+        raise RecordingError(message, file=path, key="field", code="no-field")
     return [(step[1], step[2]) for step in steps if step]
 
 
@@ -101,4 +101,4 @@ def _fault(
     path: Path, topic: str, message: str, key: str, choices: tuple[str, ...] = (), hint: str | None = None
 ) -> RecordingError:
     text = message if topic in message else f"{topic}: {message}"
-    return RecordingError(Problem(message=text, file=path, key=key, choices=choices, hint=hint, code=f"no-{key}"))
+    return RecordingError(text, file=path, key=key, choices=choices, hint=hint, code=f"no-{key}")

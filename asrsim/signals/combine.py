@@ -9,9 +9,10 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.composite import ListOf
+from asrsim.document.kinds import NOT_NEGATIVE, NUMBER
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import ANY, NOT_NEGATIVE, between, require
+from asrsim.signals.common import between, require
 from asrsim.signals.parse import SIGNAL
 
 
@@ -40,7 +41,7 @@ class Scale(Signal):
 
     kind: ClassVar[str] = "scale"
 
-    by: float = declare(ANY, doc="the factor")
+    by: float = declare(NUMBER, doc="the factor")
     of: Signal = declare(SIGNAL, doc="the signal")
 
     def values(self, time: Array) -> Array:

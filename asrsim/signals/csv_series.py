@@ -29,7 +29,7 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     try:
         table = _table(path, path.stat().st_mtime_ns)
     except OSError as error:
-        raise RecordingError(Problem(message=f"cannot be read: {error.strerror}", file=path, code="no-file")) from None
+        raise RecordingError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
     place = _find(path, table, column, "column")
     clock = _clock(path, table) if time_column is None else _find(path, table, time_column, "time")
     problems = [finding for finding in table.findings if finding.code in ("ragged-row", "repeated-header")]
@@ -41,7 +41,7 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
         before, after = finite[bad], finite[bad + 1]
         message = f"time {times[after]:g} does not ascend: {times[before]:g} stands before it"
         line = int(table.lines[after])
-        problems.append(Problem(message=message, file=path, line=line, key=table.layout.names[clock], code="csv-time"))
+        problems.append(Problem(message, file=path, line=line, key=table.layout.names[clock], code="csv-time"))
     if problems:
         raise RecordingError(problems)
     return times * _factor(table, clock), table.values[:, place] * _factor(table, place)
@@ -83,7 +83,7 @@ def _find(path: Path, table: Table, wanted: str, key: str) -> int:
     names = _names(table)
     line = table.layout.header_line
     hint = did_you_mean(wanted, names)
-    raise RecordingError(Problem(message=message, file=path, line=line, key=key, choices=names, hint=hint, code="no-column"))
+    raise RecordingError(message, file=path, line=line, key=key, choices=names, hint=hint, code="no-column")
 
 
 def _clock(path: Path, table: Table) -> int:
@@ -94,14 +94,12 @@ def _clock(path: Path, table: Table) -> int:
     if table.layout.stamps:
         return table.layout.stamps[0]
     raise RecordingError(
-        Problem(
-            message="no column is called time or t",
-            file=path,
-            line=table.layout.header_line,
-            choices=_names(table),
-            hint="Name the time's column with the key 'time'",
-            code="no-column",
-        )
+        "no column is called time or t",
+        file=path,
+        line=table.layout.header_line,
+        choices=_names(table),
+        hint="Name the time's column with the key 'time'",
+        code="no-column",
     )
 
 
@@ -109,12 +107,10 @@ def _gaps(path: Path, table: Table, index: int) -> list[Problem]:
     bad = np.flatnonzero(~np.isfinite(table.values[:, index]))
     name = _names(table)[index]
     problems = [
-        Problem(
-            message="the cell is empty or no finite number", file=path, line=int(table.lines[row]), key=name, code="csv-cell"
-        )
+        Problem("the cell is empty or no finite number", file=path, line=int(table.lines[row]), key=name, code="csv-cell")
         for row in bad[:MAX_PROBLEMS]
     ]
     if bad.size > MAX_PROBLEMS:
         message = f"and {bad.size - MAX_PROBLEMS} more such cells"
-        problems.append(Problem(message=message, file=path, key=name, code="csv-cell"))
+        problems.append(Problem(message, file=path, key=name, code="csv-cell"))
     return problems

@@ -10,13 +10,13 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.composite import Either, ListOf, is_list, is_scalar
-from asrsim.document.kinds import Choice, Integer
+from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import ANY, POSITIVE, VALUE, driven, require, since, start_time
+from asrsim.signals.common import VALUE, driven, require, since, start_time
 
-_AMPLITUDES = Either(((is_scalar, ANY), (is_list, ListOf(of=ANY, minimum=1))))
-_PHASES = Either(((is_scalar, Choice(("schroeder", "random", "zero"))), (is_list, ListOf(of=ANY, minimum=1))))
+_AMPLITUDES = Either(((is_scalar, NUMBER), (is_list, ListOf(of=NUMBER, minimum=1))))
+_PHASES = Either(((is_scalar, Choice(("schroeder", "random", "zero"))), (is_list, ListOf(of=NUMBER, minimum=1))))
 
 
 @dataclass(frozen=True, kw_only=True)

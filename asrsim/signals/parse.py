@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from asrsim.document.block import Block, declared_keys
@@ -86,13 +85,13 @@ def signal_schema() -> Schema:
     return {"anyOf": shapes}
 
 
-def parse_signal(data: object, *, base: Path | None = None, files: Mapping[str, Path] | None = None) -> Signal:
+def parse_signal(data: object, *, base: Path | None = None) -> Signal:
     """A signal from plain data: a number, or a mapping with one key, the kind.
 
-    `base` is the folder in which files of playbacks are sought (default: the working folder), `files` names some
-    beforehand. Raises ScenarioError with every problem.
+    `base` is the folder in which files of playbacks are sought (default: the working folder). Raises ScenarioError
+    with every problem.
     """
-    reading = Reading(base=base or Path(), files=files or {})
+    reading = Reading(base=base or Path())
     try:
         return SIGNAL.read(node_from_data(data), (), reading)
     except Rejected:

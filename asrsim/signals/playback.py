@@ -10,13 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import Choice, File, Optional, Text
+from asrsim.document.kinds import NUMBER, Choice, File, Optional, Text
 from asrsim.samples import Array
 from asrsim.signals.bag_series import read_bag_series
 from asrsim.signals.base import Signal
-from asrsim.signals.common import ANY, driven, require
+from asrsim.signals.common import INTERPOLATIONS, driven, hold_jumps, interpolate, require
 from asrsim.signals.csv_series import read_csv_series
-from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate
 
 STAMP_LIMIT = 1e6
 """s: first times beyond it are taken for stamps of a clock, and start at 0."""
@@ -53,12 +52,12 @@ class Playback(Signal):
         default=None,
     )
     start: float | None = declare(
-        Optional(ANY),
+        Optional(NUMBER),
         doc="simulated time of the first sample; default: the recording's own times, stamps of a clock beginning at 0",
         unit="s",
         default=None,
     )
-    scale: float = declare(ANY, doc="factor on the values, on top of units that the header names", default=1.0)
+    scale: float = declare(NUMBER, doc="factor on the values, on top of units that the header names", default=1.0)
     offset: float = driven("added after scaling", default=0.0)
     interpolation: str = declare(
         Choice(INTERPOLATIONS), doc="between samples: a line, or the earlier sample's value", default="linear"

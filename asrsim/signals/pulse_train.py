@@ -9,10 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import Integer, Optional
+from asrsim.document.kinds import POSITIVE, Integer, Optional
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import POSITIVE, between, driven, require, start_time
+from asrsim.signals.common import between, driven, require, start_time
+
+MOST = 10**6
+"""Pulses that are still worked out at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +41,7 @@ class PulseTrain(Signal):
         last = math.floor((end - self.start) / self.period) + 1
         if self.count is not None:
             last = min(last, self.count - 1)
+        require(last - first < MOST, f"needs {last - first} pulses between {start:g} and {end:g} s", key="period")
         rising = self.start + self.period * np.arange(first, last + 1, dtype=np.float64)
         return rising, rising + self.width
 

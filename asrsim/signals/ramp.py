@@ -1,4 +1,4 @@
-"""A ramp."""
+"""From one value to another: straight, or smoothly with minimum jerk."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from asrsim.document.block import declare
+from asrsim.document.kinds import POSITIVE
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import POSITIVE, driven, require, since, start_time
+from asrsim.signals.common import driven, require, since, start_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,5 +27,21 @@ class Ramp(Signal):
         require(self.duration > 0.0, "must be larger than 0", key="duration")
 
     def values(self, time: Array) -> Array:
-        share = (since(time, self.start) / self.duration).clip(max=1.0)
+        share = self._way((since(time, self.start) / self.duration).clip(max=1.0))
         return self.initial * (1.0 - share) + self.final * share
+
+    def _way(self, s: Array) -> Array:
+        """Share of the way at a share `s` of the time."""
+        return s
+
+
+@dataclass(frozen=True, kw_only=True)
+class MinimumJerk(Ramp):
+    """Fifth-order polynomial 10 s^3 - 15 s^4 + 6 s^5 from rest to rest (Flash and Hogan 1985)."""
+
+    kind: ClassVar[str] = "minimum_jerk"
+
+    duration: float = declare(POSITIVE, doc="length of the motion", unit="s")
+
+    def _way(self, s: Array) -> Array:
+        return s * s * s * (10.0 + s * (6.0 * s - 15.0))

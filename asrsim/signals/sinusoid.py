@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
-from asrsim.document.kinds import Optional
+from asrsim.document.kinds import NUMBER, POSITIVE, Optional
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import ANY, POSITIVE, driven, require, since, start_time
+from asrsim.signals.common import driven, require, since, start_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class Sinusoid(Signal):
     angular_frequency: float | None = declare(
         Optional(POSITIVE), doc="angular frequency; this or frequency", unit="rad/s", default=None
     )
-    phase: float = declare(ANY, doc="phase at the start", unit="rad", default=0.0)
+    phase: float = declare(NUMBER, doc="phase at the start", unit="rad", default=0.0)
     offset: float = driven("added to it", default=0.0)
     start: float = start_time()
 

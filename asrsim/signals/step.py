@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.document.block import declare
+from asrsim.document.kinds import NUMBER
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import ANY, between, driven
+from asrsim.signals.common import between, driven
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +20,7 @@ class Step(Signal):
 
     kind: ClassVar[str] = "step"
 
-    at: float = declare(ANY, doc="time of the jump", unit="s", default=0.0)
+    at: float = declare(NUMBER, doc="time of the jump", unit="s", default=0.0)
     before: float = driven("value before the jump", default=0.0, key="from")
     after: float = driven("value from the jump on", key="to")
 

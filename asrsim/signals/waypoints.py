@@ -10,11 +10,10 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.composite import ListOf
-from asrsim.document.kinds import Choice
+from asrsim.document.kinds import NUMBER, Choice
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import ANY, require
-from asrsim.signals.series import INTERPOLATIONS, hold_jumps, interpolate
+from asrsim.signals.common import INTERPOLATIONS, hold_jumps, interpolate, require
 
 Point = tuple[float, float]
 
@@ -27,7 +26,7 @@ class Waypoints(Signal):
     main_field: ClassVar[str] = "points"
 
     points: tuple[Point, ...] = declare(
-        ListOf(of=ListOf(of=ANY, length=2, names=("time", "value")), minimum=1),
+        ListOf(of=ListOf(of=NUMBER, length=2, names=("time", "value")), minimum=1),
         doc="the points, in ascending time",
         unit="[s, value]",
     )

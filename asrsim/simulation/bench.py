@@ -17,7 +17,7 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive, make_drives
+from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.steppings import STEPPINGS
 
 OUTPUTS = (
@@ -62,7 +62,7 @@ def run_bench(
 
 
 def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
-    """Length of each row's step in s, as whoever wrote the times meant it: 0.001 and not 0.0010000000000000009."""
+    """Length of each row's step in s, as the times were meant: 0.001 and not 0.0010000000000000009."""
     if len(time) < 2:
         return [first_step if first_step is not None else (float(time[0]) or 1e-3)]
     steps = np.diff(time)
@@ -84,7 +84,7 @@ def _simplest(step: float, rounding: float) -> float:
     return step
 
 
-def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion, *, resting: bool) -> dict[str, Array]:
+def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, resting: bool) -> dict[str, Array]:
     constants: dict[float, Any] = {}
     half = drive.constants(0.5 * steps[0]) if resting else None
     look = drive.constants(0.0) if resting else None
@@ -113,7 +113,7 @@ def _run_joint(drive: Drive, steps: Sequence[float], motion: Motion, *, resting:
     return {name: table[:, index] for index, name in enumerate(OUTPUTS)}
 
 
-def _outputs(drive: Drive, q: float, before: Sequence[float], record: Sequence[float]) -> tuple[float, ...]:
+def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], record: Sequence[float]) -> tuple[float, ...]:
     """Torques, stiffness and motors of one row, as the released code publishes them where it does."""
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
@@ -121,8 +121,8 @@ def _outputs(drive: Drive, q: float, before: Sequence[float], record: Sequence[f
     torque_1, torque_2, x, v_x, drive_x, _, y, v_y, drive_y, _ = record
     released = drive.stepping.released
     # In mode 4 the released code has stiffness and torques at the motors' old positions.
-    place = (before[0], before[4]) if released and mode.number == 4 else (x, y)
-    stiffness = actuator.stiffness(q, *place, drive.elastic)
+    motors = (before[0], before[4]) if released and mode.number == 4 else (x, y)
+    stiffness = actuator.stiffness(q, *motors, drive.elastic)
     if released and not mode.motor:
         x = y = 0.0
     if not released and actuator.motors == 1 and not actuator.adjuster:

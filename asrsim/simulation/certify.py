@@ -141,7 +141,7 @@ class _Differences:
         """Compare the rows that all three runs have."""
         count = min(track.count for track in tracks)
         if count:
-            coarse, half, quarter = (track.taken(count) for track in tracks)
+            coarse, half, quarter = (track.take(count) for track in tracks)
             self._samples += count
             self._first = self._first + np.sum((coarse - half) ** 2, axis=0)
             self._second = self._second + np.sum((half - quarter) ** 2, axis=0)

@@ -170,7 +170,13 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
     from asrsim.scenario import checked_robot
 
     known = robot if robot is not None else checked_robot(scenario)[0]
-    nudged = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) + NUDGE for joint in known.moving_joints}
+    starts = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in known.moving_joints}
+    # Inwards from a stop; what starts beyond one, since nothing is said of it, stays there.
+    nudged = {
+        joint.name: starts[joint.name] + (NUDGE if starts[joint.name] + NUDGE <= joint.stops[1] else -NUDGE)
+        for joint in known.moving_joints
+        if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
+    }
     largest = 0.0
     try:
         with blame_laws(), ExitStack() as stack:
@@ -179,7 +185,7 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
                 laggard(tracks).advance()
                 count = min(track.count for track in tracks)
                 if count:
-                    plain, moved = (track.taken(count)[:, COMPARED.index("link_position")] for track in tracks)
+                    plain, moved = (track.take(count)[:, COMPARED.index("link_position")] for track in tracks)
                     largest = max(largest, float(np.max(np.abs(plain - moved), initial=0.0)))
                 if progress is not None:
                     progress("sensitivity", min(track.time for track in tracks))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.substep import BASE, INERTIA, RATIO
 
 COUPLED = 0.1
@@ -49,9 +49,11 @@ def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, exp
     damping = np.asarray(dampings, dtype=float)
     root = np.sqrt(np.maximum(damping, 0.0))
     decay = substep * root[:, None] * inverse * root[None, :]
-    fastest = float(np.linalg.eigvalsh(decay)[-1]) if len(decay) else 0.0
-    least = 0.0 if explicit else 0.5
-    weight = max(least, (fastest - 1.0 - RINGING) / (max(fastest, 1e-12) * (1.0 + RINGING)))
+    weight = 0.0 if explicit else 0.5
+    # No mode is faster than all of them together, which are seldom fast enough to be looked at one by one.
+    if decay.trace() > 1.0:
+        fastest = float(np.linalg.eigvalsh(decay)[-1])
+        weight = max(weight, (fastest - 1.0 - RINGING) / (fastest * (1.0 + RINGING)))
     response = weight * substep * inverse
     if coupled is None:
         coupled = bool(np.abs(decay - np.diag(np.diagonal(decay))).max(initial=0.0) > COUPLED)
@@ -62,7 +64,7 @@ def mean_response(mass: Array, dampings: Sequence[float], substep: float, *, exp
     return Response(weight, coupled, np.asarray(response, dtype=float), np.asarray(spread, dtype=float))
 
 
-def make_damping_law(drive: Drive) -> Callable[[Any, Any, float, tuple[float, ...]], float] | None:
+def make_damping_law(drive: SteppedJoint) -> Callable[[Any, Any, float, tuple[float, ...]], float] | None:
     """Link damping in N m s/rad from the joint's row, its constants, q and record; None where it is constant.
 
     c = constant + 2 ratio sqrt(inertia stiffness): on real actuators the damping at the link changes with the stiffness

@@ -8,14 +8,14 @@ from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion
 from asrsim.samples import Frame, JointInfo, RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.recorder import has_second_reference, recorded_quantities
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
 
 
 def describe(
-    scenario: Scenario, robot: Robot, drives: Sequence[Drive], stepping: Stepping, resolution: Resolution, engine: str
+    scenario: Scenario, robot: Robot, drives: Sequence[SteppedJoint], stepping: Stepping, resolution: Resolution, engine: str
 ) -> RunInfo:
     """The run's description, for its log; engine: its library and version."""
     from asrsim import __version__

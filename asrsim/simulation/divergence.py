@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.recorder import COLUMN
 from asrsim.simulation.substep import RAW
 from asrsim.simulation.substeps import COARSE
@@ -19,7 +19,7 @@ from asrsim.simulation.substeps import COARSE
 SHARE = 0.5
 """Energy from nowhere, as a share of all that went through, that no resolved run shows."""
 FLOOR = 5e-3
-"""J below which it is not looked at."""
+"""J below which energy is not checked."""
 FASTEST = 1e4
 """rad/s (m/s) that no spring or motor of a robot gives."""
 
@@ -31,12 +31,12 @@ def not_finite(raw: Array) -> int | None:
         # One sum tells of any NaN or infinity; which number it was is seldom asked.
         if np.isfinite(raw.sum()) and np.abs(velocity).max(initial=0.0) <= FASTEST:
             return None
-    looked = raw[:, :, [i for i, name in enumerate(RAW) if not name.startswith("drive")]]
-    bad = ~np.isfinite(looked).all(axis=(1, 2)) | (np.abs(velocity) > FASTEST).any(axis=1)
+    numbers = raw[:, :, [i for i, name in enumerate(RAW) if not name.startswith("drive")]]
+    bad = ~np.isfinite(numbers).all(axis=(1, 2)) | (np.abs(velocity) > FASTEST).any(axis=1)
     return int(np.argmax(bad)) if bad.any() else None
 
 
-def blame(raw: Array, row: int, drives: Sequence[Drive]) -> str:
+def blame(raw: Array, row: int, drives: Sequence[SteppedJoint]) -> str:
     """The joint that moves fastest, in the rows before `row`, for its inertia: the one that ran away."""
     window = raw[max(row - 5, 0) : row + 1, :, COLUMN["engine_velocity"]]
     speeds = np.nanmax(np.abs(np.where(np.isfinite(window), window, 1e300)), axis=0)
@@ -82,7 +82,7 @@ class EnergyGuard:
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
         if energy is None:
             return None
-        # What springs gave without having it is theirs, and counts once.
+        # Energy that an actuator made (its residual) is reported above; the links are not blamed for it again.
         created = energy - self._start - float(np.sum(given)) - float(np.sum(residual))
         self._fastest = max(self._fastest, kinetic)
         if created > scale + SHARE * self._fastest:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
-from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
-from asrsim.actuators.detailed_motor import Electric, detailed_coefficients, detailed_kick, electric_of, is_detailed
-from asrsim.actuators.hysteresis import hysteresis_of
-from asrsim.actuators.motor import motor_coefficients, motor_kick
-from asrsim.actuators.vectorised import references_over_arrays
+from asrsim.actuators import Actuator, Mode
+from asrsim.actuators.detailed_motor import Electric
+from asrsim.actuators.drive import Drive
+from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping, for_joint
@@ -22,20 +20,20 @@ from asrsim.simulation.steppings import Stepping
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
-    """One moving joint with what drives it; `actuator` and `mode` are None for a joint without plugin."""
+class SteppedJoint:
+    """One moving joint with what drives it, if anything does, and its kind of step."""
 
     joint: Joint
-    actuator: type[Actuator] | None
-    mode: Mode | None
-    values: Mapping[str, float]
-    """Parameter values by name."""
+    drive: Drive | None
+    """None: without plugin."""
     stepping: Stepping
     initial_position: float
     motor_positions: tuple[float, ...] | None = None
     """rad at the start; None: where the unloaded link rests, so that a run does not begin with a jerk."""
     motor_velocities: tuple[float, ...] | None = None
     """rad/s at the start; None: at rest."""
+    integrals: tuple[float, ...] = ()
+    """N m that the controllers' integral action gives at the start; none: 0."""
     link_damping: LinkDamping | None = None
     block: ActuatorBlock | None = None
     advance: Advance = field(init=False)
@@ -51,12 +49,25 @@ class Drive:
         """Name of the joint."""
         return self.joint.name
 
-    @cached_property
+    @property
+    def actuator(self) -> type[Actuator] | None:
+        """None without plugin, as `mode` is."""
+        return self.drive.actuator if self.drive else None
+
+    @property
+    def mode(self) -> Mode | None:
+        """Of operation."""
+        return self.drive.mode if self.drive else None
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Parameter values by name."""
+        return self.drive.values if self.drive else {}
+
+    @property
     def elastic(self) -> tuple[float, ...]:
         """Parameters of the spring in the order of its laws."""
-        if self.actuator is None:
-            return ()
-        return tuple(self.values[parameter.name] for parameter in self.actuator.parameters)
+        return self.drive.elastic if self.drive else ()
 
     @property
     def link_brake(self) -> float:
@@ -90,22 +101,20 @@ class Drive:
         gains = [self.values.get(f"controller_{index}_derivative", 0.0) for index in (1, 2)]
         return (gains[0], gains[1] if self.dynamic_motors > 1 else 0.0)
 
-    @cached_property
+    @property
     def hysteresis(self) -> tuple[float, float] | None:
-        """Level (N m) and length (rad) of the springs' hysteresis; None where there is none."""
-        sprung = self.mode is not None and self.mode.spring and not self.stepping.released
-        return hysteresis_of(self.values) if sprung else None
+        """Level (N m) and length (rad) of the springs' hysteresis; None where there is none. The released code knows none."""
+        return self.drive.hysteresis if self.drive and not self.stepping.released else None
 
-    @cached_property
+    @property
     def detailed(self) -> bool:
         """The motors have more than the toolbox's: see :mod:`asrsim.actuators.detailed_motor`."""
-        motors = 0 if self.stepping.released else self.dynamic_motors
-        return is_detailed(self.values, motors) or (motors > 0 and self.mode is not None and self.mode.command != "torque")
+        return self.drive is not None and self.drive.detailed and not self.stepping.released
 
     def electric(self, index: int) -> Electric:
         """How motor `index` (1 or 2), which has dynamics, makes torque of its command."""
-        assert self.mode is not None
-        return electric_of(self.values, index, self.mode)
+        assert self.drive is not None
+        return self.drive.electric[index - 1]
 
     @property
     def electric_motors(self) -> tuple[int, ...]:
@@ -116,67 +125,66 @@ class Drive:
     @property
     def dynamic_motors(self) -> int:
         """Motors with dynamics in this mode."""
-        return self.actuator.motors if self.actuator and self.mode and self.mode.motor else 0
+        return self.drive.dynamic_motors if self.drive else 0
 
     def _kind(self) -> tuple[Advance, tuple[float, ...]]:
+        drive = self.drive
         if self.stepping.released:
-            return toolbox.make_toolbox_advance(self.actuator, self.mode)
-        if self.actuator is None or self.mode is None:
+            advance, idle = toolbox.make_toolbox_advance(self.actuator, self.mode)
+            asked = self.motor_positions or self.motor_velocities
+            start = self.integrals if len(idle) == 1 else [x for motor in self._motors() for x in motor] if asked else ()
+            return advance, (*start, *idle[len(start) :])[: len(idle)]
+        if drive is None:
             return kernels.advance_passive, ()
-        if self.mode.number == 0:
+        if drive.mode.number == 0:
             return kernels.advance_torque, ()
-        if self.mode.number == 1:
-            return kernels.advance_link_controller, (0.0,)
-        law, springs = self.actuator.elastic_torques, self.actuator.motors
+        if drive.mode.number == 1:
+            return kernels.advance_link_controller, (self.integrals or (0.0,))[:1]
+        law, springs = drive.actuator.elastic_torques, drive.actuator.motors
         bristles: tuple[float, ...] = ()
         if self.hysteresis:
             law = kernels.make_hysteretic_torques(law, springs)
             bristles = (0.0, math.nan) * springs
-        if not self.mode.motor:
+        if not drive.mode.motor:
             ideal = kernels.make_advance_ideal(law)
             return (kernels.make_hysteretic_ideal(ideal) if bristles else ideal), bristles
-        motors = range(springs)
-        positions = self.motor_positions or (self.initial_position,) * len(motors)
-        velocities = self.motor_velocities or (0.0,) * len(motors)
-        # Position, velocity, where Dahl's bristles stick, the controller's integral.
-        state = tuple(x for i in motors for x in (positions[i], velocities[i], positions[i], 0.0)) + bristles
-        kick = detailed_kick if self.detailed else motor_kick
+        state = tuple(number for motor in self._motors()[:springs] for number in motor) + bristles
         if springs == 1:
-            one = kernels.make_advance_one_motor(law, kick)
+            one = kernels.make_advance_one_motor(law, drive.motor_kick)
             return (kernels.make_hysteretic_one_motor(one) if bristles else one), state
-        two = kernels.make_advance_two_motors(law, kick)
+        two = kernels.make_advance_two_motors(law, drive.motor_kick)
         return (kernels.make_hysteretic_two_motors(two) if bristles else two), state
+
+    def _motors(self) -> list[tuple[float, ...]]:
+        """Of each motor at the start: position, velocity, where Dahl's bristles stick, the controller's integral."""
+        assert self.drive is not None
+        positions = self.motor_positions or (self.initial_position,) * 2
+        velocities = (*(self.motor_velocities or ()), 0.0, 0.0)
+        # Integrals are in units of the command: V or A of electric motors.
+        units = [electric.gain or 1.0 for electric in self.drive.electric]
+        integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), 0.0, 0.0]
+        return list(zip(positions, velocities, positions, integrals, strict=False))
 
     def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
         """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""
-        if self.actuator is not None and self.mode is not None and self.mode.mapped:
-            return references_over_arrays(self.actuator)(reference_1, reference_2)
-        return reference_1, reference_2
+        return self.drive.goals(reference_1, reference_2) if self.drive else (reference_1, reference_2)
 
     def constants(self, step: float) -> Any:
         """Constants of `advance` for a step of `step` s of motors and controllers."""
-        if self.actuator is None or self.mode is None or self.mode.number == 0:
+        drive = self.drive
+        if drive is None or drive.mode.number == 0:
             return ()
-        values = self.values
         if self.stepping.released:
-            return toolbox.toolbox_constants(self.actuator, values, self.mode, step)
-        if self.mode.number == 1:
-            return (
-                values["controller_1_proportional"],
-                values["controller_1_integral"] * step,
-            )
+            return toolbox.toolbox_constants(drive.actuator, drive.values, drive.mode, step)
+        if drive.mode.number == 1:
+            return drive.proportional[0], drive.integral[0] * step
         bristles = self.hysteresis or ()
-        if not self.mode.motor:
-            return (self.elastic, *bristles) if bristles else self.elastic
+        if not drive.mode.motor:
+            return (drive.elastic, *bristles) if bristles else drive.elastic
         before = self.stepping.first_drift * step
-        constants: list[Any] = [before, step - before, self.elastic]
-        how = {"step": step, "implicitness": self.stepping.implicitness}
-        for index in range(1, self.actuator.motors + 1):
-            if self.detailed:
-                constants.append(detailed_coefficients(values, index, mode=self.mode, **how))
-            else:
-                constants.append(motor_coefficients(values, index, controlled=self.mode.controller, **how))
-            constants += [values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]]
+        constants: list[Any] = [before, step - before, drive.elastic]
+        for index, ends in enumerate(drive.motor_ranges, start=1):
+            constants += [drive.motor_coefficients(index, step=step, implicitness=self.stepping.implicitness), *ends]
         return (*constants, *bristles)
 
     @property
@@ -205,18 +213,16 @@ def make_drives(
     link_damping: Mapping[str, LinkDamping],
     motor_positions: Mapping[str, tuple[float, ...]] | None = None,
     motor_velocities: Mapping[str, tuple[float, ...]] | None = None,
-) -> tuple[Drive, ...]:
-    """A drive for each moving joint of `robot`, in its order."""
+) -> tuple[SteppedJoint, ...]:
+    """Each moving joint of `robot` with its drive, in its order."""
     blocks = {block.joint: block for block in robot.actuators}
     drives = []
     for joint in robot.moving_joints:
         block = blocks.get(joint.name)
         drives.append(
-            Drive(
+            SteppedJoint(
                 joint=joint,
-                actuator=ACTUATORS.get(block.actuator) if block else None,
-                mode=MODES[block.mode] if block else None,
-                values=block.values() if block else {},
+                drive=drive_of(block) if block else None,
                 stepping=stepping,
                 initial_position=float(for_joint(initial_positions, joint.name, 0.0)),
                 motor_positions=for_joint(motor_positions or {}, joint.name),

@@ -16,8 +16,8 @@ import numpy as np
 from asrsim.actuators.hysteresis import dahl_energies
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
-from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group, spring_groups
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group
 
 POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
 """Columns of the raw record (:data:`asrsim.simulation.substep.RAW`)."""
@@ -25,6 +25,12 @@ FLOWS = 7
 WORK, LOST, DAMPED, LINK, CUT, HEAT, LAGGED = range(FLOWS)
 """Work of the motors, losses in them, by the link's damping, work on the link, taken by the effort limit, heat of windings,
 lost in hysteresis: J since the start."""
+FLOW_OF = {
+    "motor_work": WORK, "friction_loss": LOST, "damping_loss": DAMPED, "link_work": LINK, "limit_loss": CUT,
+    "winding_loss": HEAT, "hysteresis_loss": LAGGED,
+}  # fmt: skip
+ENERGIES = (*FLOW_OF, "spring_energy", "energy_residual")
+"""Quantities that a meter gives."""
 
 MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position", "max_velocity")
 """Parameters of a motor that its balance needs."""
@@ -41,11 +47,11 @@ def _change(values: Array) -> Array:
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
-    def __init__(self, drives: Sequence[Drive], substep: float) -> None:
-        self.drives = tuple(drives)
-        self.substep = substep
-        self._springs = [_Springs(group, substep) for group in spring_groups(drives)]
-        joints = len(self.drives)
+    def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
+        """groups: of the joints with springs; whole: energies of every row are asked for, not only the balance at the last."""
+        self._rows = slice(None) if whole else slice(-1, None)
+        self._springs = [_Springs(group, substep, whole=whole) for group in groups]
+        joints = len(drives)
         self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
         self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
@@ -66,7 +72,7 @@ class EnergyMeter:
         return twin
 
     @staticmethod
-    def quantities(drive: Drive) -> tuple[str, ...]:
+    def quantities(drive: SteppedJoint) -> tuple[str, ...]:
         """What a joint has of it."""
         if drive.mode is None:
             return ()
@@ -86,7 +92,8 @@ class EnergyMeter:
         return tuple(names)
 
     def add(self, raw: Array, ahead: Array, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
-        """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last.
+        """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last; (joints, 1) at the end, if that
+        will do.
 
         ahead: the row after those, (columns, joints, 1); external: torques (joints, n + 1); sides: means over the two halves
         of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
@@ -146,28 +153,18 @@ class EnergyMeter:
                 # Most robots have no effort limit in their way, and many no damping: those sums stay as they are.
                 kind[:, 1:] = kind[:, :1]
         self._totals = running[:, :, -1].copy()
-        at = running[:, :, :-1]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
+        at, stored, kinetic = running[:, :, :-1][:, :, self._rows], stored[:, self._rows], kinetic[:, self._rows]
         residual = at[WORK] - at[LOST] - at[LINK] - self._sprung * at[CUT] - at[LAGGED] - (stored + kinetic - self._start)
         self.residual = residual[:, -1].copy()
-        return {
-            "motor_work": at[WORK],
-            "friction_loss": at[LOST],
-            "damping_loss": at[DAMPED],
-            "link_work": at[LINK],
-            "limit_loss": at[CUT],
-            "winding_loss": at[HEAT],
-            "hysteresis_loss": at[LAGGED],
-            "spring_energy": stored,
-            "energy_residual": residual,
-        }
+        return {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
 
 
 class _Springs:
     """Springs and motors of a group of joints; arrays are (joints, n), raw records (columns, joints, n + 1)."""
 
-    def __init__(self, group: Group, substep: float) -> None:
+    def __init__(self, group: Group, substep: float, *, whole: bool) -> None:
         self.group = group
         self.substep = substep
         self._law = energy_over_arrays(group.actuator)
@@ -176,6 +173,8 @@ class _Springs:
         """Whether each motor was held at the row before."""
         self.electric = any(drive.electric_motors for drive in group.drives)
         self._bristles = any(drive.hysteresis for drive in group.drives)
+        # Where motors have no dynamics their work follows from the energy's changes.
+        self._whole = whole or self._bristles or not group.motors or group.actuator.adjuster
         self._torques = over_arrays(group.actuator.elastic_torques)
         self._motors = [
             tuple(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES) for index in range(1, group.motors + 1)
@@ -195,7 +194,10 @@ class _Springs:
 
         moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
         """
-        energy = self._energy(raw[POSITION], raw[MOTOR_1], raw[MOTOR_2])
+        # Of springs with motors only the ends of a block count, unless all rows are asked for.
+        ends = slice(None) if self._whole else [0, -2]
+        energy: Array = np.zeros_like(raw[POSITION])
+        energy[:, ends] = self._energy(*(raw[column][:, ends] for column in (POSITION, MOTOR_1, MOTOR_2)))
         lost: Array = np.zeros_like(released)
         damped: Array = np.zeros_like(released)
         pushed: Array = damped
@@ -208,10 +210,10 @@ class _Springs:
         work: Array = np.zeros_like(released)
         kinetic: Array = np.zeros_like(released)
         for index in range(1, self.group.motors + 1):
-            given, taken, fast = self._motor(index, raw, ahead, mean)
-            work += given
-            lost += taken
-            kinetic += fast
+            motor_work, motor_loss, motion = self._motor(index, raw, ahead, mean)
+            work += motor_work
+            lost += motor_loss
+            kinetic += motion
         if self.group.actuator.adjuster:
             work += self._adjuster(raw, cut, mean(SPRING_1), _change(energy) + damped, moved)
         return work, lost, energy[:, :-1], kinetic, damped
@@ -226,8 +228,8 @@ class _Springs:
         pushed = np.zeros_like(lost)
         for i, (motor, spring) in enumerate(((MOTOR_1, SPRING_1), (MOTOR_2, SPRING_2))[: group.actuator.motors]):
             torque = raw[spring] - plain[i]
-            held, taken = dahl_energies(torque, raw[motor] - q, level, length)
-            kept, lost = kept + held, lost + taken
+            stored, loss = dahl_energies(torque, raw[motor] - q, level, length)
+            kept, lost = kept + stored, lost + loss
             pushed += 0.5 * (torque[:, 1:] + torque[:, :-1]) * _change(raw[motor])
         return kept, lost, pushed
 
@@ -267,20 +269,20 @@ class _Springs:
             lost = np.where(near, work - spring - _change(kinetic), lost)
         return work, lost, kinetic[:, :-1]
 
-    def _ideal(self, raw: Array, cut: Array, taken: Array, pushed: Array) -> Array:
+    def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Array) -> Array:
         """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
 
-        Where they jump the link's place at that moment counts: they give what is taken. pushed: on the springs' hysteresis.
+        In a step in which they jump (cut) their work is what the rest has absorbed, in J. pushed: their work on the hysteresis.
         """
         q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle = 0.5 * (q[:, :-1] + q[:, 1:])
         before = self._energy(middle, theta_1[:, :-1], theta_2[:, :-1])
-        return np.asarray(np.where(cut, taken, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
+        return np.asarray(np.where(cut, absorbed, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
 
     def _adjuster(self, raw: Array, cut: Array, spring: Array, change: Array, moved: Array) -> Array:
         """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
         q, theta, place = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
         work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
-        # Where it jumps the deflection at that moment counts: it gives what spring, link and motor take.
+        # In a step in which it jumps its work is what spring, link and motor have absorbed.
         return np.asarray(np.where(cut, change + spring * (moved - _change(theta)), work))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.detailed_motor import Electric
+from asrsim.actuators.rest import resting_integrals, resting_motors
 from asrsim.engines.base import Model
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Inputs
 
 BALANCED = 1e-10
@@ -21,14 +22,16 @@ NUDGE = 1e-6
 """rad (m) of the differences that give slopes."""
 LONGEST = 0.2
 """rad (m) of a step towards the equilibrium: springs are steep, and gravity turns over."""
+FLAT = 1e-3
+"""N m/rad (N/m) that a joint is believed to be stiff at least."""
 ROUNDS = 200
 
 
-def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) -> tuple[Drive, ...]:
+def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
     """The drives with their start at rest, everything in balance under the references at t = 0.
 
-    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. Joints without a
-    spring stay where they are, as modes 0 and 1 do. Raises ScenarioError naming the joint that finds no balance.
+    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. Joints that
+    nothing holds stay where they are: modes 0, 4, 7 and 8. Raises ScenarioError naming the joint that finds no balance.
     """
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(np.zeros(1))
     goals = []
@@ -36,16 +39,17 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
         first, second = drive.goals(sampled[0][:, j], sampled[1][:, j])
         goals.append((float(first[0]), float(second[0])))
     external = sampled[2][0]
-    sprung = [
-        j
-        for j, drive in enumerate(drives)
-        if drive.passive_stiffness or (drive.mode and drive.mode.spring and not drive.mode.direct)
-    ]
-    q = np.array([drive.initial_position for drive in drives])
+    sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
+    q = np.array([_unloaded(drive, goals[j]) for j, drive in enumerate(drives)])
     still = np.zeros(len(drives))
 
+    def weight(positions: Array) -> Array:
+        """(joints,) N m. On a robot in free fall gravity pulls all alike; one that stands has its base held."""
+        falls = not scenario.fixed_base and scenario.world.empty
+        return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
+
     def balance(positions: Array) -> Array:
-        held = -np.asarray(model.bias(positions, still)) + external
+        held = external - weight(positions)
         for j in sprung:
             held[j] += link_torque(drives[j], float(positions[j]), goals[j])
         return np.asarray(held[sprung])
@@ -59,64 +63,65 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[Drive], model: Model) ->
             moved = q.copy()
             moved[j] += NUDGE
             slopes[:, column] = (balance(moved) - left) / NUDGE
+        # A spring at its limit has no stiffness, and an overturned link a negative one: both then move the way they are pushed.
+        np.fill_diagonal(slopes, np.minimum(slopes.diagonal(), -FLAT))
         step = np.linalg.lstsq(slopes, -left, rcond=None)[0]
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
         q[sprung] += step
         left = balance(q)
     if len(sprung) and not np.abs(left).max() < 1e3 * BALANCED:
         worst = drives[sprung[int(np.argmax(np.abs(left)))]].name
-        message = f"joint '{worst}' finds no equilibrium: its spring cannot hold it"
-        raise ScenarioError(
-            Problem(message=message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
-        )
+        message = f"joint '{worst}' finds no equilibrium: nothing holds it"
+        raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
     found = []
     for j, drive in enumerate(drives):
-        positions = None
-        if j in sprung and drive.dynamic_motors:
-            positions = motors_at_rest(drive, float(q[j]), goals[j])
-        found.append(replace(drive, initial_position=float(q[j]), motor_positions=positions))
+        position = float(q[j])
+        positions: tuple[float, ...] | None = None
+        integrals: tuple[float, ...] = ()
+        if drive.drive and drive.drive.mode.controller:
+            if drive.dynamic_motors:
+                positions = resting = resting_motors(drive.drive, position, goals[j])
+                integrals = resting_integrals(drive.drive, position, resting)
+            elif _holds(drive):
+                load = float(weight(q)[j] - external[j]) - link_torque(drive, position, goals[j])
+                integrals = (_limited(drive, load),)
+        found.append(replace(drive, initial_position=position, motor_positions=positions, integrals=integrals))
     return tuple(found)
 
 
-def link_torque(drive: Drive, q: float, goals: tuple[float, float]) -> float:
-    """N m of spring (and passive spring) on the link that stands at q, motors at rest."""
-    passive = drive.passive_stiffness * (drive.joint.spring_reference - q)
-    if drive.actuator is None or drive.mode is None or not drive.mode.spring:
-        return passive
-    places = motors_at_rest(drive, q, goals) if drive.dynamic_motors else goals
-    second = places[1] if len(places) > 1 else goals[1]
-    return passive + sum(drive.actuator.elastic_torques(q, places[0], second, drive.elastic))
+def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> float:
+    """N m on the link that stands at q, motors at rest: of spring or controller within the effort limit, and of a passive
+    spring."""
+    torque = 0.0
+    if drive.drive and drive.drive.mode.spring:
+        motors = resting_motors(drive.drive, q, goals)
+        torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
+    elif drive.drive and drive.drive.mode.controller:
+        torque = drive.drive.proportional[0] * (goals[0] - q)
+    return _limited(drive, torque) + drive.passive_stiffness * (drive.joint.spring_reference - q)
 
 
-def motors_at_rest(drive: Drive, q: float, goals: tuple[float, float]) -> tuple[float, ...]:
-    """rad of each motor where its controller's torque balances its spring's; friction and integral action at 0."""
-    actuator = drive.actuator
-    if actuator is None:
-        return ()
-    places = []
-    for i in range(actuator.motors):
-        gain = drive.values[f"controller_{i + 1}_proportional"]
-        electric = drive.electric(i + 1)
-        stops = drive.values[f"motor_{i + 1}_min_position"], drive.values[f"motor_{i + 1}_max_position"]
-
-        def surplus(theta: float, i: int = i, gain: float = gain, electric: Electric = electric) -> float:
-            pair = (theta, goals[1]) if actuator.motors == 1 else ((theta, q) if i == 0 else (q, theta))
-            push = float(electric.torque_of(gain * (goals[i] - theta)))
-            return push - actuator.elastic_torques(q, *pair, drive.elastic)[i]
-
-        places.append(min(max(_root(surplus, goals[i], q), stops[0]), stops[1]))
-    return tuple(places)
+def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
+    """rad (m) where the joint rests without load; where it is if nothing holds it."""
+    if not (_gives_way(drive) or _holds(drive)):
+        return drive.initial_position
+    if drive.drive is None or not (drive.drive.mode.spring or drive.drive.mode.controller):
+        return drive.joint.spring_reference
+    return drive.drive.actuator.equilibrium_position(*goals) if drive.drive.mode.spring else goals[0]
 
 
-def _root(falling: object, goal: float, q: float) -> float:
-    """Where a falling function is 0: between the goal and the link, or beyond."""
-    from scipy.optimize import brentq
+def _gives_way(drive: SteppedJoint) -> bool:
+    """The joint moves until spring or controller carries its load. Motors without controller carry none."""
+    driven = drive.mode is not None and (drive.mode.spring or drive.mode.controller) and not drive.mode.direct
+    return (driven or drive.passive_stiffness > 0.0) and not _holds(drive)
 
-    low, high = min(goal, q), max(goal, q)
-    reach = 1e-6
-    while falling(low) < 0.0 and reach < 1e6:  # type: ignore[operator]
-        low, reach = low - reach, 2.0 * reach
-    reach = 1e-6
-    while falling(high) > 0.0 and reach < 1e6:  # type: ignore[operator]
-        high, reach = high + reach, 2.0 * reach
-    return float(brentq(falling, low, high, xtol=1e-15, rtol=1e-15)) if low < high else low
+
+def _holds(drive: SteppedJoint) -> bool:
+    """Mode 1 with integral action: at rest the link is where it should be."""
+    return drive.drive is not None and drive.drive.mode.number == 1 and drive.drive.integral[0] > 0.0
+
+
+def _limited(drive: SteppedJoint, torque: float) -> float:
+    """Within the joint's effort limit."""
+    most = math.inf if drive.joint.effort is None else drive.joint.effort
+    return min(max(torque, -most), most)

@@ -131,8 +131,8 @@ class Evaluation(Simulation):
             return self._electric(raw[every, joint], joint, quantity)
         motors = [raw[every, joint, COLUMN[f"position_{i}"]] for i in (1, 2)]
         actuator = self.prepared.drives[joint].actuator
-        place = motors[0] if actuator is None else equilibrium_over_arrays(actuator)(*motors)
-        return np.asarray(place - raw[every, joint, COLUMN["link_position"]] if quantity == "deflection" else place)
+        position = motors[0] if actuator is None else equilibrium_over_arrays(actuator)(*motors)
+        return np.asarray(position - raw[every, joint, COLUMN["link_position"]] if quantity == "deflection" else position)
 
     def _electric(self, raw: Array, joint: int, quantity: str) -> Array:
         """(steps + 1,) A or V of raw rows (steps + 1, columns); NaN where the motor is not electric."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.actuators import Actuator
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.substep import RAW
 
 MOTOR_1, MOTOR_2 = RAW.index("position_1"), RAW.index("position_2")
@@ -24,9 +24,9 @@ class Group:
     actuator: type[Actuator]
     motors: int
     """Motors with dynamics in their modes."""
-    drives: tuple[Drive, ...]
+    drives: tuple[SteppedJoint, ...]
     pick: Any
-    """Picks their rows of an array (joints, n): a slice where they are neighbours, which saves a copy."""
+    """Picks their rows of an array (joints, n), as :func:`picking` says."""
 
     @property
     def elastic(self) -> tuple[Any, ...]:
@@ -50,19 +50,20 @@ class Group:
         return found
 
 
-def spring_groups(drives: Sequence[Drive]) -> tuple[Group, ...]:
+def spring_groups(drives: Sequence[SteppedJoint]) -> tuple[Group, ...]:
     """Groups of the joints whose mode has springs."""
     members: dict[tuple[type[Actuator], int], list[int]] = {}
     for j, drive in enumerate(drives):
         if drive.actuator and drive.mode and drive.mode.spring:
             members.setdefault((drive.actuator, drive.dynamic_motors), []).append(j)
     return tuple(
-        Group(actuator=actuator, motors=motors, drives=tuple(drives[j] for j in rows), pick=_pick(rows))
+        Group(actuator=actuator, motors=motors, drives=tuple(drives[j] for j in rows), pick=picking(rows))
         for (actuator, motors), rows in members.items()
     )
 
 
-def _pick(rows: list[int]) -> Any:
+def picking(rows: list[int]) -> Any:
+    """What picks rows of an array: a slice where they are neighbours, which saves a copy."""
     neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
     return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)
 

@@ -15,8 +15,9 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.effects import through
+from asrsim.simulation.groups import picking
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.substep import READINGS
 from asrsim.simulation.wrenches import wrench_table
@@ -42,8 +43,12 @@ class Cut:
     substep: int
     edges: list[float]
     """s: where its pieces begin and end."""
-    inputs: Array
-    """What the scenario says in each, (3, joints, pieces)."""
+
+    @property
+    def looks(self) -> list[float]:
+        """s: where the scenario is asked for each piece's inputs."""
+        middles = [0.5 * (a + b) for a, b in pairwise(self.edges)]
+        return self.edges[:1] if not self.substep and len(middles) == 1 else middles
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,7 @@ class Inputs:
     def __init__(
         self,
         scenario: Scenario,
-        drives: Sequence[Drive],
+        drives: Sequence[SteppedJoint],
         *,
         substep: float,
         staggered: bool,
@@ -90,7 +95,7 @@ class Inputs:
         for index, drive in enumerate(drives):
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
-        self._maps = [(rows, references_over_arrays(actuator)) for actuator, rows in mapped.items()]
+        self._maps = [(picking(rows), references_over_arrays(actuator)) for actuator, rows in mapped.items()]
         self._signals: tuple[list[Signal], list[Signal], list[Signal]] = ([], [], [])
         for index, drive in enumerate(drives):
             references = scenario.references_of(drive.name)
@@ -105,7 +110,7 @@ class Inputs:
             self._signals[2].append(for_joint(scenario.external_torques, drive.name, REST))
 
     @staticmethod
-    def _rest(drive: Drive, slot: int) -> Signal:
+    def _rest(drive: SteppedJoint, slot: int) -> Signal:
         """A reference that nobody gives: motors and controllers stay where the joint starts; torques and voltages are 0."""
         mode = drive.mode
         if mode is None or mode.number == 0 or mode.direct:
@@ -149,27 +154,33 @@ class Inputs:
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
         tables, cuts = self._plan(first, count)
-        arrays = self._with_held(tables)
-        stacked = np.zeros((count, len(arrays[0].T), input_columns(self._sensors)))
-        for column, array in enumerate(self._goals(arrays)):
-            stacked[:, :, column] = array
+        inputs = self._with_held(tables)
+        goals = self._goals(inputs)
+        stacked = np.zeros((count, len(self._signals[0]), input_columns(self._sensors)))
+        for column, array in enumerate(goals):
+            stacked[:, :, column] = array[:count]
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(stacked[:, joint, READINGS:], first, self.substep)
         wrenches = np.zeros((count, len(self._wrenches), 6))
         for index, table in enumerate(self._wrenches):
             wrenches[:, index] = table(first, count, self.substep)
-        return Block(first, arrays, stacked, wrenches, {cut.substep: self._pieces(cut) for cut in cuts})
+        arrays = inputs[0][:count], inputs[1][:count], inputs[2][:count]
+        return Block(first, arrays, stacked, wrenches, self._events(cuts, [array[count:].tolist() for array in goals]))
 
     def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
-        """What the scenario says for a block, and where kicks are cut; kept for the first block of many runs alike."""
-        if first:
-            return self._scenario_at(grid(first, count, self.substep)), self._cuts(first, count)
-        key = count, frozenset(self.held)
-        if key not in self._starts:
-            self._starts = {key: (self._scenario_at(grid(0, count, self.substep)), self._cuts(0, count))}
-        tables, cuts = self._starts[key]
-        return tables.copy(), cuts
+        """What the scenario says for a block, (3, joints, n + pieces): for its substeps, then for the pieces of its cuts, which
+        come too; kept for the first block of many runs alike."""
+        key = first, count, frozenset(self.held)
+        if key in self._starts:
+            tables, cuts = self._starts[key]
+            return tables.copy(), cuts
+        cuts = self._cuts(first, count)
+        times = grid(first, count, self.substep), *(np.array(cut.looks) for cut in cuts)
+        tables = np.concatenate([self._scenario_at(time) for time in times], axis=2)
+        if not first:
+            self._starts = {key: (tables.copy(), cuts)}
+        return tables, cuts
 
     def _cuts(self, first: int, count: int) -> list[Cut]:
         if not self.staggered:
@@ -196,19 +207,18 @@ class Inputs:
         now = substep * h
         inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
-        edges = [edge for edge in edges if substep or edge >= now]
-        middles = np.array([0.5 * (a + b) for a, b in pairwise(edges)])
-        if not substep and len(middles) == 1:
-            middles = np.array([now])
-        return Cut(substep, edges, self._scenario_at(middles))
+        return Cut(substep, [edge for edge in edges if substep or edge >= now])
 
-    def _pieces(self, cut: Cut) -> tuple[Piece, ...]:
-        edges, now = cut.edges, cut.substep * self.substep
-        samples = [array.tolist() for array in self._goals(self._with_held(cut.inputs.copy()))]
-        return tuple(
-            Piece((b - a) / self.substep, (samples[0][i], samples[1][i], samples[2][i]), a == now, cut.substep)
-            for i, (a, b) in enumerate(pairwise(edges))
-        )
+    def _events(self, cuts: Sequence[Cut], goals: Sequence[list[list[float]]]) -> dict[int, tuple[Piece, ...]]:
+        """The pieces of the cuts, by substep; goals: references 1 and 2 and external torques of all pieces, one after the
+        other."""
+        events, rows = {}, zip(*goals, strict=True)
+        for cut in cuts:
+            now = cut.substep * self.substep
+            events[cut.substep] = tuple(
+                Piece((b - a) / self.substep, next(rows), a == now, cut.substep) for a, b in pairwise(cut.edges)
+            )
+        return events
 
 
 def input_columns(sensors: Sequence[Any]) -> int:

@@ -201,25 +201,46 @@ def make_hysteretic_two_motors(advance: Advance) -> Advance:
     return advance_hysteretic_two_motors
 
 
-def make_substepped(advance: Advance, substeps: int) -> Advance:
+def with_bristles(motors: Any, springs: Any) -> Any:
+    """The motors of one state with the springs' hysteresis of another. Hysteresis goes its way once a step, from whole step to
+    whole step: between, motors move and q does not, and each step back would cost the springs some of their memory."""
+    if len(motors) == 6:
+        return (motors[0], motors[1], motors[2], motors[3], springs[4], springs[5])
+    return (
+        motors[0], motors[1], motors[2], motors[3], motors[4], motors[5], motors[6], motors[7],
+        springs[8], springs[9], springs[10], springs[11],
+    )  # fmt: skip
+
+
+def make_substepped(advance: Advance, substeps: int, *, hysteretic: bool) -> Advance:
     """`advance` as an odd number of equal motor-and-spring steps with q frozen: mean torque, record of the middle one.
 
     Frozen q with the mean torque stays bounded; q extrapolated would diverge or add damping.
     """
+    if substeps == 1:
+        return advance
     middle = substeps // 2
+    rejoin = with_bristles if hysteretic else _first_of
 
     def advance_substepped(
         state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, Any, tuple[float, ...]]:
+        begun = state
         total, state, record = advance(state, constants, q, v, r_1, r_2)
+        followed = state
         for index in range(1, substeps):
-            torque, state, latest = advance(state, constants, q, v, r_1, r_2)
+            torque, state, latest = advance(rejoin(state, begun), constants, q, v, r_1, r_2)
             total += torque
             if index == middle:
                 record = latest
-        return total / substeps, state, record
+                followed = state
+        return total / substeps, rejoin(state, followed), record
 
     return advance_substepped
+
+
+def _first_of(one: Any, other: Any) -> Any:
+    return one
 
 
 def damp(
@@ -230,18 +251,18 @@ def damp(
     damping: float,
     brake: float,
     response: float,
-    lean: float,
+    weight: float,
     last_torque: float,
     last_mean: float,
 ) -> tuple[float, float]:
     """The link's torque in N m with its damping, and the mean velocity over the kick that it acts on, in rad/s.
 
     torque: the actuator's in N m, within `limit`; v: rad/s extrapolated to the whole step, `change` of it over the last
-    one; damping: N m s/rad, of which `brake` is the controller's (mode 1), within the limit; response, lean: see
+    one; damping: N m s/rad, of which `brake` is the controller's (mode 1), within the limit; response, weight: see
     :func:`asrsim.simulation.damping.mean_response`.
     """
     drag = response * damping
-    mean = (v + lean * change + response * (torque - last_torque) + drag * last_mean) / (1.0 + drag)
+    mean = (v + weight * change + response * (torque - last_torque) + drag * last_mean) / (1.0 + drag)
     if brake != 0.0:
         torque -= brake * mean
         if torque > limit:

@@ -18,7 +18,7 @@ from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import stretch
 from asrsim.simulation.damping import make_damping_law, mean_response
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block, input_columns
 from asrsim.simulation.kernels import make_substepped
 from asrsim.simulation.memory import compiled_memory, flatten, plain_memory, shape_of
@@ -53,7 +53,7 @@ class Loop:
     def __init__(
         self,
         engine: Engine,
-        drives: Sequence[Drive],
+        drives: Sequence[SteppedJoint],
         stepping: Stepping,
         *,
         substep: float,
@@ -99,7 +99,7 @@ class Loop:
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
-    def _constants_of(self, drives: Sequence[Drive]) -> list[Any]:
+    def _constants_of(self, drives: Sequence[SteppedJoint]) -> list[Any]:
         return [drive.constants(self.substep / n) for drive, n in zip(drives, self._motor_substeps, strict=True)]
 
     def _memory(self, j: int) -> Memory:
@@ -121,10 +121,10 @@ class Loop:
         steps = []
         for places in members.values():
             drive, substeps = self.drives[places[0]], self._motor_substeps[places[0]]
+            advance = make_substepped(drive.advance, substeps, hysteretic=drive.hysteresis is not None)
             steps.append(
                 make_group(
-                    tuple(places), make_substepped(drive.advance, substeps) if substeps > 1 else drive.advance,
-                    self._memories[places[0]], unpack, now=self._now, before=self._before,
+                    tuple(places), advance, self._memories[places[0]], unpack, now=self._now, before=self._before,
                     sensing=self._sensings[places[0]], damping=make_damping_law(drive), cut=cut,
                 )
             )  # fmt: skip
@@ -157,7 +157,7 @@ class Loop:
         return stepped_stretch(engine, kernel, one, self.joints, friction=bool(self._varying))
 
     def reset(self) -> None:
-        """Joints as at the start of a run; the engine is somebody else's to put there."""
+        """Joints as at the start of a run; the caller sets the engine's state."""
         positions, velocities = self.engine.read()
         count = len(self.drives)
         joints = zip(self.drives, self._sensings, self._flat, positions, velocities, strict=True)
@@ -215,23 +215,23 @@ class Loop:
         """Substeps `start` to `end` of `block`; returns (n, joints, columns) raw records, columns as :data:`RAW`."""
         rows = np.empty((end - start, len(self.drives), len(RAW)))
         first = block.first
-        marks = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH) if self._refreshed else ())
+        pauses = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH) if self._refreshed else ())
         if self.watch is not None:
-            marks |= set(range((-first) % self.every, end, self.every))
+            pauses |= set(range((-first) % self.every, end, self.every))
         position = start
-        for mark in sorted(mark for mark in marks | {end} if start <= mark <= end):
-            if mark > position:
-                self._smooth(block, position, mark, rows[position - start : mark - start])
-                position = mark
-            if mark == end:
+        for pause in sorted(pause for pause in pauses | {end} if start <= pause <= end):
+            if pause > position:
+                self._smooth(block, position, pause, rows[position - start : pause - start])
+                position = pause
+            if pause == end:
                 break
-            if self.watch is not None and (first + mark) % self.every == 0:
-                self.watch(first + mark)
-            if self._refreshed and first + mark:
-                self.refresh_response(first + mark)
-            if first + mark in block.events:
-                rows[mark - start] = self._splits.run(block, mark)
-                position = mark + 1
+            if self.watch is not None and (first + pause) % self.every == 0:
+                self.watch(first + pause)
+            if self._refreshed and first + pause:
+                self.refresh_response(first + pause)
+            if first + pause in block.events:
+                rows[pause - start] = self._splits.run(block, pause)
+                position = pause + 1
         return rows
 
     def _smooth(self, block: Block, start: int, end: int, rows: Array) -> None:
@@ -258,7 +258,7 @@ class Loop:
         for row, kept in zip(self.joints, state, strict=True):
             row[:] = [value[:] if isinstance(value, list) else value for value in kept]
 
-    def take_drives(self, drives: Sequence[Drive]) -> bool:
+    def take_drives(self, drives: Sequence[SteppedJoint]) -> bool:
         """Other numbers for the same kinds of joints; :meth:`reset` puts them to use. False: they need a loop of their own."""
         if all(drive is before for drive, before in zip(drives, self.drives, strict=True)):
             return True
@@ -282,7 +282,7 @@ class Loop:
         return [floats(memory.load(self.joints[j])) for j, memory in enumerate(self._memories)]
 
 
-def _kinds(drives: Sequence[Drive]) -> tuple[bool, tuple[int, ...], list[tuple[str, bool, bool]]]:
+def _kinds(drives: Sequence[SteppedJoint]) -> tuple[bool, tuple[int, ...], list[tuple[str, bool, bool]]]:
     """What a loop is built for: whether links are damped, joints whose friction varies, and the kind of each."""
     damped = any(drive.constant_damping or drive.link_brake or make_damping_law(drive) for drive in drives)
     varying = tuple(j for j, drive in enumerate(drives) if drive.joint.friction_varies)

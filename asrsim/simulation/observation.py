@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.kernels import MOTOR_STATE
 from asrsim.simulation.loop import Loop
 
@@ -42,7 +42,7 @@ class Snapshot:
     record: Any
 
 
-def observe(time: float, drives: Sequence[Drive], loop: Loop, substep: float) -> Observation:
+def observe(time: float, drives: Sequence[SteppedJoint], loop: Loop, substep: float) -> Observation:
     """The state of a loop at a whole step, at `time` s; substep in s."""
     positions, velocities = loop.joint_states()
     motors = np.full((4, len(drives)), np.nan)

@@ -17,7 +17,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.describe import describe
-from asrsim.simulation.drives import Drive, make_drives
+from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared, make_engine
@@ -50,7 +50,7 @@ def prepare(
         scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
     elif variant not in (None, scenario.variant) or overrides:
         message = "a scenario that is made already takes no variant and no overrides"
-        raise InputError(Problem(message=message, hint="Give them where it is made", code="usage"))
+        raise InputError(message, hint="Give them where it is made", code="usage")
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
@@ -115,7 +115,7 @@ def resolution_of(prepared: Prepared) -> Resolution:
 
 
 def _resolve(
-    scenario: Scenario, drives: Sequence[Drive], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
+    scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> Resolution:
     points = np.linspace(0.0, scenario.duration, 2001)
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
@@ -159,7 +159,7 @@ def _resolve(
 
 
 def _with_ranges(
-    sampled: tuple[Array, Array, Array], drives: Sequence[Drive], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
+    sampled: tuple[Array, Array, Array], drives: Sequence[SteppedJoint], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> tuple[Array, Array, Array]:
     """References in which those that may be set take their least and largest values, too, in turns."""
     tables = [table.copy() for table in sampled]
@@ -173,13 +173,13 @@ def _with_ranges(
     return tables[0], tables[1], tables[2]
 
 
-def check_inertia(drives: Sequence[Drive], mass: Array) -> None:
+def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
     """A joint that turns nothing (a point mass on its own axis), or two on one axis with no mass between them, have no
     equation of motion; raises RobotError.
     """
     problems = [
         Problem(
-            message=f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
+            f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
             line=drive.joint.line,
             key=drive.name,
             hint=f"Give link '{drive.joint.child}' an inertia",
@@ -196,15 +196,13 @@ def check_inertia(drives: Sequence[Drive], mass: Array) -> None:
         share = np.abs(vectors[:, 0])
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
-            Problem(
-                message=f"joints {names} can move against each other without moving any mass: their motion is not defined",
-                hint="Give the links between them inertias",
-                code="massless-motion",
-            )
+            f"joints {names} can move against each other without moving any mass: their motion is not defined",
+            hint="Give the links between them inertias",
+            code="massless-motion",
         )
 
 
-def _configurations(drives: Sequence[Drive]) -> list[list[float]]:
+def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions at which the mass matrix counts: the initial ones and some within the limits."""
     # The standard library's generator: numpy.random takes longer to import than a short run.
     generator = random.Random(0)

@@ -6,14 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from asrsim.engines.base import Engine
+from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
+from asrsim.robot import drive_of
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
@@ -41,7 +43,7 @@ class Prepared:
     scenario: Scenario
     robot: Robot
     stepping: Stepping
-    drives: tuple[Drive, ...]
+    drives: tuple[SteppedJoint, ...]
     resolution: Resolution
     sensors: tuple[Sensor | None, ...]
     info: RunInfo
@@ -80,7 +82,7 @@ class Prepared:
         names = tuple(drive.name for drive in self.drives)
         if joint not in names:
             hint = did_you_mean(joint, names)
-            raise InputError(Problem(message=f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint"))
+            raise InputError(f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint")
         j = names.index(joint)
         mode = self.drives[j].mode
         known = mode.references if mode else ()
@@ -88,7 +90,7 @@ class Prepared:
             return j, 2
         if reference not in known:
             message = f"joint '{joint}' has no reference '{reference}'"
-            raise InputError(Problem(message=message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference"))
+            raise InputError(message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference")
         return j, known.index(reference)
 
     def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:
@@ -103,8 +105,24 @@ class Prepared:
         """The same with other numbers, without reading or checking files again; substeps stay as they are.
 
         parameters: joint -> name of an actuator's parameter, `damping` or `friction`; link -> `mass`, `x`, `y`, `z` (centre of
-        mass) or `ixx` .. `izz` (about it, in the inertial frame). Raises RobotError naming what is unknown or not physical.
+        mass) or `ixx` .. `izz` (about it, in the inertial frame). A start at equilibrium is sought again. Raises RobotError
+        naming what is unknown or not physical, ScenarioError for an arm that nothing holds.
         """
+        varied = self.with_numbers(parameters)
+        if not self.scenario.initial_equilibrium:
+            return varied
+        engine = varied.make_engine()
+        return replace(varied.settled(engine.model), _spare=[engine])
+
+    def settled(self, model: Model | None) -> Prepared:
+        """The same, beginning at rest where the scenario asks for that; model: of this robot. Raises ScenarioError."""
+        if model is None or not self.scenario.initial_equilibrium:
+            return self
+        drives = at_equilibrium(self.scenario, self.drives, model)
+        return replace(self, drives=drives, initial_positions=tuple(drive.initial_position for drive in drives))
+
+    def with_numbers(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
+        """As :meth:`vary`, with the start as it was."""
         robot = varied_robot(self.robot, parameters)
         blocks = {block.joint: block for block in robot.actuators}
         joints = {joint.name: joint for joint in robot.joints}
@@ -112,7 +130,7 @@ class Prepared:
             replace(
                 drive,
                 joint=joints[drive.name],
-                values=blocks[drive.name].values() if drive.name in blocks else drive.values,
+                drive=drive_of(blocks[drive.name]) if drive.name in blocks else drive.drive,
                 block=blocks.get(drive.name),
             )
             for drive in self.drives

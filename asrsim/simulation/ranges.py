@@ -9,7 +9,7 @@ from dataclasses import replace
 from asrsim.actuators.detailed_motor import largest_command
 from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
 
@@ -28,7 +28,7 @@ def ranges_of(prepared: Prepared) -> dict[str, dict[str, Range]]:
     return {drive.name: _of(drive, prepared.scenario) for drive in prepared.drives}
 
 
-def _of(drive: Drive, scenario: Scenario) -> dict[str, Range]:
+def _of(drive: SteppedJoint, scenario: Scenario) -> dict[str, Range]:
     declared = {**scenario.reference_ranges.get("*", {}), **scenario.reference_ranges.get(drive.name, {})}
     found: dict[str, Range] = {}
     names = drive.mode.references if drive.mode else ()
@@ -41,7 +41,7 @@ def _of(drive: Drive, scenario: Scenario) -> dict[str, Range]:
     return found
 
 
-def _default(drive: Drive, slot: int) -> Range:
+def _default(drive: SteppedJoint, slot: int) -> Range:
     mode, actuator, values = drive.mode, drive.actuator, drive.values
     if mode is None or actuator is None:
         return _torque(drive)
@@ -67,7 +67,7 @@ def _default(drive: Drive, slot: int) -> Range:
     )
 
 
-def _torque(drive: Drive) -> Range:
+def _torque(drive: SteppedJoint) -> Range:
     most = drive.joint.effort
     return (-math.inf, math.inf) if most is None else (-most, most)
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
-from asrsim.simulation.drives import Drive
-from asrsim.simulation.energy import EnergyMeter
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.energy import ENERGIES, EnergyMeter
 from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import grid
 from asrsim.simulation.steppings import Stepping
@@ -26,7 +26,7 @@ BEHIND = 2
 COLUMN = {name: index for index, name in enumerate(RAW)}
 
 
-def recorded_quantities(drive: Drive) -> tuple[str, ...]:
+def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     """Names of the quantities that this joint records."""
     names = ["link_position", "link_velocity", "link_torque", "external_torque"]
     mode, actuator = drive.mode, drive.actuator
@@ -44,7 +44,7 @@ def recorded_quantities(drive: Drive) -> tuple[str, ...]:
     return (*names, *EnergyMeter.quantities(drive))
 
 
-def has_second_reference(drive: Drive) -> bool:
+def has_second_reference(drive: SteppedJoint) -> bool:
     """An SEA has one reference in every mode."""
     return bool(drive.actuator and (drive.actuator.motors == 2 or drive.actuator.adjuster))
 
@@ -74,7 +74,11 @@ class Recorder:
     Inside, arrays are (joints, n): every joint's numbers lie side by side.
     """
 
-    def __init__(self, drives: Sequence[Drive], stepping: Stepping, *, substep: float, every: int, last: int) -> None:
+    def __init__(
+        self, drives: Sequence[SteppedJoint], quantities: Sequence[tuple[str, ...]], stepping: Stepping, *, substep: float,
+        every: int, last: int,
+    ) -> None:  # fmt: skip
+        """quantities: of each joint, all or some of :func:`recorded_quantities`."""
         self.drives = tuple(drives)
         self.stepping = stepping
         self.substep = substep
@@ -82,7 +86,7 @@ class Recorder:
         """Substeps between rows of the samples: a step."""
         self.last = last
         """Last substep that is logged."""
-        self.meter = EnergyMeter(drives, substep)
+        groups = spring_groups(drives)
         n = len(drives)
         self.counts = Counts(
             effort=np.zeros(n, int),
@@ -96,11 +100,13 @@ class Recorder:
         self._held_inputs: tuple[Array, ...] = ()
         self._sides: dict[int, Array] = {}
         self._next = 0
-        quantities = [recorded_quantities(drive) for drive in drives]
-        names = tuple(dict.fromkeys(name for recorded in quantities for name in recorded))
-        self._lacking = {name: [j for j in range(n) if name not in quantities[j]] for name in names}
+        kinds = dict.fromkeys(quantities)
+        names = dict.fromkeys(name for kind in kinds for name in kind)
+        self.meter = EnergyMeter(drives, groups, substep, whole=any(name in ENERGIES for name in names))
+        lacking = {kind: [name for name in names if name not in kind] for kind in kinds}
+        self._lacking = {name: [j for j in range(n) if name in lacking[quantities[j]]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
-        self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(drives)]
+        self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
         self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
         self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
@@ -121,7 +127,7 @@ class Recorder:
         inputs: references 1 and 2 and external torques, (joints, n) each; sides: see :class:`asrsim.simulation.inputs.Block`.
         """
         held = 0 if self._held is None else self._held.shape[2]
-        table, n = raw, raw.shape[2]
+        table, n = np.ascontiguousarray(raw), raw.shape[2]
         if self._held is not None:
             table = np.concatenate([self._held, raw], axis=2)
             inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
@@ -175,8 +181,8 @@ class Recorder:
                 values[name.format(i)] = now[COLUMN[source.format(i)]]
         stiffness = np.full((joints, count), np.nan)
         for group, law, elastic in self._groups:
-            places = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]
-            stiffness[group.pick] = law(*places, elastic)
+            positions = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]
+            stiffness[group.pick] = law(*positions, elastic)
         values["stiffness"] = stiffness
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
@@ -196,8 +202,8 @@ class Recorder:
         counts.substeps += torque.shape[1]
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
-        place = values["link_position"]
-        counts.stop += _number((place <= self._lowest) | (place >= self._highest))
+        position = values["link_position"]
+        counts.stop += _number((position <= self._lowest) | (position >= self._highest))
         if "stiffness" in values:
             counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
         for group, _, _ in self._groups:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,7 +14,7 @@ from asrsim.samples import Array, RunInfo, Samples
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import Recorder
+from asrsim.simulation.recorder import Recorder, recorded_quantities
 from asrsim.simulation.world import WorldRecorder
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ class Recording:
         self.active = bool(keep or self._sinks)
         self.parts: list[Part] | None = None
         """What was stepped and not looked at, see :mod:`asrsim.simulation.together`; None: it is at once."""
+        self.wanted: frozenset[str] = frozenset()
         self.kept: list[Samples] | None = [] if keep else None
         self._last = last
         self.recorder = self._make_recorder()
@@ -83,9 +84,9 @@ class Recording:
         self._raw: list[tuple[tuple[Array, ...], Array]] = []
         self._sides: dict[int, Array] = {}
 
-    def defer(self) -> None:
-        """From now on parts are only kept."""
-        self.active, self.parts = True, []
+    def defer(self, wanted: Collection[str]) -> None:
+        """From now on parts are only kept; wanted: quantities of which samples will be made."""
+        self.active, self.parts, self.wanted = True, [], frozenset(wanted)
 
     def take(self, block: Block, start: int, raw: Array) -> None:
         """Raw records (n, joints, columns) of the block's substeps from `start` on."""
@@ -116,9 +117,8 @@ class Recording:
 
     def _part(self, *, weighed: bool) -> Part:
         """What came since the last one; weighed: with the links' energy, which a motion that is no longer finite has not."""
-        inputs = [np.concatenate(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
-        raw = self._raw[0][1] if len(self._raw) == 1 else np.concatenate([part for _, part in self._raw])
-        raw = np.ascontiguousarray(raw.transpose(2, 1, 0))
+        inputs = [_joined(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
+        raw = _joined([part for _, part in self._raw]).transpose(2, 1, 0)
         sides, self._sides, self._raw = self._sides, {}, []
         model, kinetic = self._engine.model, 0.0
         if not (weighed and self.guarded and self._alone and model is not None):
@@ -158,7 +158,10 @@ class Recording:
     def _make_recorder(self) -> Recorder:
         prepared = self._prepared
         substeps = prepared.resolution.substeps
-        return Recorder(prepared.drives, prepared.stepping, substep=prepared.substep, every=substeps, last=self._last)
+        return Recorder(
+            prepared.drives, [recorded_quantities(drive) for drive in prepared.drives], prepared.stepping,
+            substep=prepared.substep, every=substeps, last=self._last,
+        )  # fmt: skip
 
     def renew(self) -> None:
         """A fresh start, with the numbers that were taken over last; the engine is at its start."""
@@ -183,6 +186,10 @@ class Recording:
         if state is not None:
             self.recorder, self._guard, self._raw, self._sides, world = copy.deepcopy(state)
             self._world.put_back(world)
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _part(samples: Samples, rows: slice) -> Samples:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.kernels import MOTOR_STATE
 from asrsim.simulation.memory import STATE_NUMBERS
 from asrsim.simulation.substep import (
@@ -34,7 +34,14 @@ from asrsim.simulation.substep import (
 
 
 def joint_row(
-    drive: Drive, sensing: Sensing | None, constants: Any, position: float, velocity: float, substep: float, *, compiled: bool
+    drive: SteppedJoint,
+    sensing: Sensing | None,
+    constants: Any,
+    position: float,
+    velocity: float,
+    substep: float,
+    *,
+    compiled: bool,
 ) -> list[Any]:
     """The row without its response; position (rad) and velocity (rad/s) of the link at the start, substep in s. constants: of
     the law, as plain Python takes them; compiled: in a row."""
@@ -49,8 +56,8 @@ def joint_row(
         BOUND: drive.joint.friction, COULOMB: drive.joint.friction, STRIBECK: drive.joint.stribeck_friction,
         FADE: 1.0 / drive.joint.stribeck_velocity, SHARE: drive.joint.load_friction,
     }  # fmt: skip
-    for place, value in given.items():
-        row[place] = float(value)
+    for column, value in given.items():
+        row[column] = float(value)
     rings = [_ring(drive, sensing, i, position, velocity) for i in range(2)]
     if compiled:
         state = [float(number) for number in drive.initial_state]
@@ -61,7 +68,7 @@ def joint_row(
     return row
 
 
-def _ring(drive: Drive, sensing: Sensing | None, i: int, position: float, velocity: float) -> list[float]:
+def _ring(drive: SteppedJoint, sensing: Sensing | None, i: int, position: float, velocity: float) -> list[float]:
     """What sensor `i` saw before the start: the start."""
     if sensing is None:
         return []

@@ -167,7 +167,7 @@ def _slow(simulation: Simulation) -> Iterator[Problem]:
     if simulation.slow_because:
         message = f"the loop ran in plain Python, several times slower than compiled: {simulation.slow_because}"
         missing = not available()
-        yield Problem(message=message, hint="pip install numba" if missing else "", code="slow-loop")
+        yield Problem(message, hint="pip install numba" if missing else "", code="slow-loop")
 
 
 def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
@@ -180,7 +180,7 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
             f"unstable from {UNSTABLE:g} on): what it does there is no physics"
         )
         hint = "Lower step, or take stepping leapfrog, which chooses substeps."
-        warnings.append(Problem(message=message, key="stepping", hint=hint, code="unresolved-spring"))
+        warnings.append(Problem(message, key="stepping", hint=hint, code="unresolved-spring"))
     for drive, foreseen, seen in zip(prepared.drives, resolution.stiffness, counts.stiffest.tolist(), strict=True):
         if foreseen <= 0.0 or seen <= foreseen:
             continue
@@ -188,7 +188,7 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
         if omega_h > COARSE:
             warnings.append(
                 Problem(
-                    message=f"the spring reached {seen:.4g} N m/rad where {foreseen:.4g} were foreseen: omega h may have been "
+                    f"the spring reached {seen:.4g} N m/rad where {foreseen:.4g} were foreseen: omega h may have been "
                     f"{omega_h:.2g}, which is coarse",
                     key=drive.name,
                     hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / TARGET)} or more.",

@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.effects import Noise
 from asrsim.simulation.substep import Sensing
 
@@ -46,7 +46,7 @@ class Sensor:
                 table[:, 2 * index + 1] = noise.draw(ticks[1:])
 
 
-def sensor_of(drive: Drive, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
+def sensor_of(drive: SteppedJoint, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
     """The sensors of joint number `index`; None where its controllers see the truth, or there are none."""
     if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
         return None

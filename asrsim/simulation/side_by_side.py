@@ -48,8 +48,8 @@ class Track:
         """Take samples."""
         self.waiting.append(np.stack([samples.values[name] for name in COMPARED], axis=1))
 
-    def taken(self, count: int) -> Array:
-        """The next rows."""
+    def take(self, count: int) -> Array:
+        """The next rows, which wait no longer."""
         rows = self.waiting[0] if len(self.waiting) == 1 else np.concatenate(self.waiting)
         self.waiting = [rows[count:]]
         return rows[:count]

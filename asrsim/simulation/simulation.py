@@ -1,4 +1,4 @@
-"""A simulation that somebody else steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
+"""A simulation that its user steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from asrsim.errors import InputError, Problem, SimulationError
+from asrsim.errors import InputError, SimulationError
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
@@ -204,7 +204,7 @@ class Simulation:
             self._inputs.held.pop((j, slot), None)
         else:
             if not math.isfinite(value):
-                raise InputError(Problem(message=f"{reference} of '{joint}' must be finite", code="reference-value"))
+                raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
             low, high = self.prepared.range_of(joint, reference)
             value = min(max(float(value), low), high)
             if self._inputs.held.get((j, slot)) == value:
@@ -253,7 +253,7 @@ class Simulation:
             return
         self.substep, self._block, self.row, self._inputs.held = 0, None, None, {}
         if parameters is not None:
-            self._take_over(self.prepared.vary(parameters))
+            self._take_over(self.prepared.with_numbers(parameters))
             self._start = None  # what was kept of the start has other numbers
         starts = (initial, self.prepared.initial_positions), (velocities, self.prepared.initial_velocities)
         positions, speeds = ([float((a or {}).get(n, b)) for n, b in zip(self.joints, rest, strict=True)] for a, rest in starts)
@@ -271,7 +271,7 @@ class Simulation:
             self.engine.close()
             self.engine = varied.make_engine()
             self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
-        self.prepared = varied
+        self.prepared = varied = varied.settled(self.engine.model)
         self.recording.take_over(varied, self.engine)
         if moved and self.engine.model is not None:
             check_inertia(varied.drives, self.engine.model.mass_matrix(varied.initial_positions))

@@ -10,8 +10,9 @@ import numpy as np
 from asrsim.engines.base import Engine
 from asrsim.samples import Array
 from asrsim.simulation.damping import make_damping_law
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block, Piece
+from asrsim.simulation.kernels import with_bristles
 from asrsim.simulation.stretches import UNDEFINED, NoValueError, push_links
 from asrsim.simulation.substep import (
     BOUND,
@@ -46,7 +47,7 @@ class Splits:
     def __init__(
         self,
         engine: Engine,
-        drives: Sequence[Drive],
+        drives: Sequence[SteppedJoint],
         joints: Any,
         memories: Sequence[Memory],
         *,
@@ -66,7 +67,7 @@ class Splits:
         self._now, self._before = weights
         self.take_drives(drives)
 
-    def take_drives(self, drives: Sequence[Drive]) -> None:
+    def take_drives(self, drives: Sequence[SteppedJoint]) -> None:
         """Other numbers for the same kinds of joints."""
         self.drives = tuple(drives)
         self._cut_constants: dict[float, list[Any]] = {}
@@ -95,8 +96,8 @@ class Splits:
             if piece.on_time:
                 rows = self._advance_all(piece, k, positions, lagging, velocities, states, 0.0)
                 side = 1
-            looked = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
-            for j, row in enumerate(looked):
+            records = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
+            for j, row in enumerate(records):
                 external = piece.rows[2][j]
                 sides[side, j] += 2.0 * piece.fraction * np.array([*row, external])
                 means[j] += piece.fraction / length * np.array([row[2], row[LINK_TORQUE], external])
@@ -135,15 +136,15 @@ class Splits:
         now = [row[LINK_TORQUE] for row in rows]
         for j, row in enumerate(joints):
             row[BRAKE] = brakes[j] * min(float(free[:, j].sum()) / (2.0 * length), 1.0)
-            for place in range(len(row) - 2 * count, len(row) - count):
-                row[place] = row[place] * length
+            for column in range(len(row) - 2 * count, len(row) - count):
+                row[column] = row[column] * length
         if self._damping is not None:
             self._damping(0, None, self.joints, None, [rows])
         for j, row in enumerate(joints):
-            for place in range(len(row) - 2 * count, len(row) - count):
-                row[place] = row[place] / length
+            for column in range(len(row) - 2 * count, len(row) - count):
+                row[column] = row[column] / length
             held = float(row[BRAKE])
-            # The brake's torque where it acts; the row tells of the time after the jump.
+            # The brake's torque in the share of the kick in which it acts; the row is of the time after the jump.
             drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / held if held else 0.0
             limit = float(row[EFFORT])
             rows[j][LINK_TORQUE] = min(max(now[j] + drag, -limit), limit) if brakes[j] else now[j]
@@ -175,8 +176,11 @@ class Splits:
                 torque, after, record = drive.advance(state, constants, positions[j], velocities[j], *goals)
             except UNDEFINED as fault:
                 raise NoValueError(drive.name, k, str(fault)) from fault
-            if fraction:
-                states[j] = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            moved = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            if drive.hysteresis and drive.dynamic_motors:
+                states[j] = with_bristles(moved, states[j]) if fraction else with_bristles(states[j], moved)
+            elif fraction:
+                states[j] = moved
             if self._cut and abs(lagging[j]) >= joint[FASTEST] and torque * lagging[j] > 0.0:
                 torque = 0.0
             limit, braked = float(joint[EFFORT]), torque - float(joint[BRAKE]) * velocities[j]

@@ -63,8 +63,8 @@ def plain_stretch(engine: Engine, laws: Step, joints: Any, *, friction: bool) ->
                 where[0] += first - start
                 raise
             numbers = [number for rows_of_joints in record for row in rows_of_joints for number in row]
-            taken = np.frombuffer(pack(f"{len(numbers)}d", *numbers))
-            rows[first - start : stop - start] = taken.reshape(stop - first, *rows.shape[1:])
+            values = np.frombuffer(pack(f"{len(numbers)}d", *numbers))
+            rows[first - start : stop - start] = values.reshape(stop - first, *rows.shape[1:])
 
     return run
 

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
-from asrsim.simulation.drives import Drive
+from asrsim.simulation.drives import SteppedJoint
 
 TARGET = 0.2
 """omega h that the automatic number of substeps keeps (accuracy; stability ends at 2)."""
@@ -54,7 +53,7 @@ class Resolution:
 
 
 def reachable_stiffness(
-    drive: Drive, reference_1: Array, reference_2: Array, *, interval: float, load: float, inertia: float
+    drive: SteppedJoint, reference_1: Array, reference_2: Array, *, interval: float, load: float, inertia: float
 ) -> float:
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds it is told so.
 
@@ -68,7 +67,7 @@ def reachable_stiffness(
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
-    # The released code moves an adjuster by a motor of its own, in mode 4 by a torque: where it gets to nobody knows.
+    # The released code moves an adjuster by a motor, in mode 4 by a torque: its range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
 
@@ -87,8 +86,8 @@ def reachable_stiffness(
         pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
         if mode.direct:
-            told = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
-            pull = min(pull, float(np.max(told)))
+            torques = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
+            pull = min(pull, float(np.max(torques)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
             speed = min(fastest, OVERSHOOT * change / interval)
@@ -104,27 +103,27 @@ def reachable_stiffness(
             value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
             best = max(best, value) if math.isfinite(value) else math.inf
     if drive.hysteresis is not None:
-        # Where its motion turns, a spring's hysteresis is a spring beside it.
+        # Where a motion turns round, hysteresis is as stiff as a spring of its torque over its deflection.
         best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
     return best
 
 
-def _caught(drive: Drive, spread: float, sigma: float, energy: float, limit: float) -> float:
+def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, limit: float) -> float:
     """Deflection from pretension `spread` at which the springs have taken `energy` J."""
     if drive.actuator is None or not math.isfinite(energy):
         return limit
     law = energy_over_arrays(drive.actuator)
     second = sigma if drive.actuator.adjuster else -spread
 
-    def taken(deflection: float) -> float:
+    def absorbed(deflection: float) -> float:
         points = np.array([-deflection, 0.0])
         stored = law(points, np.full(2, spread), np.full(2, second), drive.elastic)
         return float(stored[0] - stored[1])
 
-    return _largest_below(taken, energy, limit)
+    return _largest_below(absorbed, energy, limit)
 
 
-def _torques(drive: Drive, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
+def _torques(drive: SteppedJoint, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
     try:
         return drive.actuator.elastic_torques(0.0, d_1, d_2, elastic) if drive.actuator else (0.0, 0.0)
     except (OverflowError, ZeroDivisionError):
@@ -145,7 +144,7 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
 
 
 def resolve(
-    drives: Sequence[Drive],
+    drives: Sequence[SteppedJoint],
     masses: Sequence[Array],
     stiffness: Sequence[float],
     *,
@@ -211,7 +210,7 @@ def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Ar
     return best, shape
 
 
-def _fading(drive: Drive, masses: Sequence[Array], j: int) -> float:
+def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
     """Largest rate in 1/s at which joint `j` runs away where its friction falls with speed: for accuracy; bounded friction is
     stable at any step."""
     joint = drive.joint
@@ -220,7 +219,7 @@ def _fading(drive: Drive, masses: Sequence[Array], j: int) -> float:
     return STEEPEST * joint.stribeck_friction / joint.stribeck_velocity * max(float(np.linalg.inv(m)[j, j]) for m in masses)
 
 
-def _motor_fading(drive: Drive) -> float:
+def _motor_fading(drive: SteppedJoint) -> float:
     """The same of the joint's motors."""
     values, motors = drive.values, range(1, drive.dynamic_motors + 1) if drive.detailed else ()
     steep = (
@@ -230,7 +229,7 @@ def _motor_fading(drive: Drive) -> float:
     return STEEPEST * max(steep, default=0.0)
 
 
-def _motor_frequency(drive: Drive, stiffness: float) -> float:
+def _motor_frequency(drive: SteppedJoint, stiffness: float) -> float:
     """Largest omega of a motor in rad/s: spring, controller and bristles at a frozen link."""
     frequency = 0.0
     for index in range(1, drive.dynamic_motors + 1):
@@ -238,6 +237,6 @@ def _motor_frequency(drive: Drive, stiffness: float) -> float:
         if drive.mode and drive.mode.controller:
             springs += drive.electric(index).gain * drive.values[f"controller_{index}_proportional"]
         if any(drive.values[f"motor_{index}_{name}"] for name in FRICTIONS):
-            springs += FRICTION_STIFFNESS
+            springs += drive.values[f"motor_{index}_friction_stiffness"]
         frequency = max(frequency, math.sqrt(max(springs, 0.0) / drive.values[f"motor_{index}_inertia"]))
     return frequency

@@ -4,12 +4,12 @@ as on those of twenty."""
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.samples import Samples
+from asrsim.samples import Array, Samples
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import Counts, Recorder, recorded_quantities
@@ -28,13 +28,10 @@ class Track:
     parts: Sequence[Part]
     energy: float
     """J, of the links at the start."""
+    quantities: tuple[tuple[str, ...], ...]
+    """Of each joint, as far as they are wanted; runs of one simulation with equal ones can be looked at together."""
     wall_time: float
     """s."""
-
-    @property
-    def kind(self) -> tuple[tuple[str, ...], ...]:
-        """Runs of one simulation with equal ones can be looked at together."""
-        return tuple(map(recorded_quantities, self.prepared.drives))
 
 
 def name_in(run: int, joint: str) -> str:
@@ -46,15 +43,15 @@ def fit_together(prepared: Prepared, substeps: int) -> int:
     """Runs of so many substeps that are looked at together while their numbers fit into the processor's cache; 1: none."""
     scenario = prepared.scenario
     if not (scenario.world.empty and scenario.fixed_base) or scenario.task is not None:
-        # What is looked at while the engine is there is nothing for afterwards.
+        # Poses and contacts are asked of the engine as the run goes on: such a run cannot be evaluated later.
         return 1
     return max(1, CHUNK_NUMBERS // (substeps * len(prepared.drives)))
 
 
-def deferred(prepared: Prepared, *, expected_substeps: int) -> Simulation:
-    """A simulation whose runs are looked at later."""
+def deferred(prepared: Prepared, wanted: Collection[str], *, expected_substeps: int) -> Simulation:
+    """A simulation whose runs are looked at later; wanted: quantities that will be looked at."""
     simulation = Simulation(prepared, expected_substeps=expected_substeps)
-    simulation.recording.defer()
+    simulation.recording.defer(wanted)
     return simulation
 
 
@@ -64,8 +61,10 @@ def track(simulation: Simulation) -> Track:
     while simulation.substep < simulation.total:
         simulation.advance_to(simulation.next_chunk(simulation.total))
     simulation.flush()
-    recording = simulation.recording
-    return Track(simulation, simulation.prepared, recording.parts or (), recording.energy or 0.0, clock.perf_counter() - began)
+    recording, prepared = simulation.recording, simulation.prepared
+    wanted = tuple(tuple(name for name in recorded_quantities(d) if name in recording.wanted) for d in prepared.drives)
+    taken = clock.perf_counter() - began
+    return Track(simulation, prepared, recording.parts or (), recording.energy or 0.0, wanted, taken)
 
 
 def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:
@@ -76,15 +75,17 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     """
     simulation = tracks[0].simulation
     first, width = tracks[0].prepared, len(tracks[0].prepared.drives)
-    drives = [drive for one in tracks for drive in one.prepared.drives]
-    recorder = Recorder(drives, first.stepping, substep=first.substep, every=first.resolution.substeps, last=simulation.last)
+    recorder = Recorder(
+        [drive for one in tracks for drive in one.prepared.drives], tracks[0].quantities * len(tracks), first.stepping,
+        substep=first.substep, every=first.resolution.substeps, last=simulation.last,
+    )  # fmt: skip
     names = tuple(name_in(i, drive.name) for i in range(len(tracks)) for drive in first.drives)
     guards = [(EnergyGuard(one.energy), slice(i * width, (i + 1) * width)) for i, one in enumerate(tracks)]
     sane = [True] * len(tracks)
     for parts in zip(*(one.parts for one in tracks), strict=True):
         samples = recorder.add(
             [np.concatenate(arrays) for arrays in zip(*(part.inputs for part in parts), strict=True)],
-            np.concatenate([part.raw for part in parts], axis=1),
+            _side_by_side([part.raw for part in parts]),
             {k: np.concatenate([part.sides[k] for part in parts], axis=1) for k in parts[0].sides},
         )
         if samples is not None:
@@ -97,6 +98,12 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     for one, (_, mine), fine in zip(tracks, guards, sane, strict=True):
         counts = Counts(**{name: count if name == "substeps" else count[mine] for name, count in vars(recorder.counts).items()})
         run = run_of(simulation, "complete", wall_time=one.wall_time, prepared=one.prepared, counts=counts)
-        # The simulation itself may stand anywhere by now.
+        # The simulation has gone on to other runs: its own time is not this run's.
         runs.append(replace(run, simulated_time=simulation.last * first.substep) if fine else None)
     return runs
+
+
+def _side_by_side(tables: Sequence[Array]) -> Array:
+    """Tables (columns, joints, n) of several runs as one, a joint's numbers side by side whatever their order was."""
+    columns, joints, n = tables[0].shape
+    return np.concatenate(tables, axis=1, out=np.empty((columns, joints * len(tables), n)))

@@ -76,7 +76,7 @@ def toolbox_constants(actuator: type[Actuator], values: Mapping[str, float], mod
 
 
 def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> tuple[Advance, tuple[float, ...]]:
-    """The joint's step in the released order, and its initial state."""
+    """The joint's step in the released order, and its initial state: motors at 0, wherever the link is."""
     if actuator is None or mode is None:
         return advance_passive, ()
     if mode.number == 0:

@@ -33,7 +33,7 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
             if claim.quantity not in known:
                 message = f"'{claim.quantity}' is not recorded for joint '{joint.name}'"
                 choices = tuple(sorted(known))
-                problems.append(Problem(message=message, line=claim.line, key="expect", choices=choices, code="expect"))
+                problems.append(Problem(message, line=claim.line, key="expect", choices=choices, code="expect"))
         if claim.against is not None and not problems:
             problems += _unreadable(claim, joints)
     if problems:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.log.reader import concatenate
 from asrsim.metrics import JointSummary, summaries, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
@@ -31,6 +31,8 @@ class Seen:
     """Of each joint."""
     tip: Mapping[str, float]
     """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
+    travels: tuple[float, ...]
+    """rad or m of each joint, from its lowest to its highest position."""
 
 
 class Collector:
@@ -54,6 +56,9 @@ class Collector:
         self._time = _Rows(thinned)
         self._positions, self._references = (_Rows(thinned, len(joints)) for _ in range(2))
         wanted, self.bodies = needs
+        derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
+        self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
+        """Names of what it takes from samples."""
         self._whole_time = _Rows(samples if wanted else 0)
         self._whole = {key: _Rows(samples) for key in wanted}
         self._bodies: list[Samples] = []
@@ -86,7 +91,8 @@ class Collector:
 
         desired: motion of joints whose reference is not the position that they should take (a planned or learned input).
         """
-        return Seen(self._measures(desired or {}), self._tip())
+        travels = np.ptp(self._positions.values, axis=1) if self._seen else np.zeros(len(self._joints))
+        return Seen(self._measures(desired or {}), self._tip(), tuple(travels.tolist()))
 
     def _measures(self, desired: Mapping[str, Signal]) -> tuple[JointSummary, ...]:
         if not self._seen:
@@ -149,16 +155,6 @@ class _Rows:
     def values(self) -> Array:
         """All of them."""
         return self._array[..., : self._count]
-
-
-def joint_measures(
-    chunks: Iterable[Samples], joints: Sequence[JointInfo], *, samples: int, desired: Mapping[str, Signal] | None = None
-) -> tuple[JointSummary, ...]:
-    """A summary of each joint of a run that is there already; arguments as for :class:`Collector`."""
-    collector = Collector(joints, samples=samples)
-    for chunk in chunks:
-        collector.write(chunk)
-    return collector.seen(desired).measures
 
 
 def step_start(reference: Array, initial: float) -> int | None:

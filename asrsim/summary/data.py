@@ -9,12 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import Problem
+from asrsim.quantities import LIMITS
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult, JointSummary
 
 FORMAT = 1
 """Version of the layout of `summary.json`."""
+_BEFORE_SPEED = (
+    "scenario", "scenario_path", "variant", "robot", "robot_path", "status", "message", "duration", "simulated_time",
+    "wall_time",
+)  # fmt: skip
+_AFTER_SPEED = (
+    "step", "log_every", "substeps", "motor_substeps", "total_substeps", "samples", "stepping", "engine", "loop", "seed",
+)  # fmt: skip
+_OF_CLAIM = ("joint", "body", "quantity", "measure", "comparison", "value", "tolerance")
+"""What stands in `summary.json` as it is, in its order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,22 +48,15 @@ class JointReport:
     stop: int = 0
     """Substeps in which the link was at its position limit; the energy that a stop takes is in no other figure."""
 
+    @property
+    def limits(self) -> dict[str, int]:
+        """Substeps at each of :data:`asrsim.quantities.LIMITS`."""
+        return {kind: getattr(self, kind) for kind in LIMITS}
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {
-            "name": self.name,
-            "actuator": self.actuator,
-            "mode": self.mode,
-            "prismatic": self.prismatic,
-            **self.measures.as_dict(),
-            "limits": {
-                "effort": self.effort,
-                "velocity": self.velocity,
-                "saturation": self.saturation,
-                "deflection": self.deflection,
-                "stop": self.stop,
-            },
-        }
+        about = {name: getattr(self, name) for name in ("name", "actuator", "mode", "prismatic")}
+        return {**about, **self.measures.as_dict(), "limits": self.limits}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,27 +138,9 @@ class RunSummary:
             "generator": f"asrsim {self.versions.get('asrsim', '')}",
             "format": FORMAT,
             "ok": self.ok,
-            "scenario": self.scenario,
-            "scenario_path": self.scenario_path,
-            "variant": self.variant,
-            "robot": self.robot,
-            "robot_path": self.robot_path,
-            "status": self.status,
-            "message": self.message,
-            "duration": self.duration,
-            "simulated_time": self.simulated_time,
-            "wall_time": self.wall_time,
+            **{name: getattr(self, name) for name in _BEFORE_SPEED},
             "speed": _finite(self.speed),
-            "step": self.step,
-            "log_every": self.log_every,
-            "substeps": self.substeps,
-            "motor_substeps": self.motor_substeps,
-            "total_substeps": self.total_substeps,
-            "samples": self.samples,
-            "stepping": self.stepping,
-            "engine": self.engine,
-            "loop": self.loop,
-            "seed": self.seed,
+            **{name: getattr(self, name) for name in _AFTER_SPEED},
             "joints": [joint.as_dict() for joint in self.joints],
             "expect": [_claim(claim) for claim in self.claims],
             **({"tip": dict(self.tip)} if self.tip else {}),
@@ -175,13 +160,7 @@ class RunSummary:
 def _claim(result: ExpectationResult) -> dict[str, Any]:
     claim = result.expectation
     items: dict[str, Any] = {
-        "joint": claim.joint,
-        "body": claim.body,
-        "quantity": claim.quantity,
-        "measure": claim.measure,
-        "comparison": claim.comparison,
-        "value": claim.value,
-        "tolerance": claim.tolerance,
+        **{name: getattr(claim, name) for name in _OF_CLAIM},
         "against": str(claim.against) if claim.against is not None else None,
         "line": claim.line,
         "measured": _finite(result.measured),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem
+from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 if TYPE_CHECKING:
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
     from asrsim.summary.collect import Seen
 
 NEAR = 1e-2
-"""rad or m within which a joint rests on a stop, or at its reference."""
+"""rad or m within which a joint rests on a stop, or at its reference; of a short travel, the share."""
+STILL = 1e-6
+"""rad or m by which a joint that its friction holds may move."""
 
 
 def make_summary(
@@ -39,11 +42,7 @@ def make_summary(
             mode=joint.mode,
             prismatic=joint.prismatic,
             measures=measure,
-            effort=int(counts.effort[index[joint.name]]),
-            velocity=int(counts.velocity[index[joint.name]]),
-            saturation=int(counts.saturation[index[joint.name]]),
-            deflection=int(counts.deflection[index[joint.name]]),
-            stop=int(counts.stop[index[joint.name]]),
+            **{kind: int(getattr(counts, kind)[index[joint.name]]) for kind in LIMITS},
         )
         for joint, measure in zip(info.joints, seen.measures, strict=True)
     )
@@ -71,7 +70,7 @@ def make_summary(
         joints=joints,
         claims=claims,
         tip=seen.tip,
-        warnings=(*run.warnings, *_on_stops(run, joints)),
+        warnings=(*run.warnings, *_on_stops(run, joints), *_stuck(run, joints, seen)),
         files=dict(files or {}),
         replaced=replaced,
         versions={name: info.metadata[name] for name in ("asrsim", "engine_version", "numpy") if name in info.metadata},
@@ -83,10 +82,26 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
     for joint in joints:
         limits = run.robot.joint(joint.name)
         rest, error = joint.measures.steady_state, joint.measures.steady_state_error
-        stops = [stop for stop in (limits.lower, limits.upper) if stop is not None and abs(rest - stop) < NEAR]
-        if joint.stop and stops and limits.kind != "continuous" and not abs(error) < NEAR:
+        near = NEAR * min(1.0, limits.stops[1] - limits.stops[0])
+        stops = [stop for stop in limits.stops if abs(rest - stop) < near]
+        if joint.stop and stops and not abs(error) < near:
             unit = "m" if joint.prismatic else "rad"
             message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
             hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
-            yield Problem(message=message, key=joint.name, hint=hint, code="on-stop")
+            yield Problem(message, key=joint.name, hint=hint, code="on-stop")
+
+
+def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Problem]:
+    """Joints away from their reference that friction never lets go. What begins in balance with its load needs none to stay."""
+    if run.scenario.initial_equilibrium:
+        return
+    for joint, travel in zip(joints, seen.travels, strict=True):
+        friction, error = run.robot.joint(joint.name).friction, joint.measures.steady_state_error
+        if friction and not joint.stop and travel < STILL and abs(error) > NEAR:
+            force, length = ("N", "m") if joint.prismatic else ("N m", "rad")
+            message = (
+                f"never moves, {abs(error):.2g} {length} from its reference: its friction of {friction:g} {force} holds it"
+            )
+            hint = "Choose stiffer springs, stronger motors, or less friction"
+            yield Problem(message, key=joint.name, hint=hint, code="stuck")

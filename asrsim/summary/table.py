@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 
@@ -24,21 +26,16 @@ def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
     columns = [
         Column(heading="joint", cells=tuple(joint.name for joint in joints), right=False),
         Column(heading="actuator", cells=tuple(_actuator(joint) for joint in joints), right=False),
-        Column(heading=f"steady\n{length}", cells=_cells([joint.measures.steady_state for joint in joints])),
-        Column(heading=f"error\n{length}", cells=_cells([joint.measures.steady_state_error for joint in joints], "{:.3g}")),
-        Column(heading="over-\nshoot %", cells=_cells([100.0 * joint.measures.overshoot for joint in joints], "{:.1f}")),
-        Column(heading="settling\ns", cells=_cells([joint.measures.settling for joint in joints], "{:.3f}")),
-        Column(heading=f"peak defl.\n{length}", cells=_cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")),
+        Column(heading=f"steady\n{length}", cells=cells([joint.measures.steady_state for joint in joints])),
+        Column(heading=f"error\n{length}", cells=cells([joint.measures.steady_state_error for joint in joints], "{:.3g}")),
+        Column(heading="over-\nshoot %", cells=cells([100.0 * joint.measures.overshoot for joint in joints], "{:.1f}")),
+        Column(heading="settling\ns", cells=cells([joint.measures.settling for joint in joints], "{:.3f}")),
+        Column(heading=f"peak defl.\n{length}", cells=cells([joint.measures.peak_deflection for joint in joints], "{:.3g}")),
     ]
-    for heading, counts in (
-        ("effort\nlimit", [joint.effort for joint in joints]),
-        ("velocity\nlimit", [joint.velocity for joint in joints]),
-        ("motor\nlimit", [joint.saturation for joint in joints]),
-        ("deflection\nlimit", [joint.deflection for joint in joints]),
-        ("joint\nstop", [joint.stop for joint in joints]),
-    ):
-        if any(counts):
-            columns.append(Column(heading=heading, cells=tuple(_share(count, summary.total_substeps) for count in counts)))
+    for kind, heading in LIMITS.items():
+        found = tuple(share(joint.limits[kind], summary.total_substeps) for joint in joints)
+        if any(joint.limits[kind] for joint in joints):
+            columns.append(Column(heading=heading.replace(" ", "\n"), cells=found))
     return tuple(columns)
 
 
@@ -57,7 +54,7 @@ def headline(summary: RunSummary) -> str:
 
 def limit_note(summary: RunSummary) -> str | None:
     """What the limits' columns mean, if there are any; or that no limit was met."""
-    if any(joint.effort or joint.velocity or joint.saturation or joint.deflection or joint.stop for joint in summary.joints):
+    if any(any(joint.limits.values()) for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
     return "no limit of effort, velocity, motor torque, deflection or position was met"
 
@@ -66,15 +63,20 @@ def _actuator(joint: JointReport) -> str:
     return joint.actuator if joint.mode is None else f"{joint.actuator}, mode {joint.mode}"
 
 
-def _cells(values: list[float], form: str = "{:.5g}") -> tuple[str, ...]:
-    return tuple(form.format(value + 0.0) if math.isfinite(value) else "-" for value in values)
+def cells(values: Sequence[float], form: str = "{:.5g}") -> tuple[str, ...]:
+    """Numbers for a table; a dash where there is none."""
+    # A picometre is rounding, and no number to read.
+    return tuple(form.format(round(value, 12) + 0.0) if math.isfinite(value) else "-" for value in values)
 
 
-def _share(count: int, total: int) -> str:
+def share(count: int, total: int) -> str:
+    """A count as a share of the total, for a table's cell."""
     if not count:
         return "-"
     percent = 100.0 * count / total
-    return f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
+    if percent < 0.01:
+        return "< 0.01 %"
+    return f"{percent:.2g} %" if percent < 99.5 else "100 %"
 
 
 def _plural(count: int, noun: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
 from asrsim.summary import RunSummary
@@ -21,7 +21,7 @@ def run_again(table: Table, run: int, folder: Path) -> RunSummary:
     """Do a run of a finished row again, with log and summary in `folder`. Raises InputError where there is no such row."""
     places = (table["run"] == run).nonzero()[0]
     if not len(places):
-        raise InputError(Problem(message=f"there is no row of run {run}", file=table.folder, code="no-run"))
+        raise InputError(f"there is no row of run {run}", file=table.folder, code="no-run")
     place, kinds = int(places[0]), table.kinds
     variant = str(table["variant"][place])
     axes = tuple(Axis((key,), Values((_value(table[key][place], kinds[key]),))) for key in table.keys)

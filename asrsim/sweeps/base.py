@@ -41,7 +41,7 @@ class Base:
         if later not in self._made:
             tap, expected = Tap(self.prepared, self._study, checked=True), self._expected
             if later:
-                made = deferred(self.prepared, expected_substeps=expected)
+                made = deferred(self.prepared, tap.quantities, expected_substeps=expected)
             else:
                 made = Simulation(self.prepared, sinks=[tap], expected_substeps=expected)
             self._made[later] = made, tap

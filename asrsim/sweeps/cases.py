@@ -11,6 +11,7 @@ from typing import Any
 from asrsim.errors import AsrsimError, InputError, Problem, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.metrics import JointSummary
+from asrsim.quantities import LIMITS
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
@@ -24,7 +25,6 @@ from asrsim.sweeps.laws import Values
 from asrsim.sweeps.study import Study
 
 MEASURES = tuple(field.name for field in fields(JointSummary))
-LIMITS = ("effort", "velocity", "saturation", "deflection", "stop")
 TIP = ("largest", "rms", "last")
 PROBES = 4096
 """Runs among which the extreme ones are sought."""
@@ -98,7 +98,7 @@ def make_payload(study: Study) -> Payload:
     if unknown:
         hint = did_you_mean(unknown[0], known)
         message = f"there is no variant '{unknown[0]}'"
-        problem = Problem(message=message, file=study.scenario, choices=known, hint=hint, code="unknown-variant")
+        problem = Problem(message, file=study.scenario, choices=known, hint=hint, code="unknown-variant")
         raise InputError(problem)
     chosen = [one for one in scenarios if one.variant in (study.variants or known)]
     study = replace(study, variants=tuple(one.variant for one in chosen))
@@ -160,7 +160,7 @@ def _check_signals(study: Study, infos: Sequence[tuple[JointInfo, ...]]) -> None
     unknown = [name for name in study.signals if name not in known]
     if unknown:
         raise InputError(
-            Problem(message="no joint has this signal", key=name, hint=did_you_mean(name, tuple(known)), code="signal")
+            Problem("no joint has this signal", key=name, hint=did_you_mean(name, tuple(known)), code="signal")
             for name in unknown
         )
 

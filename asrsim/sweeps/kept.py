@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.plain import misfit
 
 MANIFEST = "study.json"
@@ -29,13 +29,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
-        raise InputError(
-            Problem(message=f"holds no study ({MANIFEST})", file=folder, hint=NEW_STUDY, code="no-study")
-        ) from None
+        raise InputError(f"holds no study ({MANIFEST})", file=folder, hint=NEW_STUDY, code="no-study") from None
     if found := misfit(data, SHAPE) or _inconsistent(data):
-        raise InputError(
-            Problem(message=f"is no study as asrsim writes them: {found}", file=path, hint=NEW_STUDY, code="no-study")
-        )
+        raise InputError(f"is no study as asrsim writes them: {found}", file=path, hint=NEW_STUDY, code="no-study")
     return dict(data)
 
 
@@ -95,5 +91,5 @@ def read_rows(path: Path, schema: Any, **options: Any) -> Any:
         problem = f"cannot be read: {str(error).splitlines()[0]}"
     if problem:
         hint = "Take it away: its runs are then done again by --resume"
-        raise InputError(Problem(message=problem, file=path, hint=hint, code="sweep-part"))
+        raise InputError(problem, file=path, hint=hint, code="sweep-part")
     return table

@@ -87,7 +87,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         if text is not None:
             texts[key] = text
         elif not numeric[key]:
-            problems.append(Problem(message="takes numbers only", key=key, code="sweep-values"))
+            problems.append(Problem("takes numbers only", key=key, code="sweep-values"))
         else:
             inertials[key] = pairs
     if problems:
@@ -131,18 +131,18 @@ def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str
         return (), key
     if len(parts) == 2 and owners:
         known = names_of(owners[0], blocks, joints, links)
-        problem = Problem(message="has no such number", key=key, choices=known, hint=did_you_mean(parts[1], known), code="key")
+        problem = Problem("has no such number", key=key, choices=known, hint=did_you_mean(parts[1], known), code="key")
         raise InputError(problem)
     names = (*(known.name for known in SCENARIO.keys), *joints, *links)
     message = f"there is no key, joint or link '{parts[0]}'"
-    raise InputError(Problem(message=message, key=key, hint=did_you_mean(parts[0], names), code="unknown-key"))
+    raise InputError(message, key=key, hint=did_you_mean(parts[0], names), code="unknown-key")
 
 
 def _moves_nothing(key: str, joint: str) -> Problem:
     message = "changes nothing: no joint has it, or each has an entry of its own, which wins over '*'"
     if joint != "*":
         message = "changes nothing: the joint has no such number in its mode"
-    return Problem(message=message, key=key, hint="Name the joint", code="sweep-nothing")
+    return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
 
 
 def _known_parameter(key: str, robot: Robot) -> bool:

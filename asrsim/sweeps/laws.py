@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.samples import Array
 
 DISTRIBUTIONS = {
@@ -146,4 +146,4 @@ def _number(key: str, value: Any) -> float:
 
 def _wrong(key: str, message: str, value: Any, choices: tuple[str, ...] = ()) -> InputError:
     hint = None if choices else f"Forms are {', '.join(FORMS)}"
-    return InputError(Problem(message=message, key=key, value=value, choices=choices, hint=hint, code="sweep-values"))
+    return InputError(message, key=key, value=value, choices=choices, hint=hint, code="sweep-values")

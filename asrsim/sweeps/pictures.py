@@ -48,10 +48,10 @@ def chosen_results(table: Table, results: Sequence[str]) -> list[str]:
     for name in results:
         if name not in table.results:
             known = tuple(table.results)
-            problem = Problem(message="is no result of this study", key=name, hint=did_you_mean(name, known), code="result")
+            problem = Problem("is no result of this study", key=name, hint=did_you_mean(name, known), code="result")
             raise InputError(problem)
         if table.quantiles(name) is None:
-            raise InputError(Problem(message="no run has a value of it", key=name, code="result"))
+            raise InputError("no run has a value of it", key=name, code="result")
     # What hardly any run has comes last.
     often = [name for name in told(table) if np.isfinite(table[name]).mean() >= SHARE]
     return list(results) or [*often, *(name for name in told(table) if name not in often)][:MOST]

@@ -147,24 +147,24 @@ def make_study(
         problems += error.problems
     read = not problems
     if design not in DESIGNS:
-        problems.append(Problem(message=f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
+        problems.append(Problem(f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
     problems += _twice([key for axis in axes for key in axis.keys] + list(joint.keys if joint else ()))
     drawn = joint is not None or any(isinstance(axis.law, Distribution) for axis in axes)
     pairs = []
     for first, second, value in correlations:
         number = value if isinstance(value, int | float) and not isinstance(value, bool) else 2.0
         if not -1.0 < number < 1.0:
-            problems.append(Problem(message="must lie between -1 and 1", key="correlations", value=value, code="range"))
+            problems.append(Problem("must lie between -1 and 1", key="correlations", value=value, code="range"))
         pairs.append((first, second, float(number)))
     if not over and fit is None:
         hint = "Give --over KEY=VALUES, or `over:` in a study file"
-        problems.append(Problem(message="nothing is varied", key="over", hint=hint, code="sweep-empty"))
+        problems.append(Problem("nothing is varied", key="over", hint=hint, code="sweep-empty"))
     if samples is not None and (samples < 1 or (read and not drawn)):
         message = "must be at least 1" if samples < 1 else "has a number, but no key is drawn from a distribution"
-        problems.append(Problem(message=message, key="samples", value=samples, code="sweep-samples"))
+        problems.append(Problem(message, key="samples", value=samples, code="sweep-samples"))
     if design == "saltelli" and (pairs or joint):
         message = "Sobol indices are of independent numbers: the design saltelli goes without correlations and fit"
-        problems.append(Problem(message=message, key="design", code="sweep-correlation"))
+        problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
     if isinstance(overrides, Mapping):
@@ -190,7 +190,7 @@ def make_study(
         name=name or Path(scenario).stem,
     )
     if len(study) > MOST_RUNS:
-        raise InputError(Problem(message=f"the study has {len(study)} runs; at most {MOST_RUNS} are possible", code="range"))
+        raise InputError(f"the study has {len(study)} runs; at most {MOST_RUNS} are possible", code="range")
     if pairs:
         _ = study.correlation_root
     return study
@@ -207,7 +207,7 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
 
     def wrong(message: str) -> InputError:
         hint = "It has `keys` (n names), `mean` (n numbers) and `covariance` (n rows of n numbers)"
-        return InputError(Problem(message=message, file=file, key="fit", hint=hint, code="sweep-fit"))
+        return InputError(message, file=file, key="fit", hint=hint, code="sweep-fit")
 
     if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
         raise wrong("lacks keys, mean or covariance")
@@ -232,11 +232,11 @@ def _split(text: str) -> tuple[str, str]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
         hint = "Write KEY=VALUES, such as references.joint_1.stiffness_preset=[0.2, 0.6]"
-        raise InputError(Problem(message="is no KEY=VALUES", key="over", value=text, hint=hint, code="override"))
+        raise InputError("is no KEY=VALUES", key="over", value=text, hint=hint, code="override")
     return key.strip(), value.strip()
 
 
 def _twice(keys: Sequence[str]) -> list[Problem]:
     seen: set[str] = set()
     again = [key for key in keys if key in seen or seen.add(key)]  # type: ignore[func-returns-value]
-    return [Problem(message="is varied twice", key=key, code="sweep-twice") for key in dict.fromkeys(again)]
+    return [Problem("is varied twice", key=key, code="sweep-twice") for key in dict.fromkeys(again)]

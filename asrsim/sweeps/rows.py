@@ -7,8 +7,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from asrsim.quantities import LIMITS
 from asrsim.summary import RunSummary
-from asrsim.sweeps.cases import LIMITS, MEASURES, TIP, Payload
+from asrsim.sweeps.cases import MEASURES, TIP, Payload
 
 Row = tuple[Any, ...]
 

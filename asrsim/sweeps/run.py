@@ -115,7 +115,7 @@ def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) 
 def executor_of(payload: Payload, store: Store, workers: int | None, cluster: str | Path | None) -> tuple[Executor, Task]:
     """Where the missing runs are done, and by what. Raises SimulationError."""
     if workers is not None and workers < 1:
-        raise SimulationError(str(Problem(message="must be at least 1", key="workers", value=workers)))
+        raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
     if not len(store.missing):
         return Here(), Runner(payload)
     plugins = payload.study.plugins

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -77,7 +76,7 @@ class Runner:
             if stepped is None:
                 yield self._row(point, point.began)
                 continue
-            key = stepped.tap, stepped.track.kind
+            key = stepped.tap, stepped.track.quantities
             waiting.setdefault(key, []).append(stepped)
             if len(waiting[key]) >= stepped.together:
                 yield from self._rows(waiting.pop(key))
@@ -205,7 +204,7 @@ def _to_end(simulation: Simulation) -> Run:
 
 
 def _key(point: _Point) -> tuple[str, str]:
-    return point.case.variant, json.dumps(point.case.plan.read_again(point.values), sort_keys=True, default=str)
+    return point.case.variant, repr(point.case.plan.read_again(point.values))
 
 
 def _varies_in_place(case: Case) -> bool:

@@ -107,7 +107,7 @@ class Store:
     def _runs(self, path: Path) -> Array:
         runs = np.asarray(read_rows(path, self._schema, columns=["run"])["run"].to_numpy())
         if len(runs) and not 0 <= runs.min() <= runs.max() < self.total:
-            raise InputError(Problem(message=f"has rows of runs beyond the study's {self.total}", file=path, code="sweep-part"))
+            raise InputError(f"has rows of runs beyond the study's {self.total}", file=path, code="sweep-part")
         return runs
 
     def _table(self, rows: Sequence[Row]) -> Any:
@@ -152,11 +152,11 @@ def open_store(
     held = rows or (resume and known.exists())
     if (rows or known.exists()) and not is_ours(known, "json"):
         message = "holds rows, but no study of asrsim's (study.json) that they belong to"
-        raise InputError(Problem(message=message, file=folder, hint="Take another folder by --out", code="sweep-folder"))
+        raise InputError(message, file=folder, hint="Take another folder by --out", code="sweep-folder")
     if held and not resume:
         if not overwrite:
             hint = "--resume does what is missing, --overwrite begins anew, --out takes another folder"
-            raise InputError(Problem(message="holds rows of a study", file=folder, hint=hint, code="sweep-folder"))
+            raise InputError("holds rows of a study", file=folder, hint=hint, code="sweep-folder")
         for path in [*parts_of(folder), folder / ROWS]:
             path.unlink(missing_ok=True)
     elif held:
@@ -180,5 +180,5 @@ def _check_same(known: Path, manifest: Mapping[str, Any]) -> None:
             "versions": "it was done with other versions", "columns": "its rows have other columns",
         }[differing[0]]  # fmt: skip
         hint = "Begin anew with --overwrite, or take another folder by --out"
-        problem = Problem(message=f"cannot be gone on with: {what}", file=known.parent, hint=hint, code="sweep-resume")
+        problem = Problem(f"cannot be gone on with: {what}", file=known.parent, hint=hint, code="sweep-resume")
         raise InputError(problem)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.sweeps.laws import Distribution, Values
 
@@ -163,13 +163,13 @@ class Study:
             unknown = [key for key in (first, second) if key not in place]
             if unknown:
                 message = f"'{unknown[0]}' is not drawn from a distribution"
-                raise InputError(Problem(message=message, key="correlations", choices=tuple(place), code="sweep-correlation"))
+                raise InputError(message, key="correlations", choices=tuple(place), code="sweep-correlation")
             matrix[place[first], place[second]] = matrix[place[second], place[first]] = value
         try:
             return np.asarray(np.linalg.cholesky(matrix))
         except np.linalg.LinAlgError:
             message = "no numbers have these correlations with each other (the matrix is not positive definite)"
-            raise InputError(Problem(message=message, key="correlations", code="sweep-correlation")) from None
+            raise InputError(message, key="correlations", code="sweep-correlation") from None
 
     @cached_property
     def digest(self) -> str:

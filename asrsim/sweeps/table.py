@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, did_you_mean
 from asrsim.samples import Array
 from asrsim.sweeps.kept import read_manifest, read_rows, schema_of
 from asrsim.sweeps.store import ROWS, parts_of
@@ -94,7 +94,7 @@ class Table:
     def _raw(self, name: str) -> Array:
         if name not in self.columns:
             hint = did_you_mean(name, self.columns)
-            raise InputError(Problem(message="no column has this name", key=name, hint=hint, code="unknown-column"))
+            raise InputError("no column has this name", key=name, hint=hint, code="unknown-column")
         if not self.files:
             return np.empty(0, np.int64 if self.kinds[name] == "int" else float)
         parts = [read_rows(path, self._schema, columns=[name])[name] for path in self.files]
@@ -156,7 +156,7 @@ class Table:
         """The command that does a run again, with a log: `asrsim run` where `--set` can say it."""
         position = int(np.searchsorted(self["run"], run))
         if position >= len(self) or self["run"][position] != run:
-            raise InputError(Problem(message=f"there is no row of run {run}", file=self.folder, code="no-run"))
+            raise InputError(f"there is no row of run {run}", file=self.folder, code="no-run")
         variant = str(self["variant"][position])
         texts: Mapping[str, str] = self.manifest["settings"][variant]
         if set(texts) != set(self.keys):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.runs.execute import steps_of
 from asrsim.samples import RunInfo, Samples
 from asrsim.simulation.prepared import Prepared
@@ -48,6 +48,11 @@ class Tap:
         self._runs = runs
         self._seen: Seen | None = None
 
+    @property
+    def quantities(self) -> frozenset[str]:
+        """Names of what it takes from samples."""
+        return self._collector.quantities | self._signals.quantities
+
     def write(self, samples: Samples) -> None:
         """The next chunk."""
         self._collector.write(samples)
@@ -59,8 +64,8 @@ class Tap:
         if self._seen is None:
             desired = {name_in(i, name): signal for name, signal in self._desired.items() for i in range(self._runs)}
             self._seen = self._collector.seen({**self._desired, **desired})
-        joints = len(self._info.joints)
-        seen = Seen(self._seen.measures[number * joints : (number + 1) * joints], self._seen.tip)
+        own = slice(number * len(self._info.joints), (number + 1) * len(self._info.joints))
+        seen = Seen(self._seen.measures[own], self._seen.tip, self._seen.travels[own])
         summary = make_summary(run, seen, samples=0, claims=claims)
         return {**summary_cells(summary), **self._signals.cells(number)}
 
@@ -74,6 +79,8 @@ class Signals:
     def __init__(self, study: Study, info: RunInfo, step: float) -> None:
         """step: s between the samples that come."""
         self._names = [tuple(signal.split(".", 1)) for signal in study.signals]
+        self.quantities = frozenset(source for _, name in self._names for source in DERIVED_SOURCES.get(name, (name,)))
+        """Names of what it takes from samples."""
         self._joints = info.joints
         self._every = max(1, round(1.0 / (study.rate * step)))
         self._seen = 0

@@ -136,7 +136,7 @@ class Pace:
     """How many items make a piece of work of so many seconds, from what items took lately."""
 
     def __init__(self, seconds: float) -> None:
-        self._wanted, self._mean = seconds, 0.05
+        self.wanted, self._mean = seconds, 0.05
 
     def took(self, seconds: float, items: int) -> None:
         """`items` of them took s."""
@@ -144,4 +144,4 @@ class Pace:
 
     def size(self, waiting: int, shares: int) -> int:
         """Items of the next piece, of those that wait; `shares` pieces are in work at a time."""
-        return max(1, min(MOST, waiting // shares, round(self._wanted / self._mean)))
+        return max(1, min(MOST, waiting // shares, round(self.wanted / self._mean)))

@@ -8,20 +8,22 @@ import threading
 import time as clock
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, Problem, SimulationError
+from asrsim.errors import AsrsimError, InputError, SimulationError
 from asrsim.versions import numeric_versions
 from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
 
 PATIENCE = 10.0
 """s that a scheduler, and the first worker, have to answer."""
-PIECE = 2.0
-"""s of work of a task of Dask's: the scheduler takes some milliseconds for each."""
+PIECE, SHARE = 2.0, 0.01
+"""s of work of a task of Dask's, at least, and for each thread: scheduler and client take some 4 ms for every task, and are to
+have time to spare with a thousand threads, too."""
 AHEAD = 3
 """Tasks a worker thread, done or waiting: bounds the memory of scheduler and client."""
 COMPARED = ("python", "asrsim", "numpy", "mujoco-core", "pybullet")
@@ -63,6 +65,9 @@ class Cluster:
                     one.close()
         self._client = self._jobs = None
 
+    def _scatter(self, sent: bytes) -> Any:
+        return self._client.scatter(sent, broadcast=True, hash=False)
+
     def _connect(self) -> None:
         address: Any = self._target
         if "://" not in self._target:
@@ -99,44 +104,52 @@ class Cluster:
         self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
     ) -> Iterator[list[tuple[int, Any]]]:
         """See :class:`asrsim.workers.Executor`; a piece whose workers die is cut into single items."""
-        waiting, pace = deque(range(len(items))), Pace(PIECE)
-        data = self._client.scatter(pickle.dumps((self._plugins, pickled(task))), broadcast=True, hash=True)
-        pieces: dict[Any, list[int]] = {}
+        waiting, alone, pace = deque(range(len(items))), set[int](), Pace(PIECE)
+        sent = pickle.dumps((self._plugins, pickled(task)))
+        data: Any = self._scatter(sent)
+        pieces: dict[Any, tuple[list[int], Any]] = {}
         done = self._distributed.as_completed(loop=self._client.loop)
-
-        def submit(numbers: list[int]) -> None:
-            future = self._client.submit(do_items, data, [(n, items[n]) for n in numbers], pure=False, retries=0)
-            pieces[future] = numbers
-            done.add(future)
 
         try:
             while True:
-                slots = AHEAD * max(1, sum(self._client.nthreads().values()))
-                while waiting and len(pieces) < slots:
-                    submit([waiting.popleft() for _ in range(pace.size(len(waiting), 2 * slots))])
-                if not pieces or (stop is not None and stop()):
+                threads = sum(self._client.nthreads().values())
+                if data is None and threads:
+                    with suppress(OSError):
+                        data = self._scatter(sent)
+                slots, pace.wanted = AHEAD * max(1, threads), max(PIECE, SHARE * threads)
+                while data is not None and waiting and len(pieces) < slots:
+                    size = 1 if waiting[0] in alone else pace.size(len(waiting), 2 * slots)
+                    numbers = [waiting.popleft() for _ in range(size)]
+                    future = self._client.submit(do_items, data, [(n, items[n]) for n in numbers], pure=False, retries=0)
+                    pieces[future] = numbers, data
+                    done.add(future)
+                if not (pieces or waiting) or (stop is not None and stop()):
                     return
                 if not done.has_ready():
                     threading.Event().wait(0.02)
                     continue
                 future = next(done)
-                mine = pieces.pop(future)
-                if future.status == "finished":
+                mine, given = pieces.pop(future)
+                try:
                     found, seconds = future.result()
+                except self._distributed.KilledWorker:
+                    if len(mine) == 1:
+                        yield [(mine[0], Lost(f"{DEATHS} workers died in this run"))]
+                    else:
+                        waiting.extendleft(reversed(mine))
+                        alone.update(mine)
+                except CancelledError:
+                    # Lost with the scheduler's memory of it, or with all the workers that had it or the task: done again.
+                    waiting.extendleft(reversed(mine))
+                    data = None if given is data else data
+                except AsrsimError:
+                    raise
+                except Exception as fault:
+                    raise SimulationError(f"a worker failed: {fault}") from fault
+                else:
                     pace.took(seconds, len(found))
                     future.release()
                     yield found
-                elif future.status == "error" and isinstance(future.exception(), self._distributed.KilledWorker):
-                    if len(mine) == 1:
-                        yield [(mine[0], Lost(f"{DEATHS} workers died in this run"))]
-                    for number in mine if len(mine) > 1 else ():
-                        submit([number])
-                elif future.status == "error":
-                    fault = future.exception()
-                    raise fault if isinstance(fault, AsrsimError) else SimulationError(f"a worker failed: {fault}")
-                else:
-                    # Lost with the scheduler's memory of it: done again.
-                    waiting.extendleft(reversed(mine))
         finally:
             with suppress(Exception):
                 self._client.cancel(list(pieces))
@@ -178,7 +191,7 @@ def _job_queue(path: Path) -> Any:
 
     def wrong(message: str, choices: tuple[str, ...] = ()) -> InputError:
         hint = "Write for example slurm: {jobs: 10, cores: 8, memory: 16GB, walltime: '02:00:00'}"
-        return InputError(Problem(message=message, file=path, choices=choices, hint=hint, code="cluster"))
+        return InputError(message, file=path, choices=choices, hint=hint, code="cluster")
 
     if not isinstance(data, dict) or len(data) != 1 or next(iter(data)) not in JOBS:
         raise wrong("must name one system of jobs", JOBS)

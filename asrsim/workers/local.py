@@ -58,7 +58,7 @@ class _Worker:
 
     def give(self, task: bytes, items: list[tuple[int, Any]]) -> None:
         """Work."""
-        if self.task is not task:
+        if self.task != task:
             self.send(pickle.dumps(("task", task)))
             self.task = task
         self.numbers, self.idle = [number for number, _ in items], False

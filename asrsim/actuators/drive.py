@@ -1,0 +1,141 @@
+"""What drives one joint: an actuator in a mode with numbers for its parameters, and what these come to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from asrsim.actuators.detailed_motor import Electric, detailed_coefficients, detailed_kick, electric_of, is_detailed
+from asrsim.actuators.hysteresis import hysteresis_of
+from asrsim.actuators.motor import motor_coefficients, motor_kick
+from asrsim.actuators.vectorised import Array, references_over_arrays
+
+if TYPE_CHECKING:
+    from asrsim.actuators.base import Actuator
+    from asrsim.actuators.modes import Mode
+
+Kick = Callable[[float, float, float, float, float, float, tuple[float, ...]], tuple[float, float, float, float, float, float]]
+"""Of position, velocity, anchor, integral, reference, load and coefficients: see :func:`asrsim.actuators.motor.motor_kick`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """An actuator on its joint, with what simulation, gravity compensation and learning must know of it.
+
+    Tuples of controllers and motors have an entry for each of the actuator's motors, and none where the mode has no such thing.
+    """
+
+    joint: str
+    actuator: type[Actuator]
+    mode: Mode
+    values: Mapping[str, float]
+    """Parameter values by name."""
+
+    @cached_property
+    def elastic(self) -> tuple[float, ...]:
+        """Parameters of the spring in the order of its laws."""
+        return tuple(self.values[parameter.name] for parameter in self.actuator.parameters)
+
+    @property
+    def max_deflection(self) -> float:
+        """rad beyond which the springs' torques stay constant; infinite for a law without that parameter."""
+        return self.values.get("max_deflection", math.inf)
+
+    @cached_property
+    def hysteresis(self) -> tuple[float, float] | None:
+        """Level (N m) and length (rad) of the springs' hysteresis; None where there is none."""
+        return hysteresis_of(self.values) if self.mode.spring else None
+
+    @property
+    def dynamic_motors(self) -> int:
+        """Motors with dynamics in this mode."""
+        return self.actuator.motors if self.mode.motor else 0
+
+    @property
+    def detailed(self) -> bool:
+        """The motors have more than the toolbox's: see :mod:`asrsim.actuators.detailed_motor`."""
+        return self.dynamic_motors > 0 and (self.mode.command != "torque" or is_detailed(self.values, self.dynamic_motors))
+
+    @cached_property
+    def electric(self) -> tuple[Electric, ...]:
+        """How each motor makes torque of its command."""
+        return tuple(electric_of(self.values, i, self.mode) for i in range(1, self.actuator.motors + 1))
+
+    @cached_property
+    def proportional(self) -> tuple[float, ...]:
+        """N m/rad, gain of each controller; of electric motors, whose controllers give voltage or current, what it comes to."""
+        return self._gains("proportional")
+
+    @cached_property
+    def integral(self) -> tuple[float, ...]:
+        """N m/(rad s)."""
+        return self._gains("integral")
+
+    @cached_property
+    def derivative(self) -> tuple[float, ...]:
+        """N m s/rad."""
+        return self._gains("derivative")
+
+    @cached_property
+    def max_torque(self) -> tuple[float, ...]:
+        """N m of each motor at rest."""
+        return tuple(min(one.limit, one.stall) for one in self.electric) if self.mode.motor else ()
+
+    @cached_property
+    def motor_inertia(self) -> tuple[float, ...]:
+        """kg m^2."""
+        return self._of_motors("inertia")
+
+    @cached_property
+    def motor_damping(self) -> tuple[float, ...]:
+        """N m s/rad, with the back-EMF where voltage is commanded."""
+        return tuple(d + one.lag for d, one in zip(self._of_motors("damping"), self.electric, strict=False))
+
+    @cached_property
+    def motor_friction(self) -> tuple[float, ...]:
+        """N m."""
+        return self._of_motors("friction_torque")
+
+    @cached_property
+    def max_velocity(self) -> tuple[float, ...]:
+        """rad/s."""
+        return self._of_motors("max_velocity")
+
+    @cached_property
+    def motor_ranges(self) -> tuple[tuple[float, float], ...]:
+        """rad, least and largest position of each motor."""
+        return tuple(zip(self._of_motors("min_position"), self._of_motors("max_position"), strict=True))
+
+    @property
+    def motor_kick(self) -> Kick:
+        """The law of the motors; one source for the plain and the compiled loop."""
+        return detailed_kick if self.detailed else motor_kick
+
+    def motor_coefficients(self, index: int, *, step: float, implicitness: float) -> tuple[float, ...]:
+        """Constants of `motor_kick` for a kick of `step` s of motor `index` (1 or 2); implicitness: see
+        :func:`asrsim.actuators.motor.motor_coefficients`."""
+        if self.detailed:
+            return detailed_coefficients(self.values, index, mode=self.mode, step=step, implicitness=implicitness)
+        return motor_coefficients(self.values, index, controlled=self.mode.controller, step=step, implicitness=implicitness)
+
+    def without_friction(self) -> Drive:
+        """The same with motors that nothing but their damping brakes."""
+        names = [f"motor_{i}_{name}" for i in (1, 2) for name in ("friction_torque", "stribeck_friction", "load_friction")]
+        return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
+
+    def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
+        """What the motors or springs are to follow, arrays of equal shape: through the reference map in modes 3 and 6."""
+        if self.mode.mapped:
+            return references_over_arrays(self.actuator)(reference_1, reference_2)
+        return reference_1, reference_2
+
+    def _gains(self, name: str) -> tuple[float, ...]:
+        if not self.mode.controller:
+            return ()
+        return tuple(one.gain * self.values[f"controller_{i}_{name}"] for i, one in enumerate(self.electric, start=1))
+
+    def _of_motors(self, name: str) -> tuple[float, ...]:
+        return tuple(self.values[f"motor_{i}_{name}"] for i in range(1, self.dynamic_motors + 1))
