@@ -51,7 +51,6 @@ def _for_nobody(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Entries under `*` that no joint takes, since each that could has one of its own."""
     driven = [block.joint for block in robot.actuators]
     tables: tuple[tuple[str, Mapping[str, Any], Sequence[str]], ...] = (
-        ("modes", scenario.modes, driven),
         ("initial", scenario.initial_positions, [joint.name for joint in robot.moving_joints]),
         ("external_torques", scenario.external_torques, [joint.name for joint in robot.moving_joints]),
         ("link_damping", scenario.link_damping, driven),
