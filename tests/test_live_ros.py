@@ -18,7 +18,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from asrsim.errors import InputError
 from asrsim.live.fastdds import settings
+from asrsim.live.ros import load_rclpy
 from asrsim.log import open_log
 from asrsim.runs.repeat import repeat
 
@@ -56,12 +58,22 @@ def test_a_ros_environment_that_does_not_fit_is_told_apart(tmp_path, asrsim_comm
     assert "Traceback" not in done.err
 
 
+def test_a_middleware_that_is_not_there_is_refused(tmp_path, monkeypatch):
+    """ROS would end the whole process over it, with no word of what to do."""
+    (tmp_path / "librcl.so").write_text("")
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+    with pytest.raises(InputError, match=r"asks for 'rmw_cyclonedds_cpp'.*env -u RMW_IMPLEMENTATION"):
+        load_rclpy()
+
+
 PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
 @pytest.mark.parametrize("network", [False, True])
-def test_fast_dds_is_told_where_to_listen_unless_the_user_did(monkeypatch, network):
-    for name in (PROFILES, RANGE, "ROS_DISTRO"):
+def test_fast_dds_is_told_where_to_listen_unless_the_user_did(tmp_path, monkeypatch, network):
+    for name in (PROFILES, RANGE, "LD_LIBRARY_PATH"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.delitem(sys.modules, "rclpy", raising=False)
     with settings(network=network):
@@ -73,10 +85,11 @@ def test_fast_dds_is_told_where_to_listen_unless_the_user_did(monkeypatch, netwo
     assert ("interfaceWhiteList" in said) == ("initialPeersList" in said) == (not network)
     assert set(os.environ).isdisjoint({PROFILES, RANGE})
     assert not path.exists()
-    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    (tmp_path / "libfastrtps.so").write_text("")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     with settings(network=network):
         assert PROFILES not in os.environ
-    monkeypatch.delenv("ROS_DISTRO")
+    monkeypatch.delenv("LD_LIBRARY_PATH")
     monkeypatch.setenv(PROFILES, "mine.xml")
     with settings(network=network):
         assert os.environ[PROFILES] == "mine.xml"

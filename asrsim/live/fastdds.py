@@ -43,9 +43,8 @@ def settings(*, network: bool) -> Iterator[None]:
     network: also other machines; else the sockets are bound to 127.0.0.1. Fast DDS reads its settings once: where rclpy is at
     work already, ROS's own way to be local remains, which listens on all interfaces and takes no part of what comes there.
     """
-    # Until Jazzy the variable had another name.
-    older = os.environ.get("ROS_DISTRO") in ("humble", "iron", "jazzy")
-    variable = "FASTRTPS_DEFAULT_PROFILES_FILE" if older else "FASTDDS_DEFAULT_PROFILES_FILE"
+    # Before its third version, which came with Kilted, library and variable had another name.
+    variable = "FASTRTPS_DEFAULT_PROFILES_FILE" if folders_with("libfastrtps.so") else "FASTDDS_DEFAULT_PROFILES_FILE"
     changes = {} if network else {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         if variable not in os.environ and "rclpy" not in sys.modules:
@@ -65,3 +64,9 @@ def settings(*, network: bool) -> Iterator[None]:
                     del os.environ[name]
                 else:
                     os.environ[name] = value
+
+
+def folders_with(library: str) -> list[Path]:
+    """Those of LD_LIBRARY_PATH, which ROS environments and the wheels set, that hold a library."""
+    folders = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+    return [Path(folder) for folder in folders if folder and (Path(folder) / library).exists()]

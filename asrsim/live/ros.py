@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError
-from asrsim.live.fastdds import settings
+from asrsim.live.fastdds import folders_with, settings
 from asrsim.live.transport import Access, Interface, Received
 
 DEPTH = 1000
@@ -195,11 +195,9 @@ def message_type(name: str) -> Any:
 
 def load_rclpy() -> Any:
     """rclpy, ours or that of a ROS environment that fits this Python. Raises InputError where two get into each other's way."""
-    foreign = [
-        folder for folder in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
-        # The wheels set the variable themselves, to folders of this environment.
-        if (Path(folder) / "librcl.so").exists() and not Path(folder).resolve().is_relative_to(Path(sys.prefix).resolve())
-    ]  # fmt: skip
+    folders = folders_with("librcl.so")
+    # The wheels set the variable themselves, to folders of this environment.
+    foreign = [folder for folder in folders if not folder.resolve().is_relative_to(Path(sys.prefix).resolve())]
     from importlib.util import find_spec
 
     spec = find_spec("rclpy")
@@ -207,6 +205,12 @@ def load_rclpy() -> Any:
     if ours and foreign:
         message = f"a ROS environment is sourced: its libraries in {foreign[0]} stand before those of this Python's own rclpy"
         raise InputError(message, hint=_cure(), code="ros-sourced")
+    wanted = os.environ.get("RMW_IMPLEMENTATION", "")
+    # ROS would end the process over it.
+    if wanted and folders and not folders_with(f"lib{wanted}.so"):
+        message = f"RMW_IMPLEMENTATION asks for '{wanted}', which is not installed here"
+        hint = "Start with: env -u RMW_IMPLEMENTATION asrsim live ..."
+        raise InputError(message, hint=hint, code="ros-rmw")
     try:
         return import_module("rclpy")
     except Exception as error:  # a library of another build may fail on import in any way

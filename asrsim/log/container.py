@@ -34,8 +34,8 @@ COLUMNS_KEY = "asrsim_columns"
 Aside = tuple[int, int, bytes]
 """A message that is in no row: channel, time in ns, data."""
 
-_ZSTD_LEVEL = -1
-"""On these rows as small as level 1 to 1 %, in four fifths of its time; 3 is slower still and no smaller."""
+_ZSTD_LEVEL = 1
+"""Compact rows are 3 % smaller than by level -1, in two thirds more of their time; 3 is slower still and no smaller."""
 
 
 def compressor(compression: str) -> Callable[[bytes | memoryview], bytes]:
