@@ -8,7 +8,7 @@ from scipy.signal import StateSpace, butter, chirp, lsim, sosfilt
 from scipy.stats import binom
 
 from asrsim.errors import RecordingError
-from asrsim.metrics.excitation import excited_band
+from asrsim.metrics.excitation import excited_band, lines_of, period_of
 from asrsim.metrics.frequency import FrequencyResponse, _bandwidth, frequency_response
 from asrsim.metrics.local import local_rational
 from asrsim.metrics.periodic import by_periods
@@ -375,3 +375,13 @@ def test_the_low_end_of_a_gain_is_a_median_of_three_at_least():
         leaking = smooth.copy()
         leaking[place] = 1.4
         assert _bandwidth(f, leaking) == _bandwidth(f, smooth) == pytest.approx(6.46, abs=0.01)
+
+
+def test_the_lines_of_a_multisine_are_those_that_were_put_in() -> None:
+    """Down to a hundredth of the strongest amplitude, and none of what lies below, is constant, or outside the band."""
+    t = np.arange(4000) * 0.001
+    amplitudes = {2: 1.0, 7: 0.2, 31: 0.012, 40: 0.008}  # harmonics of 1 Hz
+    u = 3.0 + sum(a * np.sin(2 * np.pi * f * t + f) for f, a in amplitudes.items())
+    assert period_of(u) == 1000
+    assert lines_of(u, 1000, 0.001, None).tolist() == [2, 7, 31]
+    assert lines_of(u, 1000, 0.001, (7.0, 31.0)).tolist() == [7, 31]

@@ -93,6 +93,7 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
         "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
     ):  # fmt: skip
         assert wanted in text, wanted
+    assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
 
 
 def test_series_come_back_with_exact_extremes(page: Path, folder: Path):

@@ -420,3 +420,17 @@ def test_keys_of_the_log_and_of_the_velocity_limit(tmp_path):
     assert (plain.log_layout, plain.velocity_cutoff) == ("full", None)
     made = make_scenario(tmp_path / "arm.urdf", duration=1.0, log="compact", velocity_limit_cutoff=False)
     assert (made.log_layout, made.velocity_cutoff) == ("compact", False)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "world: {objects: {'*': {shape: sphere, size: 1}}}", "references: {a: {'*': 1}}", "parameters: {a: {'*': 1}}",
+        "reference_ranges: {a: {'*': [0, 1]}}",
+        "ilc: {trajectory: {a: 1}, tolerance: 1, transfer: {spread: {parameters: {'*': 0.1}}}}",
+        "expect: [{joint: a, quantity: link_position, measure: final, value: 0, options: {'*': 1}}]",
+    ],
+)  # fmt: skip
+def test_a_star_stands_for_joints_only(load, text) -> None:
+    """Tables by joint take `*` for all; tables of other names would keep it as a name that nobody looks up."""
+    assert any("'*'" in str(problem) or problem.key.endswith("*") for problem in faults(load, BASE + text + "\n"))
