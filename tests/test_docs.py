@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,22 @@ def test_commands_in_the_documentation_exist(page):
         options = {word.partition("=")[0].rstrip(".,;:)") for word in words[1:] if re.match(r"--[a-z]", word)}
         known = {name for parameter in COMMANDS[words[0]].params for name in (*parameter.opts, *parameter.secondary_opts)}
         assert options <= known | {"--help"}, f"{page.name}: asrsim {line}"
+
+
+def printed_commands(page: Path) -> list[str]:
+    """The lines of a page's sh blocks that call asrsim, in their order."""
+    blocks = [code for name, code in FENCE.findall(page.read_text(encoding="utf-8")) if name == "sh"]
+    return [line for block in blocks for line in block.splitlines() if line.startswith("asrsim ")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if printed_commands(page)], ids=lambda page: page.name)
+def test_commands_run_as_they_are_printed(page, asrsim_command):
+    """Where `asrsim examples` was called. What needs a robot or a cluster of one's own stands in blocks of another kind."""
+    assert asrsim_command("examples", "--overwrite").code == 0
+    for line in printed_commands(page):
+        done = asrsim_command(*shlex.split(line, comments=True)[1:])
+        assert done.code == 0, f"{page.name}: {line}\n{done.out}\n{done.err}"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

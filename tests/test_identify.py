@@ -399,6 +399,21 @@ def test_a_fast_swing_is_found_from_a_start_that_is_many_swings_off(tmp_path, se
     assert np.isnan(result.find("joint_1.spring_stiffness").low)
 
 
+@pytest.mark.slow
+def test_a_global_search_finds_what_local_starts_do_not(tmp_path):
+    # Eight times the stiffness: no start in reach rings as what was recorded, and that is said.
+    numbers = {**SEA, "actuator": "awas_ii", "tags": "<spring_Ks>10000</spring_Ks>"}
+    chirp = "{chirp: {amplitude: 0.15, from: 0.5, to: 6, duration: 2}}"
+    true = write(tmp_path, "true", numbers, f"{{equilibrium_position: {chirp}, stiffness_preset: 0.006}}")
+    record(true, tmp_path / "a.csv", seed=3)
+    write(tmp_path, "lab", {**numbers, "damping": 0.1, "tags": "<spring_Ks>80000</spring_Ks>"})
+    free = ["joint_1.spring_stiffness", "joint_1.damping"]
+    local, everywhere = (identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, search=way) for way in (False, True))
+    assert not local.fits
+    assert everywhere.fits
+    assert everywhere.find("joint_1.spring_stiffness").value == pytest.approx(1e4, rel=0.003)
+
+
 def test_a_tie_that_is_none_is_suspected_and_no_offset(tmp_path):
     def tags(k_1, k_2):
         return f"<spring_k1>{k_1}</spring_k1><spring_k2>{k_2}</spring_k2><spring_a1>6.7</spring_a1><spring_a2>6.7</spring_a2>"

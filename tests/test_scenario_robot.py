@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -219,3 +220,19 @@ def test_a_start_at_0_beyond_the_limits_is_told_of(tmp_path: Path, initial: dict
     keys = {"initial": initial} if initial else {}
     warnings = checked_robot(make_scenario(tmp_path / "r.urdf", duration=1.0, **keys))[1]
     assert any(problem.code == "default-start" for problem in warnings) == told
+
+
+TWO_JOINTS = Path(__file__).parents[1] / "examples" / "urdf" / "dof2_horizontal.urdf"
+
+
+@pytest.mark.parametrize(("keys", "told"), [
+    ({"references": {"*": {"stiffness_preset": 0.1}, "joint_1": {"stiffness_preset": 0.2}}}, False),
+    ({"references": {name: {"stiffness_preset": 0.1} for name in ("*", "joint_1", "joint_2")}}, True),
+    ({"parameters": {name: {"max_deflection": 0.7} for name in ("*", "joint_1", "joint_2")}}, True),
+    ({"parameters": {"*": {"max_deflection": 0.7}, "joint_1": {"spring_k_1": 0.03}, "joint_2": {"spring_k_1": 0.03}}}, False),
+    ({"initial": {"*": 0.1, "joint_1": 0.2, "joint_2": 0.3}}, True),
+])  # fmt: skip
+def test_an_entry_for_all_that_is_for_nobody_is_told_of(keys: dict[str, Any], told: bool) -> None:
+    """`--set references.*...` beside entries of each joint would otherwise change nothing, without a word."""
+    warnings = checked_robot(make_scenario(TWO_JOINTS, duration=1.0, **keys))[1]
+    assert any(problem.code == "unused-entry" for problem in warnings) == told

@@ -135,6 +135,7 @@ def test_what_no_study_is(over, options, word):
         ("lnk_1.mass", "link_1"),
         ("parameters.*.nonsense", "no such parameter"),
         ("references.*.stiffness_preset", "changes nothing"),
+        ("references.*.equilibrium_position.step.to", "changes nothing"),
         ("duratoin", "duration"),
     ],
 )

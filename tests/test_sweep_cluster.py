@@ -53,8 +53,8 @@ def start_worker(address: str) -> subprocess.Popen[bytes]:
 
 
 @pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    """Of a scheduler with nobody at work."""
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """One with nobody at work: its address, and its process."""
     import json
 
     file = tmp_path / "scheduler.json"
@@ -64,10 +64,16 @@ def address(tmp_path: Path) -> Iterator[str]:
         end = time.monotonic() + 60
         while not file.exists() and time.monotonic() < end:
             time.sleep(0.1)
-        yield json.loads(file.read_text())["address"]
+        yield json.loads(file.read_text())["address"], process
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.fixture
+def address(scheduler: tuple[str, subprocess.Popen[bytes]]) -> str:
+    """Of a scheduler with nobody at work."""
+    return scheduler[0]
 
 
 @pytest.mark.slow
@@ -122,3 +128,17 @@ def test_no_worker_and_no_scheduler_are_told_of_before_anything_runs(address: st
     with pytest.raises(SimulationError, match="no scheduler answers at tcp"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster="tcp://127.0.0.1:9")
     assert not list((tmp_path / "s").glob("*.parquet"))
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_is_told_of_and_its_rows_are_kept(scheduler: tuple[str, subprocess.Popen[bytes]], tmp_path: Path):
+    address, process = scheduler
+    worker = start_worker(address)
+    try:
+        with pytest.raises(SimulationError, match="has gone; what has come is kept"):
+            asrsim.sweep(study_of(3000), out=tmp_path / "s", cluster=address, progress=lambda _: process.kill())
+    finally:
+        worker.kill()
+        worker.wait()
+    there = asrsim.sweep(study_of(3000), out=tmp_path / "s", resume=True, stop=lambda: True)
+    assert 0 < len(there) < 3000

@@ -11,8 +11,8 @@ from asrsim.identification.intervals import BLOCKS
 from asrsim.identification.keys import LATEST, Parameter
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.solver import solve
 from asrsim.identification.task import Tie
-from asrsim.identification.trust_region import solve
 from asrsim.samples import Array
 
 EXPLAINED = 0.9

@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.identification.noise import lag_correlation, size_of, swings
 from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
-from asrsim.identification.trust_region import ROUNDS, cost_of, solve
+from asrsim.identification.solver import ROUNDS, cost_of, solve
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
@@ -56,6 +56,8 @@ class Best:
     attempts: int = 0
     successes: int = 0
     """Searches that ended as near as the best."""
+    held: frozenset[str] = frozenset()
+    """Commands that were played as stairs."""
 
     def offer(self, found: Found) -> None:
         """Another end."""
@@ -94,25 +96,25 @@ def search(
 
 def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
     """Play commands as stairs, one after the other, as long as that is nearer to what was recorded; whether any is so now."""
-    held: frozenset[str] = frozenset()
     waiting = list(dict.fromkeys(c.key for track in residuals.tracks for c in track.data.commands if not c.hold))
     while waiting:
         base = residuals(best.x)
         slopes = np.linalg.qr(residuals.jacobian(best.x, base=base))[0]
         sizes = []
         for key in waiting:
-            residuals.hold(held | {key})
+            residuals.hold(best.held | {key})
             left = residuals(best.x)
             # What the parameters can make good.
             sizes.append(float(np.sum((left - slopes @ (slopes.T @ left)) ** 2)))
-        residuals.hold(held | {waiting.pop(int(np.argmin(sizes)))})
+        held = best.held | {waiting.pop(int(np.argmin(sizes)))}
+        residuals.hold(held)
         x = solve(residuals, best.x, loss=loss, tolerance=1e-5) if min(sizes) < NEARLY * float(base @ base) else best.x
         cost = cost_of(residuals(x), loss)
         if not cost < NEARLY * best.cost:
             break
-        held, best.x, best.cost = residuals.tracks[0].held, x, cost
-    residuals.hold(held)
-    return bool(held)
+        best.held, best.x, best.cost = held, x, cost
+    residuals.hold(best.held)
+    return bool(best.held)
 
 
 def _attempts(

@@ -144,10 +144,10 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
         if not pairs:
             problems.append(_unknown(tie.key, known, "tie"))
         elif "*" in tie.key and not any(to in free for _, to in pairs):
-            problems.append(Problem(message=f"nothing of {tie.to}, to which it is tied, is free", key=tie.key, code="tie"))
+            problems.append(Problem(f"nothing of {tie.to}, to which it is tied, is free", key=tie.key, code="tie"))
         for key, to in pairs:
             if key == to:
-                problems.append(Problem(message="is tied to itself", key=key, code="tie"))
+                problems.append(Problem("is tied to itself", key=key, code="tie"))
             elif to not in known:
                 problems.append(_unknown(to, known, "tie"))
             elif "*" not in tie.key or to in free:
@@ -158,7 +158,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
     problems += _tie_faults(ties, free)
     if not free and not problems:
         hint = "Name some: --free 'joint_1.spring_*'"
-        problems.append(Problem(message="nothing is free", key="free", hint=hint, choices=_roots(known), code="free"))
+        problems.append(Problem("nothing is free", key="free", hint=hint, choices=_roots(known), code="free"))
     if problems:
         raise InputError(problems)
     return list(free.values()), ties
@@ -180,12 +180,12 @@ def _wished(known: Parameter, wish: Wish) -> Parameter:
 def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
     key = parameter.key
     if not parameter.low < parameter.high:
-        yield Problem(message="its lower bound is not below its upper one", key=key, value=parameter.low, code="bounds")
+        yield Problem("its lower bound is not below its upper one", key=key, value=parameter.low, code="bounds")
     elif not math.isnan(parameter.start) and not parameter.low <= parameter.start <= parameter.high:
         message = f"its start is out of range, {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
-        yield Problem(message=message, key=key, value=f"{parameter.start:g}", code="start-range")
+        yield Problem(message, key=key, value=f"{parameter.start:g}", code="start-range")
     elif math.isinf(parameter.start):
-        yield Problem(message="has no finite start", key=key, hint=f"Give one: {key}=START", code="start-range")
+        yield Problem("has no finite start", key=key, hint=f"Give one: {key}=START", code="start-range")
 
 
 def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]:
@@ -205,18 +205,18 @@ def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[
         seen: set[str] = set()
         for tie in ties:
             if tie.key in seen:
-                yield Problem(message="is tied twice", key=tie.key, code="tie")
+                yield Problem("is tied twice", key=tie.key, code="tie")
             seen.add(tie.key)
     for key in targets:
         way = [key]
         while way[-1] in targets and len(way) <= len(targets):
             way.append(targets[way[-1]])
         if len(way) > len(targets) and way[-1] in targets:
-            yield Problem(message="is tied to itself over others", key=key, code="tie")
+            yield Problem("is tied to itself over others", key=key, code="tie")
     for tie in ties:
         if tie.to not in free and tie.to not in targets:
             hint = f"Free it: --free {tie.to}"
-            yield Problem(message=f"is tied to {tie.to}, which is not free", key=tie.key, hint=hint, code="tie")
+            yield Problem(f"is tied to {tie.to}, which is not free", key=tie.key, hint=hint, code="tie")
 
 
 def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Problem:
@@ -224,7 +224,7 @@ def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Proble
     same = tuple(key for key in known if key.partition(".")[0] == owner)
     message = "no key is called so" if "*" not in pattern and "?" not in pattern else "no key fits this pattern"
     return Problem(
-        message=f"{message} ({where})", key=pattern, hint=did_you_mean(pattern, tuple(known)), choices=same or _roots(known),
+        f"{message} ({where})", key=pattern, hint=did_you_mean(pattern, tuple(known)), choices=same or _roots(known),
         code="unknown-key",
     )  # fmt: skip
 

@@ -50,6 +50,8 @@ class Result:
     robot: Robot = field(repr=False)
     whole: bool = False
     """Whether the estimates are from whole recordings, the part too that had been held out."""
+    stairs: frozenset[str] = frozenset()
+    """Columns of commands that were played as stairs."""
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     """Of each parameter, where they were asked for."""
 

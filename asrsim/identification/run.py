@@ -23,11 +23,11 @@ from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
 from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.solver import cost_of, solve
 from asrsim.identification.steps import ROUNDS, followed
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
-from asrsim.identification.trust_region import cost_of, solve
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
 from asrsim.workers import cores, executor
@@ -95,8 +95,6 @@ def _identify(
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
-            for track in setup.tracks:
-                track.held = setup.fitted[0].held
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
                 if not followed(residuals, best.x):
@@ -107,6 +105,8 @@ def _identify(
         except Stopped:
             status = "interrupted"
             residuals.share = 1.0
+    for track in setup.tracks:
+        track.held = best.held
     teller.deaf = True
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
 
@@ -215,7 +215,8 @@ def _judged(
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += substep_remarks(residuals, x, found) if status == "complete" else []
-    if held := setup.fitted[0].held:
+    held = setup.fitted[0].held
+    if held:
         remarks.append(
             f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
             "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
@@ -243,5 +244,6 @@ def _judged(
         evaluations=counter.evaluations, seconds=clock.perf_counter() - teller.began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
         scenario=setup.scenario, robot=setup.robot, whole=whole,
+        stairs=frozenset(c.source for track in setup.tracks for c in track.data.commands if c.key in held),
         profiles=shapes,
     )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +149,7 @@ def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], p
     data = dict(result.scenario.resolved)
     given = data.get("robot")
     base = (result.task.scenario.parent).absolute()
-    data = _placed(data, base, path.parent.absolute())
+    data = _held(_placed(data, base, path.parent.absolute()), result.stairs)
     arguments = {key: value for key, value in given.items() if key == "packages"} if isinstance(given, Mapping) else {}
     data["robot"] = {"file": relative_path(robot, path.parent), **arguments} if arguments else relative_path(robot, path.parent)
     parameters = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
@@ -175,6 +175,14 @@ def _placed(data: Any, base: Path, folder: Path) -> Any:
             else _placed(value, base, folder) for key, value in data.items()
         }  # fmt: skip
     return [_placed(value, base, folder) for value in data] if isinstance(data, list) else data
+
+
+def _held(data: Any, columns: Collection[str]) -> Any:
+    """With playbacks of these columns as stairs."""
+    if isinstance(data, Mapping):
+        stairs = {"interpolation": "hold"} if "file" in data and data.get("column") in columns else {}
+        return {**{key: _held(value, columns) for key, value in data.items()}, **stairs}
+    return data
 
 
 def begin_of(folder: Path) -> dict[str, float]:

@@ -111,3 +111,10 @@ def _key(key: str) -> str:
 def drive_of(block: ActuatorBlock) -> Drive:
     """The drive of an actuator block, with the parameters that it resolved."""
     return Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[block.mode], values=block.values())
+
+
+def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
+    """References that count for this actuator: one with one motor and no adjuster has no second."""
+    actuator = ACTUATORS.get(block.actuator)
+    names = MODES[block.mode].references
+    return names if actuator.motors > 1 or actuator.adjuster else names[:1]

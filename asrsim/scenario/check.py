@@ -9,7 +9,8 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
-from asrsim.robot import ActuatorBlock, Robot, load_robot, merge_fixed
+from asrsim.robot import Robot, load_robot, merge_fixed
+from asrsim.robot.mounting import reference_names
 from asrsim.scenario.apply import apply_to_robot
 from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
@@ -241,13 +242,6 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 key, hint = f"reference_ranges.{joint}.{name}", did_you_mean(name, choices)
                 message = "there is no such reference in the mode"
                 yield Problem(message, key=key, choices=choices, hint=hint, code="unknown-reference")
-
-
-def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
-    """References that count for this actuator: one with one motor and no adjuster has no second."""
-    actuator = ACTUATORS.get(block.actuator)
-    names = MODES[block.mode].references
-    return names if actuator.motors > 1 or actuator.adjuster else names[:1]
 
 
 def made_elsewhere(scenario: Scenario, joint: str) -> bool:

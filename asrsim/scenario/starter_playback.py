@@ -15,7 +15,7 @@ from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
-from asrsim.scenario.check import reference_names
+from asrsim.robot.mounting import reference_names
 from asrsim.signals.playback import Playback, since
 
 LATEST = 1.0

@@ -150,6 +150,9 @@ class Cluster:
                     pace.took(seconds, len(found))
                     future.release()
                     yield found
+        except OSError as error:
+            message = f"the scheduler at {self._target} has gone; what has come is kept, go on by --resume"
+            raise SimulationError(message) from error
         finally:
             with suppress(Exception):
                 self._client.cancel(list(pieces))

@@ -1,4 +1,4 @@
-"""Trust-region least squares over a fit's residuals, with derivatives that are taken anew only where steps surprise."""
+"""Least squares within bounds by a trust region, its derivatives by differences and by Broyden's updates; Huber's cost."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from asrsim.samples import Array
 
 REACH = 0.3
 """Of the first steps: a third of a parameter's size."""
+ROUNDS = 60
 LINEAR = 0.3
 """Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
 HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
-ROUNDS = 60
-"""Evaluations of the residuals at most, derivatives apart."""
 
 
 class _Slopes:
