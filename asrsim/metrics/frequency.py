@@ -166,8 +166,9 @@ def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] |
     """The highest peak that is 5 % above the low end and inside the band, refined by a parabola through three points."""
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
-    # The last that is believed is an end, too.
-    if not trusted[:i].any() or not trusted[i + 1 :].any() or trusted[i] < 1.05 * _low_gain(gain):
+    # A gain that rises to an end of the band has no peak there; what lies within a fiftieth of it is the end.
+    edge = 1 + len(f) // 50
+    if not edge <= i < len(f) - edge or trusted[i] < 1.05 * _low_gain(gain):
         return None
     x, y = f[i - 1 : i + 2] - f[i], gain[i - 1 : i + 2]
     a, b, c = np.polyfit(x, y, 2)
