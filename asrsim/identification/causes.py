@@ -13,6 +13,7 @@ from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.task import Tie
+from asrsim.identification.told import percent
 from asrsim.samples import Array
 
 EXPLAINED = 0.9
@@ -69,9 +70,8 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         layout, places, cost = cause.layout, [there], least
     if not texts or cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
         return []
-    share = 100.0 * (cost / base) ** 0.5
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    return [f"{' and '.join(texts)} {verb} the error to {share:.2g} % ({' '.join(flags)})"]
+    return [f"{' and '.join(texts)} {verb} the error to {percent((cost / base) ** 0.5)} ({' '.join(flags)})"]
 
 
 def _promises(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) -> bool:

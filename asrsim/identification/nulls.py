@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
-from asrsim.identification.told import UNKNOWN, Told
+from asrsim.identification.told import UNKNOWN, Told, percent
 from asrsim.samples import Array
 
 NOTHING = 1.0
@@ -39,7 +39,7 @@ class Combination:
     """Entries in it."""
 
     def __str__(self) -> str:
-        return f"{self.text} = {self.value:.4g} +- {100.0 * self.margin:.2g} %"
+        return f"{self.text} = {self.value:.4g} +- {percent(self.margin)}"
 
 
 def combinations(

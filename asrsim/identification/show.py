@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from asrsim.identification.result import Result
+from asrsim.identification.told import percent
 from asrsim.identification.verdicts import Estimate
 
 CORRELATED = 0.95
@@ -118,7 +119,7 @@ def _interval(one: Estimate) -> str:
 
 
 def _margin(one: Estimate) -> str:
-    return "-" if math.isnan(one.low) or not one.value else f"{100.0 * one.margin:.2g} %"
+    return "-" if math.isnan(one.low) or not one.value else percent(one.margin)
 
 
 def _number(value: float) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from asrsim.errors import RobotError, UnresolvedSpringError
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.told import percent
 from asrsim.samples import Array
 
 ROUNDS = 3
@@ -52,7 +53,7 @@ def remarks(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
     with np.errstate(invalid="ignore"):
         said = (np.abs(shift) > SAID * found.deviation) & (values != 0.0)
     return [
-        f"{residuals.layout.entries[i].name} would be {100.0 * shift[i] * slopes[i] / values[i]:+.2g} % another, outside its "
+        f"{residuals.layout.entries[i].name} would be {percent(shift[i] * slopes[i] / values[i], '+')} another, outside its "
         "interval, were substeps as fine as one likes: `substeps:` in the scenario sets them"
         for i in np.flatnonzero(said).tolist()
     ]

@@ -16,6 +16,11 @@ FAR = 2.3
 """Relative change, in logarithms, beyond which nobody would believe what is not told."""
 
 
+def percent(share: float, sign: str = "") -> str:
+    """A share for people, in two digits and without a power of ten; sign: `+` shows it always."""
+    return f"{float(f'{100.0 * share:.2g}'):{sign}g} %"
+
+
 def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
     """Jacobian (m, n) by relative changes of the values, and the values (n,); sizes stand for values near 0."""
     values = layout.values(x)
