@@ -11,6 +11,7 @@ import pytest
 from test_core_truth import INERTIA, INSTALLED, MASS, NEVER, REACH, joint, links, plan, samples, truth
 
 import asrsim
+from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.scenario.data import Effects
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation.certify import certify
@@ -19,7 +20,6 @@ from asrsim.simulation.effects import through
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.substeps import FRICTION_STIFFNESS
 from validation.models import Body, chain, column, run
 
 LIMITS = '<limit lower="{0}" upper="{1}" effort="{2}" velocity="100"/>'
