@@ -126,13 +126,13 @@ class Recorder:
 
         inputs: references 1 and 2 and external torques, (joints, n) each; sides: see :class:`asrsim.simulation.inputs.Block`.
         """
-        held = 0 if self._held is None else self._held.shape[2]
-        table, n = np.ascontiguousarray(raw), raw.shape[2]
-        if self._held is not None:
+        if self._held is None:
+            table = np.ascontiguousarray(raw)
+        else:
             table = np.concatenate([self._held, raw], axis=2)
             inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
         self._sides |= sides
-        count = max(min(held + n - BEHIND, self.last + 1 - self._next), 0)
+        count = max(min(table.shape[2] - BEHIND, self.last + 1 - self._next), 0)
         self._held, self._held_inputs = table[:, :, count:].copy(), tuple(a[:, count:].copy() for a in inputs)
         if not count:
             return None
