@@ -65,27 +65,29 @@ def _resting(drive: Drive, motor: int, position: float, wanted: float, places: l
     if drive.integral[motor] > 0.0:
         # In time the controller gives whatever holds the spring, up to the motor's largest torque.
         held = min(max(here, -most), most)
-        rest = wanted if held == here else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)
+        rest = wanted if held == here else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)[0]
     else:
-        rest = increasing_root(left, wanted, abs(here) / gain if gain > 0.0 else 1.0)
+        rest = increasing_root(left, wanted, abs(here) / gain if gain > 0.0 else 1.0)[0]
     return min(max(rest, low), high)
 
 
-def increasing_root(function: Callable[[float], float], start: float, reach: float) -> float:
-    """Where a growing function is 0: it is looked for from `start` on, first as far as `reach`, then farther."""
+def increasing_root(
+    function: Callable[[float], float], start: float, reach: float, farthest: float = FARTHEST
+) -> tuple[float, float]:
+    """Where a growing function is 0, and 0: it is looked for from `start` on, first as far as `reach`, then farther, up to
+    `farthest`; the last place looked at and the value there, where it has no zero so far."""
     here = function(start)
-    if here == 0.0:
-        return start
-    side, near = -math.copysign(1.0, here), start
-    while True:
+    side, near, there = -math.copysign(1.0, here), start, here
+    while here != 0.0 and reach <= farthest:
         far = start + side * reach
         there = function(far)
-        if there * here <= 0.0 or reach > FARTHEST:
-            return root_between(function, near, far) if there * here < 0.0 else far
+        if there * here <= 0.0:
+            return _root_between(function, near, far), 0.0
         near, reach = far, 2.0 * max(reach, ROOT_TOLERANCE)
+    return near, there
 
 
-def root_between(function: Callable[[float], float], one: float, other: float) -> float:
+def _root_between(function: Callable[[float], float], one: float, other: float) -> float:
     """A root between two places of opposite sign, to rounding."""
     from scipy.optimize import brentq
 

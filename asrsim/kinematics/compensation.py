@@ -7,10 +7,9 @@ link grows with the equilibrium, up to what the spring can hold.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.rest import resting_motors, root_between
+from asrsim.actuators.rest import increasing_root, resting_motors
 from asrsim.errors import InputError, Problem
 
 SEARCH = 16.0
@@ -46,13 +45,18 @@ def equilibrium_for_load(
         except OverflowError:
             return math.copysign(math.inf, equilibrium - position)
 
-    centre = position if guess is None else guess
-    here = surplus(centre)
-    if here == 0.0:
-        found = centre
-    else:
-        direction = -math.copysign(1.0, here)
-        found = _search(surplus, centre, here, direction, drive, position, load)
+    found, short = increasing_root(surplus, position if guess is None else guess, 1e-3, SEARCH)
+    if short:
+        raise LoadError(
+            Problem(
+                f"the spring cannot hold {load:.4g} N m at position {position:.4g} rad: "
+                f"the most it can hold that way is {short + load:.4g} N m",
+                key=drive.joint,
+                hint="choose a stiffer preset or spring, or another posture",
+                code="spring-too-weak",
+            ),
+            largest=short + load,
+        )
     torques = law(position, *motors(found), spring)
     for motor, (torque, limit) in enumerate(zip(torques, drive.max_torque, strict=False), start=1):
         if abs(torque) > limit:
@@ -67,34 +71,3 @@ def equilibrium_for_load(
                 largest=limit,
             )
     return found
-
-
-def _search(
-    surplus: Callable[[float], float],
-    centre: float,
-    here: float,
-    direction: float,
-    drive: Drive,
-    position: float,
-    load: float,
-) -> float:
-    """Walk outwards until the sign changes, then find the root between the last two places."""
-    near, reach, best = centre, 1e-3, here
-    while reach <= SEARCH:
-        far = centre + direction * reach
-        there = surplus(far)
-        if math.copysign(1.0, there) != math.copysign(1.0, here) or there == 0.0:
-            return root_between(surplus, near, far)
-        best = there if abs(there) < abs(best) else best
-        near, reach = far, 2.0 * reach
-    largest = best + load
-    raise LoadError(
-        Problem(
-            f"the spring cannot hold {load:.4g} N m at position {position:.4g} rad: "
-            f"the most it can hold that way is {largest:.4g} N m",
-            key=drive.joint,
-            hint="choose a stiffer preset or spring, or another posture",
-            code="spring-too-weak",
-        ),
-        largest=largest,
-    )
