@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem
-from asrsim.robot import ActuatorBlock, Robot
+from asrsim.robot import Robot
 from asrsim.robot.attributes import beyond_a_turn
-from asrsim.robot.mounting import reference_names
 from asrsim.robot.sanity import block_doubts, most_damping
 from asrsim.scenario.choices import released_order
 from asrsim.scenario.data import Effects, Scenario, for_joint
+from asrsim.scenario.shadowed import shadowed_entries
 
 STRONGEST = 30.0
 """m/s^2; Jupiter's gravity is 24.8."""
@@ -39,38 +38,13 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _start(scenario, changed)
     yield from _samples(scenario)
     yield from _claims(scenario)
-    yield from _for_nobody(scenario, changed)
+    for key in shadowed_entries(scenario, changed):
+        yield Problem("does nothing: every joint that it could be for has an entry of its own", key=key, code="unused-entry")
     for block in changed.actuators:
         for doubt in block_doubts(block) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
                 yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     yield from _not_released(scenario, changed)
-
-
-def _for_nobody(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Entries under `*` that no joint takes, since each that could has one of its own."""
-    driven = [block.joint for block in robot.actuators]
-    tables: tuple[tuple[str, Mapping[str, Any], Sequence[str]], ...] = (
-        ("initial", scenario.initial_positions, [joint.name for joint in robot.moving_joints]),
-        ("external_torques", scenario.external_torques, [joint.name for joint in robot.moving_joints]),
-        ("link_damping", scenario.link_damping, driven),
-        ("effects.commands", scenario.command_effects, driven),
-        ("effects.sensors", scenario.sensor_effects, driven),
-    )
-    unused = [
-        f"{key}.*" for key, table, joints in tables if "*" in table and joints and all(joint in table for joint in joints)
-    ]
-    by_name: tuple[tuple[str, Mapping[str, Mapping[str, Any]], Callable[[ActuatorBlock], Container[str]]], ...] = (
-        ("references", scenario.references, reference_names),
-        ("parameters", scenario.parameters, ActuatorBlock.values),
-    )
-    for key, nested, names_of in by_name:
-        for name in nested.get("*", {}):
-            users = [block.joint for block in robot.actuators if name in names_of(block)]
-            if users and all(name in nested.get(joint, {}) for joint in users):
-                unused.append(f"{key}.*.{name}")
-    for key in unused:
-        yield Problem("does nothing: every joint that it could be for has an entry of its own", key=key, code="unused-entry")
 
 
 def _gravity(scenario: Scenario) -> Iterator[Problem]:

@@ -15,6 +15,7 @@ from asrsim.robot.vary import names_of
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.keys import SCENARIO
 from asrsim.scenario.overrides import split_path
+from asrsim.scenario.shadowed import shadowed
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
 """Keys of the scenario under which every run finds its own substeps, by its own numbers."""
@@ -99,7 +100,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
     still = not scenario.initial_equilibrium and scenario.task is None and not plan.own_resolution
     for key, text in texts.items():
         parts = split_path(text)
-        if _shadowed(parts, scenario, robot):
+        if "*" in parts[:-1] and shadowed(parts, scenario, robot):
             problems.append(_moves_nothing(key, "*"))
             continue
         if not (still and numeric[key] and len(parts) == 3):
@@ -139,23 +140,6 @@ def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str
     names = (*(known.name for known in SCENARIO.keys), *joints, *links)
     message = f"there is no key, joint or link '{parts[0]}'"
     raise InputError(message, key=key, hint=did_you_mean(parts[0], names), code="unknown-key")
-
-
-def _shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
-    """Whether a key is of an entry for all joints, instead of which each joint has one of its own."""
-    if "*" not in parts[:-1]:
-        return False
-    place = parts.index("*")
-    entries: Any = scenario.resolved
-    for part in parts[:place]:
-        entries = entries.get(part, {}) if isinstance(entries, Mapping) else {}
-    if not isinstance(entries, Mapping):
-        return False
-    owners = [block.joint for block in robot.actuators] if parts[0] == "references" else [j.name for j in robot.moving_joints]
-    if parts[0] in ("references", "parameters"):
-        # Here what an own entry does not say is that for all.
-        return all(parts[place + 1] in entries.get(joint, {}) for joint in owners)
-    return all(joint in entries for joint in owners)
 
 
 def _moves_nothing(key: str, joint: str) -> Problem:
