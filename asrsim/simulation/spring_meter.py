@@ -35,9 +35,10 @@ def change(values: Array) -> Array:
 
 
 def _reaches(values: Array, ahead: Array, low: Any, high: Any) -> bool:
-    """Whether any of (joints, n) and (joints, 1) is at or beyond a limit."""
-    most, least = values.max(axis=1, keepdims=True), values.min(axis=1, keepdims=True)
-    return bool(np.any((np.maximum(most, ahead) >= high) | (np.minimum(least, ahead) <= low)))
+    """Whether any of (joints, n) and (joints, 1) is at or beyond a limit; most motors have no stops."""
+    if not np.isfinite(low).any() and not np.isfinite(high).any():
+        return False
+    return any(bool((table >= high).any() or (table <= low).any()) for table in (values, ahead))
 
 
 class SpringMeter:
