@@ -157,7 +157,7 @@ def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], p
         own = {name: float(f"{value:.9g}") for name, value in values.items() if name in blocks.get(owner, {})}
         if own:
             parameters.setdefault(owner, {}).update(own)
-    data["parameters"] = parameters
+    data |= {"parameters": parameters, **result.substeps}
     for key in ("name", "variant", "expect"):
         data.pop(key, None)
     lines = [
