@@ -58,6 +58,27 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
+@pytest.mark.parametrize("limits", [(6.0, 20.0, 24.0), (0.2, 20.0, 24.0), (6.0, 0.1, 24.0), (6.0, 20.0, 1.0)])
+def test_a_servo_of_volts_holds_as_one_whose_gain_and_limit_are_its_torques(tmp_path, limits):
+    """Its gain is in V/rad, its torque the least of what its limits of torque, current and voltage leave; and what is proposed
+    raises the one that is too low. Twelve V/rad through 1.6 ohm are 3.75 N m/rad."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(2.0,))
+    constants = {"torque_constant": 0.05, "gear_ratio": 10.0, "resistance": 1.6}
+    names = ("max_torque", "max_current", "max_voltage")
+    volts = {f"motor_1_{name}": value for name, value in {**constants, **dict(zip(names, limits, strict=True))}.items()}
+    plain = {"motor_1_max_torque": min(limits[0], 0.5 * limits[1], 0.5 / 1.6 * limits[2])}
+
+    def scenario(values):
+        actuator = {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 60.0, **values}}
+        return scenario_of(robot, actuators={"*": actuator}, references={"*": {"equilibrium_position": 0.9}})
+
+    servo = judged(scenario({**volts, "controller_1_proportional": 12.0}))
+    motor = judged(scenario({**plain, "controller_1_proportional": 3.75}))
+    assert servo.joints == motor.joints
+    proposal = servo.proposal["joint_1"]
+    assert not judged(scenario({**volts, "controller_1_proportional": 12.0, **proposal}), propose=False).weak
+
+
 @pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
 def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
     """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
@@ -155,8 +176,10 @@ def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
     assert not judged(scenario_of(robot, **lying)).joints
     weightless = {"gravity": [0, 0, 0], "actuators": "sea", "references": {"*": {"equilibrium_position": 0.5}}}
     assert not judged(scenario_of(robot, **weightless)).joints
-    torques = {"actuators": {"*": {"type": "sea", "mode": 4}}, "references": {"*": {"motor_1_torque": 0.1}}}
-    assert not judged(scenario_of(robot, **torques)).joints
+    driven = {"motor_1_torque_constant": 0.1, "motor_1_resistance": 1.0}
+    for mode, reference in ((4, "motor_1_torque"), (7, "motor_1_voltage"), (8, "motor_1_current")):
+        actuator = {"type": "sea", "mode": mode, "parameters": driven}
+        assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
 
 
 @pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal"])

@@ -1,7 +1,7 @@
 """Where each joint comes to rest under the arm's own weight, as its springs and motors hold it.
 
 The rest is sought with motors where references put them, less what their controllers droop by under load, and no stronger than
-their largest torque. Friction and electrical limits of motors are left out.
+their largest torque at rest. Friction of motors is left out.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.vectorised import over_arrays, references_over_arrays
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
+from asrsim.robot.mounting import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
+    from asrsim.actuators.drive import Drive
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
@@ -153,17 +155,11 @@ class _Springs:
         self._parameters = tuple(np.array([[given[p.name]] for given in values]) for p in actuator.parameters)
         self._law = over_arrays(actuator.elastic_torques)
         self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(2))
-        self._limits = np.array(
-            [
-                [
-                    [given[f"motor_{i}_max_torque"] if MODES[block.mode].motor else math.inf]
-                    for block, given in zip(blocks, values, strict=True)
-                ]
-                for i in range(1, actuator.motors + 1)
-            ]
-        )
+        drives = [drive_of(block) for block in blocks]
+        ideal = (math.inf,) * actuator.motors
+        self._limits = np.array([drive.max_torque or ideal for drive in drives]).T[:, :, None]
         """(motors, j, 1) N m."""
-        self._gains = np.array([[[_gain(block, i)] for block in blocks] for i in range(1, actuator.motors + 1)])
+        self._gains = np.array([_gains(drive) or ideal for drive in drives]).T[:, :, None]
         """(motors, j, 1) N m/rad of the controllers."""
         self.droops = np.zeros((actuator.motors, *self._goals[0].shape))
         """(motors, j, n) rad by which motors stay behind."""
@@ -202,12 +198,12 @@ class _Springs:
         return dict(zip(self.names, np.any(np.abs(torques) > self._limits, axis=0), strict=True))
 
 
-def _gain(block: ActuatorBlock, index: int) -> float:
-    """N m/rad by which a motor's controller holds it; inf where it does not droop: ideal motors, integral action."""
-    values = block.values()
-    mode = MODES[block.mode]
-    stiff = not (mode.motor and mode.controller) or values[f"controller_{index}_integral"] > 0.0
-    return math.inf if stiff else max(values[f"controller_{index}_proportional"], 1e-6)
+def _gains(drive: Drive) -> tuple[float, ...]:
+    """N m/rad by which controllers hold their motors; inf where one does not droop, by its integral action; () of ideal motors."""
+    if not drive.mode.motor:
+        return ()
+    gains = zip(drive.proportional, drive.integral, strict=True)
+    return tuple(math.inf if integral > 0.0 else max(gain, 1e-6) for gain, integral in gains)
 
 
 def _weight(robot: Robot, name: str, scenario: Scenario) -> float:
