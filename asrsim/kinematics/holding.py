@@ -161,6 +161,8 @@ class _Springs:
         """(motors, j, 1) N m."""
         self._gains = np.array([_gains(drive) or ideal for drive in drives]).T[:, :, None]
         """(motors, j, 1) N m/rad of the controllers."""
+        self._most = np.divide(self._limits, self._gains, out=np.zeros_like(self._gains), where=np.isfinite(self._gains))
+        """(motors, j, 1) rad of droop at which a motor gives all that it has."""
         self.droops = np.zeros((actuator.motors, *self._goals[0].shape))
         """(motors, j, n) rad by which motors stay behind."""
         self.weight = self.low = self.high = np.zeros((len(blocks), 1))
@@ -171,10 +173,9 @@ class _Springs:
         places = [goal - droop for goal, droop in zip(self._goals, self.droops, strict=False)]
         return self._law(position, *places, *self._goals[len(places) :], self._parameters)
 
-    def _slopes(self, position: Array) -> tuple[Array, Array]:
-        """Torques, and stiffnesses with motors held where they are, (motors, j, n)."""
-        here, near = (self._torques(position + off)[: len(self._limits)] for off in (0.0, 1e-4))
-        here, near = np.clip(here, -self._limits, self._limits), np.clip(near, -self._limits, self._limits)
+    def _slopes(self, position: Array, most: float | Array = math.inf) -> tuple[Array, Array]:
+        """Torques, cut at `most`, and stiffnesses with motors held where they are, (motors, j, n)."""
+        here, near = (np.clip(self._torques(position + off)[: len(self._limits)], -most, most) for off in (0.0, 1e-4))
         return here, np.maximum((here - near) / 1e-4, 0.0)
 
     def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
@@ -182,9 +183,11 @@ class _Springs:
         gives way at its largest torque."""
         position = np.stack([positions[name] for name in self.names])
         torques, slopes = self._slopes(position)
-        # The motors first, the link where it is; then the link, behind spring and controller in series.
-        self.droops += (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
-        torques, slopes = self._slopes(position)
+        # The motors first, the link where it is; then the link, behind spring and controller in series. A droop grows with the
+        # spring's torque, so that the cut of one is the cut of the other.
+        droops = self.droops + (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
+        self.droops = np.clip(droops, -self._most, self._most)
+        torques, slopes = self._slopes(position, self._limits)
         torque, stiffness = torques.sum(axis=0), (slopes / (1.0 + slopes / self._gains)).sum(axis=0)
         load = np.stack([loads[name] for name in self.names])
         step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
@@ -199,7 +202,7 @@ class _Springs:
 
 
 def _gains(drive: Drive) -> tuple[float, ...]:
-    """N m/rad by which controllers hold their motors; inf where one does not droop, by its integral action; () of ideal motors."""
+    """N m/rad by which controllers hold their motors; inf where integral action leaves no droop; () of ideal motors."""
     if not drive.mode.motor:
         return ()
     gains = zip(drive.proportional, drive.integral, strict=True)

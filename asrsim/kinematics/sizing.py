@@ -53,9 +53,9 @@ class Sizing:
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
     """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
 
-    Nothing is said of floating bases, of modes without spring, of references that are torques, voltages or currents, that a task or learning
-    makes, or beside which a `desired` motion of the link stands: they see to it themselves. sag: see `SAG`, beyond which
-    something is proposed.
+    Nothing is said of floating bases, of modes without spring, of references that are torques, voltages or currents, that a
+    task or learning makes, or beside which a `desired` motion of the link stands: they see to it themselves. sag: see `SAG`,
+    beyond which something is proposed.
     """
     blocks = [
         block
@@ -146,7 +146,7 @@ def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> 
 
 
 def _motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Parameters whose common factor is one of the motors' largest torques: limits of torque, and where given, volts, amperes."""
+    """Parameters whose common factor is one of the motors' largest torques: their limits of torque, voltage and current."""
     limits = ("_max_torque", "_max_voltage", "_max_current")
     return tuple(name for name, value in values.items() if name.endswith(limits) and math.isfinite(value))
 
