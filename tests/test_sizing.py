@@ -13,6 +13,7 @@ from robots import PLAIN_ARM, write_plain_arm
 
 import asrsim
 from asrsim.kinematics.sizing import holding_findings, sizing
+from asrsim.robot import with_overrides
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.scenario.start_file import write_starter
@@ -237,11 +238,62 @@ def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
     preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
     keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
-    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0))
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=500.0)
     proposal = judged(scenario_of(robot, **keys)).proposal
     assert set(proposal) == {"joint_1", "joint_2"}
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
     assert proposal["joint_1"]["motor_1_max_torque"] > 50
+
+
+def test_the_swing_that_is_foretold_is_the_one_of_the_simulation(tmp_path):
+    """Ideal motors, no weight, a small step: the arm is nearly linear, and throws its wrist three times as far as it steps."""
+    from asrsim.kinematics.swing import steadying, swings
+
+    springs = {"joint_1": 300.0, "joint_2": 90.0, "joint_3": 0.5}
+    keys = {
+        "gravity": [0, 0, 0], "duration": 3.0, "compiled": False,
+        "references": {"*": {"equilibrium_position": {"step": {"at": 0.001, "to": 0.02}}}},
+        "actuators": {name: {"type": "sea", "mode": 3, "parameters": {"spring_k": k}} for name, k in springs.items()},
+    }  # fmt: skip
+    scenario = scenario_of(write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2)), **keys)
+    robot = apply_to_robot(scenario, checked_robot(scenario)[0])
+    result = asrsim.run(scenario)
+    found = swings(scenario, robot)
+    for one in found:
+        largest = np.abs(result[one.block.joint].link_position[2:] - 0.02).max()
+        assert one.deflection == pytest.approx(largest, rel=0.05)
+    assert [one.block.joint for one in found if one.thrown] == ["joint_3"]
+    held = swings(scenario, with_overrides(robot, parameters=steadying(scenario, robot)))
+    assert not any(one.thrown for one in held)
+
+
+def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, monkeypatch):
+    from asrsim.kinematics import swing
+
+    robot = write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2), effort=500.0)
+
+    def at_their_limit(name):
+        (file,), _ = write_starter(robot, tmp_path / name, actuators={"*": "sea"}, schema=False)
+        scenario = asrsim.load_scenario(file, overrides=["duration=1.5", "compiled=false"])[0]
+        blocks = apply_to_robot(scenario, checked_robot(scenario)[0]).actuators
+        result = asrsim.run(scenario)
+        most = {block.joint: 0.999 * block.values()["motor_1_max_torque"] for block in blocks}
+        return max(np.mean(np.abs(result[joint].motor_1_torque) >= limit) for joint, limit in most.items())
+
+    held = at_their_limit("held.yaml")
+    monkeypatch.setattr(swing, "steadying", lambda *_: {})
+    assert held < 0.03 < at_their_limit("before.yaml")
+
+
+def test_an_effort_limit_below_the_weight_is_told_of_and_the_rest_is_sized(tmp_path):
+    """Twenty N m of effort, forty of weight: no spring and no motor holds that, and no proposal says so."""
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=20.0)
+    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"}, schema=False)
+    assert [(note.key, "effort limit of 20 N m" in note.message) for note in notes] == [("joint_1", True)]
+    (scenario,) = asrsim.load_scenario(file)
+    (told,) = holding_findings(scenario, apply_to_robot(scenario, checked_robot(scenario)[0]), propose=True)
+    assert "effort limit of 20 N m" in told.message
+    assert "parameters" not in told.hint
 
 
 @pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (55, 56))])

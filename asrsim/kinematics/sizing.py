@@ -71,7 +71,10 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
     weak = Sizing(joints=joints).beyond(sag)
     if not weak or not propose:
         return Sizing(joints=joints)
+    # Parameters do not change an effort limit, which is told of by itself.
+    robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     changed = {block.joint: block for block in blocks}
+    weak = Sizing(joints=holdings(scenario, robot, blocks)).beyond(sag)
     proposal: dict[str, dict[str, float]] = {}
     for _ in range(TRIES):
         for one in weak:
@@ -107,11 +110,15 @@ def problems_of_weight(
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
         what = "falls onto its stop" if one.on_stop else "falls" if one.falls else f"sags by {one.sag:.2g} {length}"
         soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
-        why = "its motors are too weak" if one.limited else f"{soft} are too soft"
+        limit = f"its effort limit of {robot.joint(one.joint).effort or 0.0:g} {force} is too low"
+        why = limit if one.overloaded else "its motors are too weak" if one.limited else f"{soft} are too soft"
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
-        problems.append(Problem(message, file=file, key=one.joint, hint=hint, code=code))
-        hint = None
+        if one.overloaded:
+            message_hint: str | None = "Raise `effort` in the <limit> of the robot's file"
+        else:
+            message_hint, hint = hint, None
+        problems.append(Problem(message, file=file, key=one.joint, hint=message_hint, code=code))
     return tuple(problems)
 
 
@@ -123,7 +130,7 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     lacking = abs(weak.load) / (RESERVE * min(drive.max_torque, default=math.inf))
     # A spring that was wound past its summit no longer shows that the motor gave way first.
     if weak.limited or lacking > 1.0:
-        names, factor = _motor_limits(values), max(1.25, lacking)
+        names, factor = motor_limits(values), max(1.25, lacking)
     elif weak.droop > 0.3 * weak.sag:
         names = tuple(f"controller_{i}_proportional" for i in range(1, actuator.motors + 1))
     else:
@@ -145,7 +152,7 @@ def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> 
     return names if linear else ()
 
 
-def _motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
+def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
     """Parameters whose common factor is one of the motors' largest torques: their limits of torque, voltage and current."""
     limits = ("_max_torque", "_max_voltage", "_max_current")
     return tuple(name for name, value in values.items() if name.endswith(limits) and math.isfinite(value))
@@ -154,7 +161,7 @@ def _motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
     """The block with motors that keep some of their torque for moving."""
     values = block.values()
-    return _with_values(block, {name: RESERVE * values[name] for name in _motor_limits(values)})
+    return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
 
 
 def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:
