@@ -136,6 +136,13 @@ def test_what_has_no_effect_is_told_with_its_reason(lab):
     assert (one.verdict, one.reason) == ("no effect", "motors have no dynamics in mode 3 (SpringEqPres)")
 
 
+def test_friction_that_the_recording_has_not_is_said_to_vanish(tmp_path, lab):
+    scenario = write(tmp_path, "rubs", {**SEA, "friction": 0.05})
+    friction = identify(scenario, [lab / "a.csv"], free=["joint_1.friction"]).find("joint_1.friction")
+    assert friction.verdict in ("no effect", "at bound")
+    assert "would do without it" in friction.reason
+
+
 def test_delay_and_offset_are_found(tmp_path):
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     record(true, tmp_path / "a.csv", offset=0.005, late=6)
