@@ -342,7 +342,9 @@ def test_the_best_so_far_survives_the_wish_to_stop(lab):
         calls += 1
         return calls > 12
 
-    result = identify(make_task(lab / "lab.yaml", [lab / "a.csv"], free=FREE), stop=stop)
+    told = []
+    result = identify(make_task(lab / "lab.yaml", [lab / "a.csv"], free=FREE), stop=stop, progress=told.append)
+    assert told[0].stage == "reading and preparing"
     assert result.status == "interrupted"
     assert len(result.estimates) == 3
 
