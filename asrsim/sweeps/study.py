@@ -48,7 +48,7 @@ class Joint:
     keys: tuple[str, ...]
     mean: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
-    logarithmic: bool = False
+    logarithmic: bool
     """Mean and covariance are those of the logarithms."""
 
     @cached_property
