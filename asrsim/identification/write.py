@@ -91,7 +91,7 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
     return changes
 
 
-def chosen_values(result: Result, *, everything: bool = False) -> dict[str, float]:
+def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
     """Key -> value of what is identified (or all), with what is tied to it."""
     kept = {one.key for one in result.estimates if one.track is None and (everything or one.verdict == IDENTIFIED)}
     values = {one.key: one.value for one in result.estimates if one.key in kept}

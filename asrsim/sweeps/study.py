@@ -50,7 +50,7 @@ class Joint:
     covariance: tuple[tuple[float, ...], ...]
     logarithmic: tuple[bool, ...]
     """Whether mean and covariance are those of the key's logarithm."""
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[str, ...]
     """What the fit estimated and has no interval for, or no sweep varies, with the verdict."""
 
     @cached_property
