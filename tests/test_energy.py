@@ -157,3 +157,12 @@ def test_a_push_leaves_energy_and_momentum_alone_afterwards() -> None:
     momentum = mass * column(result, "link_velocity")
     momentum = momentum + 0.0233 * (column(result, "motor_1_velocity") + column(result, "motor_2_velocity"))
     np.testing.assert_allclose(momentum[60:], 0.6 * 0.05, rtol=1e-12)
+
+
+def test_a_blow_shorter_than_a_substep_gives_its_energy() -> None:
+    """It is over before the next row, so only the halves of its kick know of it."""
+    blow = PulseTrain(high=800.0, period=10.0, width=0.2e-3, start=0.4991, count=1)
+    result = run(chain(BODY), step=1e-3, substeps=1, duration=0.6, external={"*": blow})
+    assert np.max(np.abs(column(result, "external_torque"))) == 0.0
+    assert np.max(np.abs(column(result, "link_velocity"))) > 10.0
+    assert result.status == "complete"

@@ -37,6 +37,7 @@ class Script:
     def make(self, interface, access):
         self.interface = interface
         self.inlets = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
+        self.wanted = [not outlet.latched for outlet in interface.outlets if not outlet.latched]
         return self
 
     def publish(self, time, messages):

@@ -54,7 +54,7 @@ class Drive:
         """Motors with dynamics in this mode."""
         return self.actuator.motors if self.mode.motor else 0
 
-    @property
+    @cached_property
     def detailed(self) -> bool:
         """The motors have more than the toolbox's: see :mod:`asrsim.actuators.detailed_motor`."""
         return self.dynamic_motors > 0 and (self.mode.command != "torque" or is_detailed(self.values, self.dynamic_motors))

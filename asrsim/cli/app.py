@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from inspect import cleandoc
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = {
     "run": "asrsim.cli.run",
@@ -36,15 +37,26 @@ HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 class LazyGroup(TyperGroup):
     """Imports a command's module only when it is asked for: a run need not read the options of all others."""
 
+    _listing = False
+
     def list_commands(self, ctx: Any) -> list[str]:
         return [*COMMANDS, *(name for name in super().list_commands(ctx) if name not in COMMANDS)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
+        function = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
+        if self._listing:
+            return TyperCommand(cmd_name, help=cleandoc(function.__doc__))
         single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False, context_settings=HELP)
-        single.command(name=cmd_name)(getattr(import_module(COMMANDS[cmd_name]), cmd_name))
+        single.command(name=cmd_name)(function)
         return typer.main.get_command(single)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        # A list takes the first line of each: working out the options of all would be most of the time that help takes.
+        self._listing = True
+        super().format_commands(ctx, formatter)
+        self._listing = False
 
 
 # Without rich's markup, help comes in half the time.

@@ -19,6 +19,10 @@ CHANCE = 0.95
 """The spread counts where it is larger than that which blocks of white noise have with this probability."""
 GONE = 1e-12
 """Share of the largest singular value below which a direction is rounding."""
+CANCELLED, ALONG = 0.03, 1e-4
+"""Share of what its parts do below which a direction's slope is looked at again, and over which way."""
+AGREES, SAME, ROUNDS = 0.3, 0.9, 3
+"""Change of a slope that leaves it as it is; cosine of directions that are the same; looks at each, at most."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     # Outliers count as the fit counts them.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     free = np.flatnonzero(~np.asarray(at_bound, dtype=bool))
-    inner = jacobian[:, free]
+    jacobian[:, free] = inner = with_faint_directions(residuals, x, jacobian[:, free], free)
     variance = 1.0 if foreseen else float(left @ left) / max(len(left) - n, 1)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(inner, mode="r")) if inner.size else (None, np.empty(0), np.empty((0, 0)))
     kept = singular > GONE * singular.max(initial=0.0)
@@ -128,6 +132,33 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     lost = np.ones(n, bool)
     lost[free] = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
     return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
+
+
+def with_faint_directions(residuals: Residuals, x: Array, jacobian: Array, free: NDArray[np.intp]) -> Array:
+    """Jacobian (m, k) of the free entries whose directions in which columns cancel are each taken along themselves.
+
+    Where joints stick, slopes have corners: one of the columns may be of the other side of it, and their sum of neither.
+    """
+    low, high = residuals.layout.bounds
+    agreed = np.zeros((0, len(free)))
+    for _ in range(ROUNDS * len(free)):
+        directions = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))[2]
+        parts = np.linalg.norm(directions * np.linalg.norm(jacobian, axis=0), axis=1)
+        shares = np.linalg.norm(jacobian @ directions.T, axis=0) / np.maximum(parts, 1e-300)
+        moves = ALONG * np.abs(directions)
+        inside = np.all((x[free] - moves >= low[free]) & (x[free] + moves <= high[free]), axis=1)
+        looked = np.abs(agreed @ directions.T).max(axis=0, initial=0.0) > SAME
+        waiting = np.flatnonzero((shares < CANCELLED) & inside & ~looked)
+        if not len(waiting):
+            break
+        direction = directions[waiting[int(np.argmin(shares[waiting]))]]
+        move = np.zeros(len(x))
+        move[free] = ALONG * direction
+        slope, along = jacobian @ direction, (residuals(x + move) - residuals(x - move)) / (2.0 * ALONG)
+        if float(np.linalg.norm(along - slope)) < AGREES * float(np.linalg.norm(slope)):
+            agreed = np.vstack([agreed, direction])
+        jacobian = jacobian + np.outer(along - slope, direction)
+    return jacobian
 
 
 def correlations(covariance: Array) -> Array:

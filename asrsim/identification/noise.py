@@ -17,6 +17,8 @@ BANDS = (3, 9, 27)
 """Frequencies of a swing."""
 SELDOM = 1e-3
 """Probability of chance below which something is none."""
+STILL, FINE = 0.15, 0.5
+"""Share of samples that stand still on an encoder's steps; noise in these steps that they make, and little else."""
 LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 OUTLIER = 12.0
@@ -42,9 +44,10 @@ def quantum_of(values: Array) -> float:
     least = float(np.median(steps[steps <= 1.5 * steps.min()]))
     multiples = steps / least
     whole = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, np.round(multiples))
-    # Every record is quantised by its file's digits; it counts where the record stands still on its steps.
-    still = float(np.mean(np.diff(values) == 0.0))
-    return least if whole.mean() > 0.98 and still > 0.15 else 0.0
+    # Every record is quantised by its file's digits; it counts where the record stands still on its steps, or in motion has
+    # no more noise than these make.
+    counts = float(np.mean(np.diff(values) == 0.0)) > STILL or fine_noise(values) < FINE * least
+    return least if whole.mean() > 0.98 and counts else 0.0
 
 
 def lag_correlation(residuals: Array, lag: int = 1) -> float:

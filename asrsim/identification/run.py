@@ -20,6 +20,7 @@ from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import settled
 from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
+from asrsim.identification.quanta import with_quanta
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
 from asrsim.identification.setup import Setup, set_up
@@ -202,6 +203,7 @@ def _judged(
         there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
         if there is not x:
             x, found = there, uncertainty(residuals, there, bounds_met(layout, there))
+        found = with_quanta(residuals, x, found)
     told, combined = estimates(residuals, x, found, still_joints(setup.fitted), coarse_joints(setup.fitted))
     known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     whole = residuals.ends is not setup.ends
@@ -222,7 +224,8 @@ def _judged(
             "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
         )
     remarks += [
-        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, or in motion"
+        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, in motion, or "
+        "where a sensor said"
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
     ]  # fmt: skip
     teller.stage("profiles")

@@ -12,6 +12,8 @@ from asrsim.samples import Array
 
 ROUNDS = 3
 """Changes of substeps, at most."""
+FINER = 4
+"""Times as many substeps, against which an estimate is held: where joints stick, errors are nearer to first order."""
 SAID = 2.0
 """Deviations from which on it is said what substeps do to an estimate."""
 
@@ -32,16 +34,16 @@ def followed(residuals: Residuals, x: Array) -> bool:
 
 
 def discretised(residuals: Residuals, x: Array, found: Uncertainty) -> Array:
-    """(n,) by which x would be another, could substeps be as fine as one likes: from a run with twice as many, by the order."""
+    """(n,) by which x would be another, could substeps be as fine as one likes: from a run with many more, by the order."""
     before = residuals(x)
     sizes = [(one.prepared.resolution.substeps, one.prepared.resolution.motor_substeps) for one in residuals.tracks]
     for track, (substeps, motor_substeps) in zip(residuals.tracks, sizes, strict=True):
-        track.resolve(2 * substeps, motor_substeps)
+        track.resolve(FINER * substeps, motor_substeps)
     after = residuals(x)
     for track, (substeps, motor_substeps) in zip(residuals.tracks, sizes, strict=True):
         track.resolve(substeps, motor_substeps)
     order = residuals.tracks[0].prepared.stepping.order
-    return np.asarray(-found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - 0.5**order))
+    return np.asarray(-found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - FINER**-order))
 
 
 def remarks(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
@@ -52,8 +54,9 @@ def remarks(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
     values, slopes = residuals.layout.values(x), residuals.layout.slopes(x)
     with np.errstate(invalid="ignore"):
         said = (np.abs(shift) > SAID * found.deviation) & (values != 0.0)
-    return [
-        f"{residuals.layout.entries[i].name} would be {percent(shift[i] * slopes[i] / values[i], '+')} another, outside its "
-        "interval, were substeps as fine as one likes: `substeps:` in the scenario sets them"
+    moved = ", ".join(
+        f"{residuals.layout.entries[i].name} by {percent(shift[i] * slopes[i] / values[i], '+')}"
         for i in np.flatnonzero(said).tolist()
-    ]
+    )
+    text = "estimates are for the substeps that runs take; as fine ones as one likes would move out of their intervals"
+    return [f"{text} {moved}: `substeps:` in the scenario sets them"] if moved else []

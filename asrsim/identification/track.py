@@ -23,6 +23,8 @@ from asrsim.simulation.prepare import prepare, resolution_of
 
 NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
 """Last parts of keys that are of recordings."""
+DIGITS = 3
+"""Of rad or m, in which people write where a joint begins."""
 STILL = 4.5
 """Deviations of the mean within which a recording begins where the scenario does."""
 
@@ -72,11 +74,15 @@ class Track:
         for j, joint in enumerate(self.evaluation.joints):
             channel = self._channel(joint, "link_position")
             found = None if channel is None else first_samples(channel)
-            if found is None:
+            if channel is None or found is None:
                 continue
             place, speed, place_error, speed_error = found
             moving = abs(speed) > STILL * speed_error
-            if abs(place - positions[j]) > STILL * place_error or moving:
+            if not moving:
+                place, place_error = min((place, place_error), at_rest(channel), key=lambda told: told[1])
+            # A start that is no round number was read off a recording, with its noise.
+            measured = positions[j] != round(positions[j], DIGITS) and not self.scenario.initial_equilibrium
+            if abs(place - positions[j]) > STILL * place_error or moving or measured:
                 positions[j] = place
                 self.uncertain.append(f"{joint}.initial_position")
                 if moving:

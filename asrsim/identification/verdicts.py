@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.intervals import Uncertainty, correlations
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.nulls import Combination, combinations
 from asrsim.identification.residuals import Residuals
@@ -25,6 +25,8 @@ CLOSE = 0.05
 """Relative half width of the 95 % interval up to which a parameter is identified."""
 HOPELESS = 10.0
 """The same from which on an interval tells nothing at all."""
+TOGETHER = 0.8
+"""Correlation beyond which an estimate is as sure as the other."""
 NONE = 1.0
 """The same from which on it cannot be told from none."""
 
@@ -81,6 +83,7 @@ def estimates(
     without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
     known = combinations(layout, x, found, free, residuals)
+    hidden = _hidden(layout, found, [i for i in free if not math.isnan(found.deviation[i])], coarse)
     result = []
     for i, entry in enumerate(layout.entries):
         value = float(values[i])
@@ -108,8 +111,8 @@ def estimates(
             reason = still.get(_joint(entry, tracks), "it cannot be told from none: its interval is as wide as itself")
             if not margin < HOPELESS:
                 low = high = math.nan
-        elif any(entry.parameter.key.startswith(f"{joint}.") for joint in coarse) and "friction" in entry.parameter.key:
-            verdict, reason = WITHHELD, "the encoder's steps hide how the joint sticks"
+        elif i in hidden:
+            verdict, reason = WITHHELD, hidden[i]
             low = high = math.nan
         elif margin >= CLOSE:
             verdict = WEAK
@@ -120,6 +123,20 @@ def estimates(
             )
         )  # fmt: skip
     return result, known
+
+
+def _hidden(layout: Layout, found: Uncertainty, free: Sequence[int], coarse: Sequence[str]) -> dict[int, str]:
+    """Entry -> why an encoder's steps keep its interval: friction of coarse joints, and damping that is told with it only."""
+    owners = {i: layout.entries[i].parameter.key.rpartition(".")[0] for i in free}
+    friction, damping = (
+        [i for i in free if owners[i] in coarse and what in layout.entries[i].parameter.key] for what in ("friction", "damping")
+    )
+    together = np.abs(correlations(found.covariance))
+    hidden = {
+        i: f"it goes with {layout.entries[j].name}, which the encoder's steps hide"
+        for j in friction for i in damping if owners[i] == owners[j] and together[i, j] > TOGETHER
+    }  # fmt: skip
+    return hidden | dict.fromkeys(friction, "the encoder's steps hide how the joint sticks")
 
 
 def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:

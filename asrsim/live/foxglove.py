@@ -45,6 +45,7 @@ class FoxgloveTransport:
             return Channel(name, schema=schema, message_encoding="cdr", context=self._context)
 
         self._channels = [channel(outlet.name, outlet.message) for outlet in interface.outlets if not outlet.latched]
+        self.wanted = [True] * len(self._channels)
         self._latched = {outlet.name: channel(outlet.name, outlet.message) for outlet in interface.outlets if outlet.latched}
         self._inlets = {inlet.name: (number, inlet.message) for number, inlet in enumerate(interface.inlets)}
         listener: Any = _Listener(self)

@@ -54,8 +54,12 @@ class ActuatorBlock:
     plugin_name: str = ""
     line: int | None = None
 
-    def values(self) -> dict[str, float]:
+    def values(self) -> Mapping[str, float]:
         """Parameter values by name."""
+        return self._values
+
+    @cached_property
+    def _values(self) -> dict[str, float]:
         return {name: parameter.value for name, parameter in self.parameters.items()}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import ENERGIES, EnergyMeter
-from asrsim.simulation.groups import spring_groups
+from asrsim.simulation.groups import Group, spring_groups
 from asrsim.simulation.inputs import grid
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substep import RAW
@@ -106,6 +107,7 @@ class Recorder:
         lacking = {kind: [name for name in names if name not in kind] for kind in kinds}
         self._lacking = {name: [j for j in range(n) if name in lacking[quantities[j]]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
+        self._limits = [_limits_of(group) for group in groups]
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
         self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
@@ -204,19 +206,24 @@ class Recorder:
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
         position = values["link_position"]
         counts.stop += _number((position <= self._lowest) | (position >= self._highest))
-        if "stiffness" in values:
-            counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
-        for group, _, _ in self._groups:
-            pick = group.pick
-            motors = range(1, group.motors + 1)
-            held = [np.abs(values[f"motor_{i}_torque"][pick]) >= group.value(f"motor_{i}_max_torque") for i in motors]
+        counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
+        for pick, torques, deflections in self._limits:
+            held = [np.abs(values[name][pick]) >= limit for name, limit in torques]
             if held:
-                counts.saturation[pick] += _number(np.any(held, axis=0))
-            if "max_deflection" in group.drives[0].values:
-                limit = group.value("max_deflection")
-                springs = [values[f"motor_{i}_position"][pick] for i in range(1, group.actuator.motors + 1)]
-                beyond = [np.abs(theta - values["link_position"][pick]) > limit for theta in springs]
-                counts.deflection[pick] += _number(np.any(beyond, axis=0))
+                counts.saturation[pick] += _number(reduce(np.logical_or, held))
+            beyond = [np.abs(values[name][pick] - position[pick]) > limit for name, limit in deflections]
+            if beyond:
+                counts.deflection[pick] += _number(reduce(np.logical_or, beyond))
+
+
+def _limits_of(group: Group) -> tuple[Any, list[tuple[str, Any]], list[tuple[str, Any]]]:
+    """What picks a group's joints, limits of its motors' torques (N m) and of its springs' deflections (rad), by the quantity
+    that is limited."""
+    torques = [(f"motor_{i}_torque", group.value(f"motor_{i}_max_torque")) for i in range(1, group.motors + 1)]
+    if "max_deflection" not in group.drives[0].values:
+        return group.pick, torques, []
+    most = group.value("max_deflection")
+    return group.pick, torques, [(f"motor_{i}_position", most) for i in range(1, group.actuator.motors + 1)]
 
 
 def _beyond(values: Array, limits: Array) -> Any:

@@ -156,7 +156,7 @@ class Simulation:
         """
         length = SHORTEST_CHUNK
         while length <= self.substep and length < self._chunk:
-            length *= 2
+            length *= 4
         length = min(length, self._chunk)
         return min(end, self.substep - self.substep % length + length)
 

@@ -41,7 +41,7 @@ def static_equilibrium() -> Iterator[Check]:
             chain(replace(LOAD, actuator=actuator, damping=0.065)),
             mode=3, references={"equilibrium_position": 0.8, "stiffness_preset": preset}, parameters=parameters, duration=4.0,
         )  # fmt: skip
-        values = result.robot.actuators[0].values() | parameters
+        values = {**result.robot.actuators[0].values(), **parameters}
         theta = ACTUATORS.get(actuator).motor_references(0.8, preset)
         error = abs(column(result, "link_position")[-1] - equilibrium(actuator, *theta, values))
         yield Check(name=f"static equilibrium, {name}", figure=error, bound=1e-12, unit="rad", source="tau_el(q) = m g l sin q")

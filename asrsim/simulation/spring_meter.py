@@ -1,0 +1,174 @@
+"""Energy of springs and motors: what the motors did, what was lost in them, and what they hold."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators.hysteresis import dahl_energies
+from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
+from asrsim.samples import Array
+from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group
+
+POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
+"""Columns of the raw record (:data:`asrsim.simulation.substep.RAW`)."""
+FLOWS = 7
+WORK, LOST, DAMPED, LINK, CUT, HEAT, LAGGED = range(FLOWS)
+"""Work of the motors, losses in them, by the link's damping, work on the link, taken by the effort limit, heat of windings,
+lost in hysteresis: J since the start."""
+MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position")
+"""Parameters of a motor that its balance needs, beside its greatest speed."""
+FULL = 1.0 - 1e-9
+"""Share of its greatest speed at which a motor is held."""
+
+Mean = Callable[[int], Array]
+"""Means over the steps (joints, n) of a column."""
+
+
+def change(values: Array) -> Array:
+    """From row to row: of arrays (joints, n + 1), (joints, n)."""
+    return values[:, 1:] - values[:, :-1]
+
+
+def _reaches(values: Array, ahead: Array, low: Any, high: Any) -> bool:
+    """Whether any of (joints, n) and (joints, 1) is at or beyond a limit; most motors have no stops."""
+    if not np.isfinite(low).any() and not np.isfinite(high).any():
+        return False
+    return any(bool((table >= high).any() or (table <= low).any()) for table in (values, ahead))
+
+
+class SpringMeter:
+    """Springs and motors of a group of joints; arrays are (joints, n), raw records (columns, joints, n + 1)."""
+
+    def __init__(self, group: Group, substep: float, ends: Any) -> None:
+        """ends: rows at which energies count."""
+        self.group = group
+        self._ends = ends
+        self.substep = substep
+        self._law = energy_over_arrays(group.actuator)
+        self._elastic = group.elastic
+        self._held = [np.zeros((len(group.drives), 1), dtype=bool) for _ in range(group.motors)]
+        """Whether each motor was held at the row before."""
+        self.electric = any(drive.electric_motors for drive in group.drives)
+        self._bristles = any(drive.hysteresis for drive in group.drives)
+        # Where motors have no dynamics their work follows from the energy's changes.
+        self._changes = not group.motors or group.actuator.adjuster
+        self._torques = over_arrays(group.actuator.elastic_torques)
+        self._motors = [
+            (
+                *(group.value(f"motor_{index}_{name}") for name in MOTOR_VALUES),
+                FULL * group.value(f"motor_{index}_max_velocity"),
+            )
+            for index in range(1, group.motors + 1)
+        ]
+
+    def twin(self) -> SpringMeter:
+        """The same, going on from here."""
+        twin = copy.copy(self)
+        twin._held = list(self._held)
+        return twin
+
+    def balance(
+        self, raw: Array, ahead: Array, mean: Mean, moved: Array, released: Array, cut: Array
+    ) -> tuple[Array, Array, Array, dict[int, Array]]:
+        """Work of the motors over the steps, energy in springs and in motors where it counts, and losses over the steps by
+        flow, all in J.
+
+        moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
+        """
+        flows: dict[int, Array] = {}
+        places = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
+        absorbed: Any = 0.0
+        pushed: Any = 0.0
+        if self._changes or self._bristles:
+            energy = self._energy(*places)
+            if self._bristles:
+                kept, flows[LAGGED], pushed = self._hysteresis(raw)
+                energy = energy + kept
+            absorbed = change(energy) + flows.get(LAGGED, 0.0)
+            stored = energy[:, self._ends]
+        else:
+            stored = self._energy(*(place[:, self._ends] for place in places))
+        if not self.group.motors:
+            return self._ideal(raw, cut, released + absorbed, pushed), stored, np.zeros_like(stored), flows
+        motors = [self._motor(index, raw, ahead, mean) for index in range(1, self.group.motors + 1)]
+        work, flows[LOST], kinetic = (reduce(np.add, parts) for parts in zip(*motors, strict=True))
+        if self.group.actuator.adjuster:
+            work = work + self._adjuster(raw, cut, mean(SPRING_1), absorbed, moved)
+        return work, stored, kinetic, flows
+
+    def _hysteresis(self, raw: Array) -> tuple[Array, Array, Array]:
+        """Energy in the springs' hysteresis, loss in it over the steps, and work of the motors' motion on it, in J."""
+        q, group = raw[POSITION], self.group
+        level, length = group.value("hysteresis_torque"), group.value("hysteresis_deflection")
+        plain = self._torques(q, raw[MOTOR_1], raw[MOTOR_2], self._elastic)
+        kept: Array = np.zeros_like(q)
+        lost = np.zeros_like(q[:, 1:])
+        pushed = np.zeros_like(lost)
+        for i, (motor, spring) in enumerate(((MOTOR_1, SPRING_1), (MOTOR_2, SPRING_2))[: group.actuator.motors]):
+            torque = raw[spring] - plain[i]
+            stored, loss = dahl_energies(torque, raw[motor] - q, level, length)
+            kept, lost = kept + stored, lost + loss
+            pushed += 0.5 * (torque[:, 1:] + torque[:, :-1]) * change(raw[motor])
+        return kept, lost, pushed
+
+    def heat(self, raw: Array) -> Array:
+        """J of the windings over the steps; raw: (columns, all joints, n + 1)."""
+        total: Any = 0.0
+        found = self.group.electricity(raw)
+        for i in range(1, self.group.motors + 1):
+            power = self.group.value(f"motor_{i}_resistance") * np.nan_to_num(found[f"motor_{i}_current"]) ** 2
+            total = total + 0.5 * self.substep * (power[:, 1:] + power[:, :-1])
+        return np.asarray(total)
+
+    def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
+        return self._law(q, theta_1, theta_2, self._elastic)
+
+    def _motor(self, index: int, raw: Array, ahead: Array, mean: Mean) -> tuple[Array, Array, Array]:
+        """Work of motor `index` and what it lost over the steps, and its kinetic energy where it counts, in J."""
+        base = MOTOR_1 if index == 1 else MOTOR_2
+        position, velocity = raw[base], raw[base + 1]
+        inertia, damping, low, high, fastest = self._motors[index - 1]
+        moved = change(position)
+        work = mean(base + 2)
+        work *= moved
+        lost = mean(base + 3)
+        lost += (damping / self.substep) * moved
+        lost *= moved
+        before = self._held[index - 1]
+        if before.any() or _reaches(position, ahead[base], low, high) or _reaches(velocity, ahead[base + 1], -fastest, fastest):
+            # A stop and a speed limit take what is left over: the shock, and the torque that they hold. A kick that a limit
+            # cuts short shows in its own row or in those beside it.
+            places = np.concatenate([position, ahead[base]], axis=1)
+            speeds = np.concatenate([velocity, ahead[base + 1]], axis=1)
+            held = (places >= high) | (places <= low) | (np.abs(speeds) >= fastest)
+            self._held[index - 1] = held[:, -3:-2]
+            near = held[:, :-2] | held[:, 1:-1] | held[:, 2:]
+            near[:, 1:] |= held[:, :-3]
+            near[:, :1] |= before
+            spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
+            lost = np.where(near, work - spring - change((0.5 * inertia) * (velocity * velocity)), lost)
+        speed = velocity[:, self._ends]
+        return work, lost, (0.5 * inertia) * (speed * speed)
+
+    def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Any) -> Array:
+        """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
+
+        In a step in which they jump (cut) their work is what the rest has absorbed, in J. pushed: their work on the hysteresis.
+        """
+        q, theta_1, theta_2 = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
+        middle = 0.5 * (q[:, :-1] + q[:, 1:])
+        before = self._energy(middle, theta_1[:, :-1], theta_2[:, :-1])
+        return np.asarray(np.where(cut, absorbed, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
+
+    def _adjuster(self, raw: Array, cut: Array, spring: Array, absorbed: Array, moved: Array) -> Array:
+        """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
+        q, theta, place = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
+        middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
+        work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
+        # In a step in which it jumps its work is what spring, link and motor have absorbed.
+        return np.asarray(np.where(cut, absorbed + spring * (moved - change(theta)), work))
