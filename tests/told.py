@@ -44,7 +44,7 @@ def _recorded(module: str) -> dict[str, list[str]]:
     """Test -> lines."""
     path, found = RECORDED / f"{module}.txt", dict[str, list[str]]()
     for part in path.read_text(encoding="utf-8").split("\n== ")[1:] if path.exists() else ():
-        name, *lines = part.removesuffix("\n").split("\n")
+        name, *lines = part.splitlines()
         found[name] = lines
     return found
 
