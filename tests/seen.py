@@ -32,7 +32,7 @@ TILES = 12
 
 def steady(text: str, folder: Path) -> list[str]:
     """Lines of a text without what differs from run to run."""
-    text = text.replace(str(folder), "FOLDER")
+    text = text.replace(str(folder), "FOLDER").replace(str(Path(__file__).parents[1]), "PROJECT")
     for pattern, word in CHANGING:
         text = pattern.sub(word, text)
     return text.splitlines()

@@ -93,6 +93,18 @@ def test_a_fit_is_drawn_with_its_covariance(tmp_path):
     np.testing.assert_allclose(study.table.mean(axis=0), [2, 3], atol=0.01)
 
 
+def test_a_fit_of_logarithms_is_drawn_above_0_and_what_it_leaves_out_is_known():
+    told = [{"key": "a.x", "verdict": "weak"}, {"key": "a.z", "verdict": "only as ratio"}]
+    fit = {"keys": ["a.x", "a.y"], "mean": [np.log(2.0), 3.0], "covariance": [[0.25, 0.1], [0.1, 0.09]], "estimates": told}
+    study = study_of({}, samples=20_000, fit={**fit, "logarithmic": [True, False]})
+    drawn = np.column_stack([np.log(study.table[:, 0]), study.table[:, 1]])
+    np.testing.assert_allclose(np.cov(drawn.T), fit["covariance"], atol=0.01)
+    np.testing.assert_allclose(drawn.mean(axis=0), fit["mean"], atol=0.02)
+    assert study.joint.left_out == ("a.z (only as ratio)",)
+    with pytest.raises(InputError, match="logarithmic"):
+        study_of({}, samples=20, fit={**fit, "logarithmic": [True]})
+
+
 def test_a_faulty_law_is_told_of_alone():
     with pytest.raises(InputError) as caught:
         study_of({"joint_1.damping": "uniform(0,)"}, samples=5)

@@ -64,18 +64,16 @@ def identify(
         SimulationError: The motion is not sane at the start.
     """
     task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
+    teller = Teller(progress, stop)
     with ExitStack() as stack:
+        teller.stage("reading and preparing")
         setup, count = set_up(task, stack), cores() if workers is None else workers
         pool = Pool(task, stack.enter_context(executor(count, task.plugins)) if count > 1 else None)
-        return _identify(setup, pool, progress, stop, begin or {}, check=check, profiled=profiled)
+        return _identify(setup, pool, teller, begin or {}, check=check, profiled=profiled)
 
 
-def _identify(
-    setup: Setup, pool: Pool, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None,
-    begin: Mapping[str, float], *, check: bool, profiled: bool,
-) -> Result:  # fmt: skip
+def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, float], *, check: bool, profiled: bool) -> Result:
     task, layout = setup.task, setup.layout
-    teller = Teller(progress, stop)
     counter = Counter(tell=teller.tick)
     teller.counter = counter
     weights = [[Weights(c.floor) for c in track.channels] for track in setup.tracks]
@@ -95,7 +93,9 @@ def _identify(
         try:
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
-            search(residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.stage)
+            search(
+                residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt
+            )  # fmt: skip
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
                 if not followed(residuals, best.x):
