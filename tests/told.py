@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 RECORDED = ROOT / "tests" / "seen" / "told"
 ANEW = frozenset(os.environ.get("ASRSIM_RECORD", "").split(","))
 """Modules that are recorded."""
-PASSING = re.compile(r"/tmp/[^\s'\",:;)]*|0x[0-9a-f]{6,}")
+PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}")
 """Places of one run."""
 LONGEST = 240
 """Characters of a line that are kept."""
@@ -44,7 +44,7 @@ def _recorded(module: str) -> dict[str, list[str]]:
     """Test -> lines."""
     path, found = RECORDED / f"{module}.txt", dict[str, list[str]]()
     for part in path.read_text(encoding="utf-8").split("\n== ")[1:] if path.exists() else ():
-        name, *lines = part.splitlines()
+        name, *lines = filter(None, part.splitlines())
         found[name] = lines
     return found
 
