@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from asrsim.cli.app import app
 from asrsim.errors import RecordingError
+from asrsim.identification import read_task
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
 from asrsim.scenario import Scenario, check_against_robot, load_scenario
@@ -61,6 +62,17 @@ def test_commands_in_stairs_are_held(tmp_path: Path) -> None:
     signal = scenario.references["joint_1"]["equilibrium_position"]
     assert signal.values(np.array([0.195]))[0] == 0.05
     assert 0.2 in signal.jumps(0.0, 1.0)
+
+
+def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_path: Path) -> None:
+    robot, recording = EXAMPLES / "dof2_vertical.urdf", EXAMPLES.parent / "recordings" / "two_joints.csv"
+    write_from_recording(robot, recording, tmp_path / "s.yaml")
+    task = read_task(tmp_path / "s.fit.yaml")
+    assert [key for key in task.free if "motor" in key and "joint_2" in key] == []
+    assert "joint_1.reference_1.delay" in task.free
+    ties = {tie.key: tie.to for tie in task.ties}
+    assert ties["joint_2.motor_1_*"] == ties["joint_2.motor_2_*"] == "joint_1.motor_1_*"
+    assert ties["joint_2.reference_1.delay"] == "joint_1.reference_1.delay"
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,14 @@ def test_sound_robots_are_not_doubted() -> None:
         assert not codes(load_robot(path).warnings) & doubted, path
 
 
+def test_an_inertia_that_is_rounding_is_zero(tiny) -> None:
+    """iCub's links have moments of -5e-20 kg m^2, as CAD wrote them; -1e-3 is a mistake (tests of bad input)."""
+    old = 'ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"'
+    robot = changed(tiny, (old, 'ixx="-5.4e-20" ixy="0" ixz="0" iyy="1e-18" iyz="0" izz="0"'))
+    assert (0.0,) * 6 in [link.inertia for link in robot.links]
+    assert "zero-inertia" in codes(robot.warnings)
+
+
 @pytest.mark.parametrize("value", ["1e308", "1e13", "-1e300", "1e-308", "5e-324"])
 @pytest.mark.parametrize("tag", ["spring_k", "max_def", "mot_J", "mot_D", "ctrl_P", "mot_tauMax"])
 def test_parameters_that_cannot_be_calculated_with_are_refused(tag: str, value: str, tiny) -> None:

@@ -20,6 +20,8 @@ CHANCE = 6.0
 """Chi squared that noise alone gives to a few directions."""
 NICE, NICER = 1.5, 2e-3
 """How many times wider, and by how much more, the interval of a simpler form may be."""
+HIGHEST = 8.0
+"""Power in a combination, at most."""
 NEARLY = 0.02
 """By which a power may be off a whole number."""
 SWAY = 0.7
@@ -124,6 +126,9 @@ def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Arr
     names = [told.layout.entries[told.free[i]].name for i in (other, pivot)]
     numbers = [float(told.values[told.free[i]]) for i in (other, pivot)]
     text, value, factor = _shown(names, numbers, best[1])
+    # What is written the other way round is less sure; high powers are of what is nearly known alone.
+    if best[0] * factor > UNKNOWN or max(abs(best[1]), 1.0 / abs(best[1])) > HIGHEST:
+        return None
     return Combination(text, value, best[0] * factor, (told.free[other], told.free[pivot]))
 
 

@@ -14,6 +14,7 @@ from asrsim.recordings.checks import wrong_unit
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
+from asrsim.recordings.unstated import beyond_stops
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
 from asrsim.robot.mounting import reference_names
 from asrsim.signals.playback import Playback, since
@@ -83,6 +84,8 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
+    if not any(problem.code == "unstated-unit" for problem in recording.findings):
+        remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
     lag, end = _span(columns)
     modes: dict[str, int] = {}
     played: list[Played] = []
