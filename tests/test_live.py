@@ -32,7 +32,7 @@ class Script:
     def __init__(self, messages, calls=()):
         self.messages, self.calls = list(messages), dict(calls)
         """Received, or a function of the interface that makes it; poll -> (service, flag)."""
-        self.heard, self.polls, self.closed, self.answers = [], 0, False, []
+        self.heard, self.polls, self.closed, self.answers, self.notices = [], 0, False, [], []
 
     def make(self, interface, access):
         self.interface = interface

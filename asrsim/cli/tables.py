@@ -24,7 +24,7 @@ def escape(text: str) -> str:
     return markup.escape(shown(text))
 
 
-def print_reports(reports: Sequence[FileReport], *, quiet: bool = False) -> None:
+def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
     """Tables (unless quiet) and problems of every file; unless quiet, one closing line."""
     console = Console(highlight=False)
     for report in reports:

@@ -17,7 +17,7 @@ from asrsim.workers import Executor, in_order
 if TYPE_CHECKING:
     from asrsim.identification.residuals import Residuals
 
-LONG = 5.0
+LONG = 12.0
 """s of evaluations after which a fit is so long that it pays to make processes ready."""
 
 

@@ -37,6 +37,8 @@ class Counter:
 
     evaluations: int = 0
     seconds: float = 0.0
+    cost: float = np.inf
+    """Mean square of the present search's best residuals."""
     tell: Callable[[], None] | None = None
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from asrsim.identification.result import Result
 from asrsim.identification.told import percent
-from asrsim.identification.verdicts import Estimate
+from asrsim.identification.verdicts import HOPELESS, Estimate
+from asrsim.robot.model import INERTIAS
 
 CORRELATED = 0.95
 """From which on two estimates are named as correlated."""
@@ -83,21 +84,27 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
 
 def advice(result: Result) -> Iterator[str]:
     """What to move more, for parameters that are not well known."""
+    wanted: dict[str, list[str]] = {}
     for one in result.estimates:
-        if one.verdict in ("identified", "at bound"):
-            continue
-        name = one.key.rpartition(".")[2]
-        joint = one.key.rpartition(".")[0]
-        if "friction" in name:
-            yield f"{one.name}: turn slowly, and reverse often: friction shows at low speed"
-        elif "damping" in name:
-            yield f"{one.name}: move fast and let swing out: damping shows at high speed"
-        elif name.startswith("hysteresis"):
-            yield f"{one.name}: deflect {joint} to and fro, far and little, slowly: hysteresis shows where the motion turns"
-        elif name.startswith(("spring", "max_deflection", "lever", "pulley")):
-            yield f"{one.name}: deflect {joint} more, by loads or fast reversals, and at several presets"
-        elif "inertia" in name or name == "mass" or name.startswith("i"):
-            yield f"{one.name}: accelerate more: steps and chirps at higher frequencies"
+        if one.verdict not in ("identified", "at bound"):
+            wanted.setdefault(_movement(one.key), []).append(one.name)
+    yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items() if text)
+
+
+def _movement(key: str) -> str:
+    """That shows a parameter."""
+    joint, _, name = key.rpartition(".")
+    if "friction" in name:
+        return "turn slowly, and reverse often: friction shows at low speed"
+    if "damping" in name:
+        return "move fast and let swing out: damping shows at high speed"
+    if name.startswith("hysteresis"):
+        return f"deflect {joint} to and fro, far and little, slowly: hysteresis shows where the motion turns"
+    if name.startswith(("spring", "max_deflection", "lever", "pulley")):
+        return f"deflect {joint} more, by loads or fast reversals, and at several presets"
+    if "inertia" in name or name in ("mass", *INERTIAS):
+        return "accelerate more: steps and chirps at higher frequencies"
+    return ""
 
 
 def correlated(result: Result) -> Iterator[tuple[str, str, float]]:
@@ -119,7 +126,7 @@ def _interval(one: Estimate) -> str:
 
 
 def _margin(one: Estimate) -> str:
-    return "-" if math.isnan(one.low) or not one.value else percent(one.margin)
+    return "-" if math.isnan(one.low) or not one.margin < HOPELESS else percent(one.margin)
 
 
 def _number(value: float) -> str:

@@ -55,7 +55,7 @@ class Holding:
     """s, of that instant."""
     scale: float
     """rad or m, against which a sag of this joint is great or small: a short travel, 1 rad, or `SLIDING`."""
-    droop: float = 0.0
+    droop: float
     """rad or m of the sag that is the motors', whose controllers give way in proportion to the load."""
 
     @property

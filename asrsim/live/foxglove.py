@@ -39,6 +39,7 @@ class FoxgloveTransport:
         self._messages: deque[tuple[str, str, bytes]] = deque()
         self._errands: deque[Callable[[], None]] = deque()
         self.lost = 0
+        self.notices: list[str] = []
 
         def channel(name: str, message: str) -> Any:
             schema = Schema(name=schema_name(message), encoding="ros2msg", data=schema_text(message).encode())

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError
+from asrsim.live.departed import dismiss
 from asrsim.live.fastdds import folders_with, settings
 from asrsim.live.transport import Access, Interface, Received
 
@@ -21,6 +22,10 @@ MOST = 1000
 SERVICES_EVERY = 0.02
 """s between looks at services, parameters, and who listens."""
 MOST_PUBLISHERS = 1000
+SLOW, SLOW_TIMES = 50e-6, 20
+"""s a message and times in a row that make one look for peers that no longer read."""
+SUSPICIONS_EVERY = 1.0
+"""s between such looks, which take milliseconds."""
 
 
 class RosTransport:
@@ -28,6 +33,8 @@ class RosTransport:
 
     def __init__(self, interface: Interface, access: Access) -> None:
         self.lost = 0
+        self.notices: list[str] = []
+        self._slow, self._suspected = 0, 0.0
         self._interface = interface
         with settings(network=access.network):
             self._context, self._node = self._begin(load_rclpy(), access)
@@ -132,9 +139,12 @@ class RosTransport:
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """See :class:`asrsim.live.transport.Transport`."""
+        begun = clock.perf_counter()
         for send, message, wanted in zip(self._raw, messages, self.wanted, strict=True):
             if wanted and message:
                 send(message)
+        slow = clock.perf_counter() - begun > SLOW * max(sum(self.wanted), 1)
+        self._slow = self._slow + 1 if slow else 0
 
     def poll(self) -> Iterator[Received]:
         """See :class:`asrsim.live.transport.Transport`."""
@@ -151,6 +161,11 @@ class RosTransport:
             self._looked = now
             self._answer()
             self.wanted = self._listened_to()
+            if self._slow >= SLOW_TIMES and now - self._suspected > SUSPICIONS_EVERY:
+                self._suspected = now
+                names = ", ".join(dismiss(self._node, [outlet.name for outlet in self._interface.outlets]))
+                if names:
+                    self.notices.append(f"killed or stopped, and forgotten until they come back: {names}")
 
     def _read(self, number: int, kind: Any, data: bytes) -> Received:
         name = self._interface.inlets[number].message

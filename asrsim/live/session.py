@@ -184,8 +184,7 @@ class Session:
             self._single -= 1
             steps = 1
         left = round((self.settings.duration or FOREVER) / step) - self._steps_done
-        steps = min(steps, left)
-        if steps > 0:
+        if (steps := min(steps, left)) > 0:
             late = self.pace.wait(steps * step)
             self._listen()
             behind = self.episode.behind
@@ -199,9 +198,8 @@ class Session:
         """Go on by whole steps, to one substep beyond: with it the whole step's record is complete."""
         before = self._steps_done
         while self._steps_done < before + steps or self.simulation.row is None:
-            wanted = min(before + steps, (self._steps_done // self._publish_steps + 1) * self._publish_steps)
-            if self.simulation.row is None:
-                wanted = 0
+            due = (self._steps_done // self._publish_steps + 1) * self._publish_steps
+            wanted = 0 if self.simulation.row is None else min(before + steps, due)
             self.simulation.advance_to(wanted * self.simulation.substeps + 1)
             self._steps_done = wanted
             if wanted % self._publish_steps == 0 and self.transports:
@@ -256,9 +254,9 @@ class Session:
         return summary
 
     def _notices(self) -> None:
-        for text in self.gate.notices:
-            self._tell(text)
-        self.gate.notices.clear()
+        for notices in (self.gate.notices, *(transport.notices for transport in self.transports)):
+            while notices:
+                self._tell(notices.pop(0))
 
     def figures(self) -> dict[str, Any]:
         """Lateness, load and commands so far, as plain values."""

@@ -97,6 +97,8 @@ class Transport(Protocol):
     """For people: where it is to be found."""
     wanted: Sequence[bool]
     """Whether anybody listens to the outlets that are not latched, in their order; another sequence when that changes."""
+    notices: list[str]
+    """Sentences to be said; whoever says them takes them away."""
     lost: int
     """Commands that were lost on the way, as far as one can tell."""
 

@@ -34,19 +34,23 @@ def fit_text(
         "# validate: [another.csv]     # without one, the last quarter of each recording is held out",
         "free:                         # key: start, or {start: 1, low: 0.5, high: 2}; nothing: the robot's",
         *_free(plan),
-        *_ties(plan.robot),
+        *_ties(plan),
     ]
     return "\n".join(lines) + "\n"
 
 
 def _free(plan: Plan) -> Iterator[str]:
+    twins = _twins(plan.robot)
     for block in plan.robot.actuators:
         mode, joint = MODES[block.mode], plan.robot.joint(block.joint)
         yield f"  # {block.joint}: {ACTUATORS.get(block.actuator).title}, mode {mode.number} ({mode.name})"
         for name in _of_spring(block) if mode.spring else ():
             yield f"  {word(f'{block.joint}.{name}')}:"
-        for name in ("inertia", "damping", "friction_torque") if mode.motor else ():
-            yield f"  {word(f'{block.joint}.motor_1_{name}')}:"
+        if mode.motor and block.joint not in twins:
+            for name in ("inertia", "damping", "friction_torque"):
+                yield f"  {word(f'{block.joint}.motor_1_{name}')}:"
+            key = word(f"{block.joint}.motor_1_friction_stiffness")
+            yield f"  # {key}:    # N m/rad, by which a motor gives way before it slides"
         for name in NEEDED[mode.command]:
             key = word(f"{block.joint}.motor_1_{name}")
             yield f"  # {key}:    # scales all torques: free it where an inertia or gravity is known"
@@ -68,9 +72,8 @@ def _free(plan: Plan) -> Iterator[str]:
         if mode.spring:
             yield f"  # {word(f'{block.joint}.hysteresis_torque')}: 0.05   # N m, springs that lag; with hysteresis_deflection"
         yield f"  # {word(f'{block.joint}.stribeck_friction')}: 0.05   # N m, static above Coulomb's; with stribeck_velocity"
-    for one in plan.played:
-        if one.slot == 0:
-            yield f"  # {one.joint}.reference_1.delay:    # s, of the command on its way to the motor"
+    for key in _delays(plan)[:1]:
+        yield f"  {key}:    # s, of commands on their way to the motors"
     for joint_name, column in plan.compared:
         if str(column.quantity).endswith("position"):
             yield f"  # {joint_name}.{column.quantity}.offset:    # what the sensor reads at zero"
@@ -82,16 +85,42 @@ def _of_spring(block: ActuatorBlock) -> Iterator[str]:
             yield parameter.name
 
 
-def _ties(robot: Robot) -> Iterator[str]:
-    """Both sides of an antagonistic actuator are alike."""
-    found = []
+def _delays(plan: Plan) -> list[str]:
+    """Keys of what is sent to controllers and motors; torques on links, and motors that are played, are measured."""
+    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
+    return [
+        word(f"{one.joint}.{one.column.quantity}.delay")
+        for one in plan.played
+        if str(one.column.quantity).startswith("reference") and (modes[one.joint].motor or modes[one.joint].controller)
+    ]
+
+
+def _twins(robot: Robot) -> dict[str, str]:
+    """Joint -> an earlier one whose motors have the same numbers: of the same make."""
+    first: dict[object, str] = {}
+    twins = {}
     for block in robot.actuators:
+        motors = {name: p.value for name, p in block.parameters.items() if name.startswith("motor_")}
+        made = first.setdefault((block.actuator, block.mode, tuple(sorted(motors.items()))), block.joint)
+        if made != block.joint:
+            twins[block.joint] = made
+    return twins
+
+
+def _ties(plan: Plan) -> Iterator[str]:
+    """Both sides of an antagonistic actuator are alike, motors of one make are, and all commands are as late."""
+    found, twins = [], _twins(plan.robot)
+    for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
         names = {parameter.name for parameter in actuator.parameters}
         pairs = [name[:-2] for name in names if name.endswith("_2") and f"{name[:-2]}_1" in names] if mode.spring else []
         found += [f"  {word(f'{block.joint}.{name}_2')}: {block.joint}.{name}_1" for name in pairs]
-        if mode.motor and actuator.motors > 1:
-            found.append(f"  {word(f'{block.joint}.motor_2_*')}: {block.joint}.motor_1_*")
+        twin = twins.get(block.joint, block.joint)
+        for i in range(1, actuator.motors + 1) if mode.motor else ():
+            if (block.joint, i) != (twin, 1):
+                found.append(f"  {word(f'{block.joint}.motor_{i}_*')}: {twin}.motor_1_*")
+    first, *others = _delays(plan) or [""]
+    found += [f"  {key}: {first}" for key in others]
     if found:
-        yield "ties:                         # key: other key, or 0.5 * other key; here: both motors and springs are alike"
+        yield "ties:                         # key: other key, or 0.5 * other key; here: what is of one make is alike"
         yield from sorted(found)
