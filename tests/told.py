@@ -22,8 +22,10 @@ from asrsim.errors import Problem
 
 ROOT = Path(__file__).parents[1]
 RECORDED = ROOT / "tests" / "seen" / "told"
-PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}")
+PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./|[^\s'\"]*/shared/)[^\s'\",:;)]*|0x[0-9a-f]{6,}")
 """Places of one run."""
+CALLED = re.compile(r"python -m (?:pytest\.)?asrsim")
+"""The command's name follows from how pytest was called."""
 LONGEST = 240
 """Characters of a line that are kept."""
 MOST = 40
@@ -75,7 +77,7 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Problem, "__init__", told)
     yield
-    text = "\n".join(_heard).replace(str(ROOT), "ROOT")
+    text = CALLED.sub("asrsim", "\n".join(_heard).replace(str(ROOT), "ROOT"))
     lines = [PASSING.sub("PLACE", line)[:LONGEST] for line in steady(text, folder)]
     lines = list(dict.fromkeys(line for line in lines if line.strip()))[:MOST]
     if anew:
