@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from asrsim import identify
 from asrsim.identification.intervals import with_faint_directions
 from asrsim.identification.noise import quantum_of
 
@@ -45,3 +48,54 @@ def test_a_fast_motion_never_stands_still_on_the_steps_of_its_encoder(noise: flo
     values = 0.8 * np.sin(6.0 * time) + noise * quantum * np.random.default_rng(0).normal(size=len(time))
     found = quantum_of(quantum * np.round(values / quantum))
     assert found == (pytest.approx(quantum) if told else 0.0)
+
+
+AXIS = """<robot name="axis"><link name="world"/>
+  <joint name="motor" type="prismatic"><parent link="world"/><child link="carriage"/><axis xyz="1 0 0"/>
+    <limit effort="1e5" velocity="100" lower="-1" upper="1"/><dynamics damping="1000" friction="10"/></joint>
+  <link name="carriage"><inertial><mass value="200"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+  </link>
+</robot>
+"""
+
+
+def locked_joint(folder: Path) -> Path:
+    """A motor against its spring whose far end is locked, under a chirp of force: 360 kg, 3.5e5 N/m, 2200 N s/m, 30 N, by an
+    integration of its own."""
+    mass, stiffness, damping, friction = 360.0, 3.5e5, 2200.0, 30.0
+    step, every, rate = 2e-5, 100, math.log(12.0 / 0.1) / 20.0
+    x = v = 0.0
+    rows = []
+    for k in range(20 * 50_000 + 1):
+        force = 500.0 * math.sin(2.0 * math.pi * 0.1 * math.expm1(rate * k * step) / rate)
+        if k % every == 0:
+            rows.append((k * step, force, x))
+        slid = v + step * (force - stiffness * x - damping * v) / mass
+        most = step * friction / mass
+        v = 0.0 if abs(slid) < most else slid - math.copysign(most, slid)
+        x += step * v
+    table, generator = np.array(rows), np.random.default_rng(1)
+    table[:, 1] += generator.normal(size=len(table))
+    table[:, 2] = 2e-6 * np.round((table[:, 2] + 1e-6 * generator.normal(size=len(table))) / 2e-6)
+    np.savetxt(folder / "chirp.csv", table, delimiter=",", header="Time (s),Force (N),Position (m)", comments="", fmt="%.8g")
+    (folder / "axis.urdf").write_text(AXIS)
+    (folder / "lab.yaml").write_text("robot: axis.urdf\nduration: 20\nactuators: {motor: {type: sea, mode: 0}}\n")
+    return folder / "lab.yaml"
+
+
+@pytest.mark.slow
+def test_a_locked_joint_lacks_its_spring_and_has_published_numbers_with_it(tmp_path: Path) -> None:
+    scenario = locked_joint(tmp_path)
+    maps = ["Force (N)=motor.reference_1 [N]", "Position (m)=motor.link_position [m]"]
+    free = ["motor.damping", "motor.friction", "carriage.mass"]
+    without = identify(scenario, [tmp_path / "chirp.csv"], free=free, mapping=maps)
+    assert not without.fits
+    assert any("a spring of motor's own (3.5" in text for text in without.causes)
+    found = identify(scenario, [tmp_path / "chirp.csv"], free=[*free, "motor.passive_stiffness=1e5"], mapping=maps)
+    assert found.fits
+    # Runs with a step of a millisecond would be further off than the sensor.
+    assert found.substeps["substeps"] > 1
+    for key, true in (("carriage.mass", 360.0), ("motor.damping", 2200.0), ("motor.passive_stiffness", 3.5e5)):
+        assert found.find(key).value == pytest.approx(true, rel=2e-3)
+    for key in ("carriage.mass", "motor.damping", "motor.friction", "motor.passive_stiffness"):
+        assert found.find(key).verdict == "identified"

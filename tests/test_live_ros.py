@@ -15,6 +15,7 @@ import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -73,6 +74,18 @@ def test_a_middleware_that_is_not_there_is_refused(tmp_path, monkeypatch):
 PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
+@pytest.mark.parametrize(("free", "transports"), [(2**30, ["memory", "udp"]), (2**12, ["udp"])])
+def test_memory_is_shared_where_there_is_room(monkeypatch, free, transports):
+    monkeypatch.delenv(PROFILES, raising=False)
+    monkeypatch.delenv("LD_LIBRARY_PATH", raising=False)
+    monkeypatch.delitem(sys.modules, "rclpy", raising=False)
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=free))
+    with settings(network=False):
+        root = ElementTree.parse(os.environ[PROFILES]).getroot()
+    (users,) = (element for element in root.iter() if element.tag.endswith("}userTransports"))
+    assert [element.text for element in users] == transports
+
+
 @pytest.mark.parametrize("network", [False, True])
 def test_fast_dds_is_told_where_to_listen_unless_the_user_did(tmp_path, monkeypatch, network):
     for name in (PROFILES, RANGE, "LD_LIBRARY_PATH"):
@@ -84,7 +97,6 @@ def test_fast_dds_is_told_where_to_listen_unless_the_user_did(tmp_path, monkeypa
         assert os.environ.get(RANGE) == (None if network else "SYSTEM_DEFAULT")
     said = {element.tag.rpartition("}")[2]: element for element in root.iter()}
     assert said["useBuiltinTransports"].text == "false"
-    assert [element.text for element in root.iter() if element.tag.endswith("}type")] == ["SHM", "UDPv4"]
     assert ("interfaceWhiteList" in said) == ("initialPeersList" in said) == (not network)
     assert set(os.environ).isdisjoint({PROFILES, RANGE})
     assert not path.exists()

@@ -124,6 +124,15 @@ def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: 
     assert ("overview" in names) == (joints >= 5)
 
 
+def test_an_overview_says_where_a_joint_has_another_unit_than_its_row_and_over_no_neighbour(tmp_path: Path):
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=7, count=50, sliders={2, 3, 4, 7}))
+    overview = next(page for page in run_pages([run]) if page.name == "overview")
+    shown = [(axes.get_ylabel(), axes.get_title(loc="left")) for axes in overview.figure.axes if axes.get_visible()]
+    assert [label for label, _ in shown] == ["position (rad)", "", "", "position (m)", "", "", "position (m)"]
+    titles = ["joint_1", "joint_2 (m)", "joint_3 (m)", "joint_4", "joint_5 (rad)", "joint_6 (rad)", "joint_7"]
+    assert [title for _, title in shown] == titles
+
+
 def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
     runs = distinct_labels([read_curves(made_up_log(tmp_path / v / "log.mcap", joints=2, variant=v)) for v in ("a", "b")])
     page = next(iter(run_pages(runs)))

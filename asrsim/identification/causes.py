@@ -1,4 +1,6 @@
-"""What a model that does not fit may lack: delays, zeros, ties that are none, springs of another law, hysteresis."""
+"""What a model that does not fit may lack: delays, zeros, springs of joints, ties that are none, springs of another law,
+hysteresis.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +43,8 @@ class _Cause:
     flags: str
     layout: Layout
     """With it as its last entry."""
-    begin: float
-    """Where its search begins."""
+    begin: float | None
+    """Where its search begins; None: where slopes say."""
 
 
 def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
@@ -54,8 +56,9 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     while len(texts) < CAUSES and cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
         here = residuals.under(layout)
         slopes = np.linalg.qr(here.jacobian(places[0]))[0]
-        hopeful = [cause for cause in _causes(residuals, layout, places[0]) if _promises(residuals, cause, places[0], slopes)]
-        trials = [_tried(residuals, cause, places) for cause in hopeful]
+        causes = list(_causes(residuals, layout, places[0]))
+        promised = [_promised(residuals, cause, places[0], slopes) for cause in causes]
+        trials = [_tried(residuals, cause, places, step) for cause, step in zip(causes, promised, strict=True) if step]
         if not trials:
             break
         least, there, cause = min(trials, key=lambda one: one[0])
@@ -66,7 +69,7 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         # Times and zeros are small.
         size = f"{1e3 * value:.3g} m{unit}" if cause.flags.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
         texts.append(f"{cause.text} ({size.strip()})")
-        flags.append(cause.flags)
+        flags.append(cause.flags.replace("START", f"{value:.4g}"))
         layout, places, cost = cause.layout, [there], least
     if not texts or cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
         return []
@@ -74,8 +77,10 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     return [f"{' and '.join(texts)} {verb} the error to {percent((cost / base) ** 0.5)} ({' '.join(flags)})"]
 
 
-def _promises(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) -> bool:
-    """Whether a cause, beside all that is free (slopes (m, n), orthonormal), explains a part of the error, if slopes hold."""
+def _promised(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) -> float:
+    """What a cause, beside all that is free (slopes (m, n), orthonormal), would be, if slopes hold; 0 where it explains nothing
+    of the error.
+    """
     trial = residuals.under(cause.layout)
     x = np.append(place, 0.0)
     base = trial(x)
@@ -83,15 +88,16 @@ def _promises(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) 
     step[-1] = 1e-3
     slope = (trial(x + step) - base) / 1e-3
     slope -= slopes @ (slopes.T @ slope)
-    return float(slope @ base) ** 2 > HOPE * float(slope @ slope) * float(base @ base)
+    along, size = float(slope @ base), float(slope @ slope)
+    return -along / size if along**2 > HOPE * size * float(base @ base) else 0.0
 
 
-def _tried(residuals: Residuals, cause: _Cause, places: list[Array]) -> tuple[float, Array, _Cause]:
+def _tried(residuals: Residuals, cause: _Cause, places: list[Array], promised: float) -> tuple[float, Array, _Cause]:
     """Mean square error and vector with a cause free, the best from several places."""
-    trial = residuals.under(cause.layout)
+    trial, begin = residuals.under(cause.layout), promised if cause.begin is None else cause.begin
     best: tuple[float, Array, _Cause] | None = None
     for place in places:
-        there = solve(trial, np.append(place, cause.begin), loss="linear", rounds=25, tolerance=1e-4)
+        there = solve(trial, np.append(place, begin), loss="linear", rounds=25, tolerance=1e-4)
         cost = float(np.mean(trial(there) ** 2))
         if best is None or cost < best[0]:
             best = cost, there, cause
@@ -115,6 +121,11 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
         if key.endswith("position") and f"{key}.offset" not in free:
             parameter = Parameter(key=f"{key}.offset", unit=unit, start=0.0)
             yield _Cause(f"a zero offset of {key}", f"--free {key}.offset", _extended(layout, parameter), 0.0)
+    for drive in residuals.tracks[0].prepared.drives:
+        key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
+        if drive.joint.spring_stiffness == 0.0 and key not in free and not (drive.mode and drive.mode.spring):
+            parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
+            yield _Cause(f"a spring of {drive.name}'s own", f"--free {key}=START", _extended(layout, parameter), None)
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
         entry = next((one for one in layout.entries if one.parameter.key == tie.to and one.track is None), None)

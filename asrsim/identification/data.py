@@ -204,13 +204,17 @@ def _channels(
         )  # fmt: skip
         raise RecordingError(problem)
     computed = computed_columns(plan.recording, [column for _, column in possible.values()])
-    ideal = {block.joint for block in plan.robot.actuators if not MODES[modes.get(block.joint, block.mode)].motor}
+    acting = {block.joint: MODES[modes.get(block.joint, block.mode)] for block in plan.robot.actuators}
     for key, (joint, column) in possible.items():
         quantity = str(column.quantity)
         if wanted and key not in wanted:
             continue
-        if quantity.startswith(("motor", "friction", "equilibrium")) and joint in ideal and key not in wanted:
+        mode = acting.get(joint)
+        if mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")) and key not in wanted:
             remarks.append(f"{key} is not compared: in this mode motors stand at their references")
+            continue
+        if mode and not mode.spring and quantity.startswith(("elastic", "deflection")) and key not in wanted:
+            remarks.append(f"{key} is not compared: mode {mode.number} ({mode.name}) has no spring")
             continue
         if column.source in computed and key not in wanted:
             remarks.append(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,6 +58,8 @@ class Best:
     """Searches that ended as near as the best."""
     held: frozenset[str] = frozenset()
     """Commands that were played as stairs."""
+    substeps: Mapping[str, int] = field(default_factory=dict)
+    """As a scenario has them, where recordings are more exact than runs' own."""
 
     def offer(self, found: Found) -> None:
         """Another end."""

@@ -102,7 +102,7 @@ class InverseTrack(Track):
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
         """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
-        _q, v, _a = self._motion
+        q, v, _a = self._motion
         joints = self.evaluation.joints
         try:
             changes = physical(self.prepared.robot, numbers_of(values))
@@ -113,6 +113,7 @@ class InverseTrack(Track):
         for j, joint in enumerate(joints):
             one = robot.joint(joint)
             needed[:, j] += one.damping * v[:, j] + one.friction * self._signs[:, j]
+            needed[:, j] += one.spring_stiffness * (q[:, j] - one.spring_reference)
             if (torque := self._torques.get(f"{joint}.{EXTERNAL}")) is not None:
                 needed[:, j] -= torque
         predicted = []

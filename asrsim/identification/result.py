@@ -52,6 +52,8 @@ class Result:
     """Whether the estimates are from whole recordings, the part too that had been held out."""
     stairs: frozenset[str] = frozenset()
     """Columns of commands that were played as stairs."""
+    substeps: Mapping[str, int] = field(default_factory=dict)
+    """As a scenario has them, where recordings are more exact than those of runs."""
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     """Of each parameter, where they were asked for."""
 

@@ -25,7 +25,7 @@ from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import cost_of, solve
-from asrsim.identification.steps import ROUNDS, followed
+from asrsim.identification.steps import ROUNDS, followed, refined
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
@@ -100,6 +100,9 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             for _ in range(ROUNDS):
                 if not followed(residuals, best.x):
                     break
+                best.x = solve(residuals, best.x, loss="linear", rounds=20)
+            best.substeps = refined(residuals, best.x)
+            if best.substeps:
                 best.x = solve(residuals, best.x, loss="linear", rounds=20)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
@@ -216,7 +219,7 @@ def _judged(
     if moved := _moved(layout, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
-    remarks += substep_remarks(residuals, x, found) if status == "complete" else []
+    remarks += substep_remarks(residuals, x, found, best.substeps) if status == "complete" else []
     held = setup.fitted[0].held
     if held:
         remarks.append(
@@ -248,5 +251,5 @@ def _judged(
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
         scenario=setup.scenario, robot=setup.robot, whole=whole,
         stairs=frozenset(c.source for track in setup.tracks for c in track.data.commands if c.key in held),
-        profiles=shapes,
+        substeps=best.substeps, profiles=shapes,
     )  # fmt: skip

@@ -1,6 +1,11 @@
-"""Substeps of a fit: those that runs with the estimates take, and by how much finer ones would make the estimates others."""
+"""Substeps of a fit: those that runs with the estimates take, finer ones where a recording is more exact than these, and by how
+much still finer ones would make the estimates others.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -14,6 +19,8 @@ ROUNDS = 3
 """Changes of substeps, at most."""
 FINER = 4
 """Times as many substeps, against which an estimate is held: where joints stick, errors are nearer to first order."""
+COARSE, FINEST = 0.3, 8
+"""Share of a channel's noise that substeps may be off, and how many times as many there are for that, at most."""
 SAID = 2.0
 """Deviations from which on it is said what substeps do to an estimate."""
 
@@ -33,23 +40,60 @@ def followed(residuals: Residuals, x: Array) -> bool:
     return changed
 
 
-def discretised(residuals: Residuals, x: Array, found: Uncertainty) -> Array:
-    """(n,) by which x would be another, could substeps be as fine as one likes: from a run with many more, by the order."""
-    before = residuals(x)
+def refined(residuals: Residuals, x: Array) -> dict[str, int]:
+    """Give all recordings the substeps that the most exact one asks for: these, as a scenario has them, or nothing
+    where those of runs will do, or the scenario gives its own.
+    """
+    tracks, worst = residuals.tracks, 0.0
+    if tracks[0].prepared.stepping.released or tracks[0].given_substeps:
+        return {}
+    before = [residuals.raw(x, number) for number in range(len(tracks))]
+    with _finer(residuals):
+        after = [residuals.raw(x, number) for number in range(len(tracks))]
+    for track, coarse, fine in zip(tracks, before, after, strict=True):
+        for channel, a, b in zip(track.channels, coarse or (), fine or (), strict=False):
+            worst = max(worst, float(np.sqrt(np.mean((a - b) ** 2))) / channel.floor)
+    factor = 1
+    while worst / factor > COARSE and factor < FINEST:
+        factor *= 2
+    if factor == 1:
+        return {}
+    for track in tracks:
+        track.resolve(factor * track.prepared.resolution.substeps, track.prepared.resolution.motor_substeps)
+    found = max((track.prepared.resolution for track in tracks), key=lambda one: one.substeps)
+    return {"substeps": found.substeps, "motor_substeps": found.motor_substeps}
+
+
+@contextmanager
+def _finer(residuals: Residuals) -> Iterator[None]:
+    """With many more substeps meanwhile."""
     sizes = [(one.prepared.resolution.substeps, one.prepared.resolution.motor_substeps) for one in residuals.tracks]
     for track, (substeps, motor_substeps) in zip(residuals.tracks, sizes, strict=True):
         track.resolve(FINER * substeps, motor_substeps)
-    after = residuals(x)
-    for track, (substeps, motor_substeps) in zip(residuals.tracks, sizes, strict=True):
-        track.resolve(substeps, motor_substeps)
+    try:
+        yield
+    finally:
+        for track, (substeps, motor_substeps) in zip(residuals.tracks, sizes, strict=True):
+            track.resolve(substeps, motor_substeps)
+
+
+def discretised(residuals: Residuals, x: Array, found: Uncertainty) -> Array:
+    """(n,) by which x would be another, could substeps be as fine as one likes: from a run with many more, by the order."""
+    before = residuals(x)
+    with _finer(residuals):
+        after = residuals(x)
     order = residuals.tracks[0].prepared.stepping.order
     return np.asarray(-found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - FINER**-order))
 
 
-def remarks(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
-    """Estimates that finer substeps would put outside their intervals."""
+def remarks(residuals: Residuals, x: Array, found: Uncertainty, chosen: Mapping[str, int]) -> list[str]:
+    """Substeps that were chosen for a fit, and estimates that still finer ones would put outside their intervals."""
     if residuals.tracks[0].prepared.stepping.released:
         return []
+    texts = []
+    if chosen:
+        count = chosen["substeps"]
+        texts = [f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise"]
     shift = discretised(residuals, x, found)
     values, slopes = residuals.layout.values(x), residuals.layout.slopes(x)
     with np.errstate(invalid="ignore"):
@@ -59,4 +103,4 @@ def remarks(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
         for i in np.flatnonzero(said).tolist()
     )
     text = "estimates are for the substeps that runs take; as fine ones as one likes would move out of their intervals"
-    return [f"{text} {moved}: `substeps:` in the scenario sets them"] if moved else []
+    return [*texts, f"{text} {moved}: `substeps:` in the scenario sets them"] if moved else texts

@@ -35,6 +35,8 @@ class Track:
     def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
         self.data, self._robot = data, robot
         self.scenario = _scenario(scenario, data)
+        self.given_substeps = scenario.substeps is not None
+        """Whether the user has chosen them."""
         self.prepared = prepare(self.scenario, robot)
         self.evaluation = Evaluation(self.prepared)
         joints = self.evaluation.joints

@@ -195,7 +195,7 @@ def _scenario_text(
         own = {name: float(f"{value:.9g}") for name, value in values.items() if name in blocks.get(owner, {})}
         if own:
             parameters.setdefault(owner, {}).update(own)
-    data["parameters"] = parameters
+    data |= {"parameters": parameters, **result.substeps}
     if delays:
         effects = dict(data.get("effects") or {})
         effects["commands"] = commands = dict(effects.get("commands") or {})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ _PROFILES = """\
   </transport_descriptor></transport_descriptors>
   <participant profile_name="asrsim" is_default_profile="true"><rtps>
     <builtin>{discovery}</builtin>
-    <userTransports><transport_id>memory</transport_id><transport_id>udp</transport_id></userTransports>
+    <userTransports>{memory}<transport_id>udp</transport_id></userTransports>
     <useBuiltinTransports>false</useBuiltinTransports>
   </rtps></participant>
   <data_writer profile_name="asrsim" is_default_profile="true"><times>
@@ -38,6 +39,10 @@ _LOCAL_PEERS = (
 )
 
 
+_MEMORY, _ROOM = Path("/dev/shm"), 2**24
+"""Where shared memory is, and bytes that must be free there: Fast DDS does not ask, and a bus error would end the process."""
+
+
 @contextmanager
 def settings(*, network: bool) -> Iterator[None]:
     """In force for the participant that is made within; what the user has set stands above them.
@@ -51,7 +56,9 @@ def settings(*, network: bool) -> Iterator[None]:
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         if variable not in os.environ and "rclpy" not in sys.modules:
             path = Path(folder) / "fastdds.xml"
-            path.write_text(_PROFILES.format(whitelist="" if network else _LOCAL, discovery="" if network else _LOCAL_PEERS))
+            local = {"whitelist": "", "discovery": ""} if network else {"whitelist": _LOCAL, "discovery": _LOCAL_PEERS}
+            memory = "<transport_id>memory</transport_id>" if _memory_is_there() else ""
+            path.write_text(_PROFILES.format(memory=memory, **local))
             changes[variable] = str(path)
             if not network:
                 # ROS's own way to be local would listen on all interfaces.
@@ -66,6 +73,10 @@ def settings(*, network: bool) -> Iterator[None]:
                     del os.environ[name]
                 else:
                     os.environ[name] = value
+
+
+def _memory_is_there() -> bool:
+    return os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > _ROOM
 
 
 def folders_with(library: str) -> list[Path]:

@@ -88,16 +88,21 @@ def _of_spring(block: ActuatorBlock) -> Iterator[str]:
 def _delays(plan: Plan) -> list[str]:
     """Keys of what is sent to controllers and motors; torques on links, and motors that are played, are measured."""
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
-    sent = [one for one in plan.played if one.slot is not None and (modes[one.joint].motor or modes[one.joint].controller)]
-    return [word(f"{one.joint}.reference_{(one.slot or 0) + 1}.delay") for one in sent]
+    return [
+        word(f"{one.joint}.{one.column.quantity}.delay")
+        for one in plan.played
+        if str(one.column.quantity).startswith("reference") and (modes[one.joint].motor or modes[one.joint].controller)
+    ]
 
 
 def _twins(robot: Robot) -> dict[str, str]:
-    """Joint -> an earlier one whose motors have the same numbers: of the same make."""
+    """Joint -> an earlier one whose motors have the same numbers in the robot's file: of the same make."""
     first: dict[object, str] = {}
     twins = {}
     for block in robot.actuators:
-        motors = {name: p.value for name, p in block.parameters.items() if name.startswith("motor_")}
+        motors = {name: p.value for name, p in block.parameters.items() if name.startswith("motor_") and p.origin == "tag"}
+        if not motors:
+            continue
         made = first.setdefault((block.actuator, block.mode, tuple(sorted(motors.items()))), block.joint)
         if made != block.joint:
             twins[block.joint] = made
