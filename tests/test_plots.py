@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -357,3 +358,11 @@ def test_line_styles_can_be_told_apart_in_a_legend():
     for pattern in dashes:
         assert all(1.0 <= length <= 8.0 for length in pattern)
         assert sum(pattern) <= 28.0
+
+
+def test_a_new_figure_is_drawn_into_memory_and_unknown_to_pyplot() -> None:
+    figure = new_figure(2.0, 1.0)
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())
+    assert pixels.shape[1] == 2 * pixels.shape[0] == round(2.0 * figure.dpi)
+    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
