@@ -20,7 +20,7 @@ DEPTH = 1000
 MOST = 1000
 """Messages taken at once; the rest waits, and what waits too long is overtaken."""
 SERVICES_EVERY = 0.02
-"""s between looks at services, parameters, and who listens."""
+"""s between looks at services, parameters, and who listens and speaks."""
 MOST_PUBLISHERS = 1000
 SLOW, SLOW_TIMES = 50e-6, 20
 """s a message and times in a row that make one look for peers that no longer read."""
@@ -43,6 +43,8 @@ class RosTransport:
         self._deserialize = deserialize_message
         skipped = self._publish_all()
         self._subscriptions = [self._subscribe(number) for number in range(len(interface.inlets))]
+        self._spoken_to = self._subscriptions
+        """Those that have publishers."""
         self._numbers: dict[tuple[int, bytes], int] = {}
         self._serve()
         self.wanted = self._listened_to()
@@ -148,19 +150,21 @@ class RosTransport:
 
     def poll(self) -> Iterator[Received]:
         """See :class:`asrsim.live.transport.Transport`."""
-        left = MOST
-        for number, take, kind, _ in self._subscriptions:
+        left, now = MOST, clock.monotonic()
+        look = now - self._looked > SERVICES_EVERY
+        for number, take, kind, _ in self._subscriptions if look else self._spoken_to:
             # Taken as bytes, an empty place is seen in half the time.
             while left and (taken := take(kind, True)) is not None:
                 left -= 1
                 data, about = taken
                 self._count(number, about)
                 yield self._read(number, kind, data)
-        now = clock.monotonic()
-        if now - self._looked > SERVICES_EVERY:
+        if look:
             self._looked = now
             self._answer()
             self.wanted = self._listened_to()
+            # Who spoke and went is heard at the next look.
+            self._spoken_to = [one for one in self._subscriptions if one[3].get_publisher_count()]
             if self._slow >= SLOW_TIMES and now - self._suspected > SUSPICIONS_EVERY:
                 self._suspected = now
                 names = ", ".join(dismiss(self._node, [outlet.name for outlet in self._interface.outlets]))
