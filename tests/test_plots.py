@@ -133,6 +133,18 @@ def test_an_overview_says_where_a_joint_has_another_unit_than_its_row_and_over_n
     assert [title for _, title in shown] == titles
 
 
+@pytest.mark.parametrize(("size", "labels"), [(1e-6, ["-1e-06", "0", "1e-06"]), (0.1, ["-0.1", "0.0", "0.1"])])
+def test_powers_of_ten_stand_at_the_numbers_and_not_over_the_title(tmp_path: Path, size: float, labels: list[str]):
+    values = {"link_torque": size * np.sin(np.linspace(0, 9, 200))}
+    run = read_curves(made_up_log(tmp_path / "log.mcap", count=200, values=values))
+    page = next(iter(run_pages([run], quantities=["link_torque"])))
+    axes = page.figure.axes[0]
+    axes.set_yticks([-size, 0.0, size])
+    page.figure.canvas.draw()
+    assert [label.get_text().replace("\N{MINUS SIGN}", "-") for label in axes.get_yticklabels()] == labels
+    assert axes.yaxis.get_offset_text().get_text() == ""
+
+
 def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
     runs = distinct_labels([read_curves(made_up_log(tmp_path / v / "log.mcap", joints=2, variant=v)) for v in ("a", "b")])
     page = next(iter(run_pages(runs)))
