@@ -60,7 +60,8 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     module, name = request.path.stem, request.node.name.encode("unicode_escape").decode()
     recorded = _recorded(module).get(name)
     # Hypothesis draws other examples every time.
-    anew = "ASRSIM_RECORD" in os.environ and _path(module).exists() and not hasattr(request.function, "hypothesis")
+    restless = hasattr(request.function, "hypothesis") or request.node.get_closest_marker("restless")
+    anew = "ASRSIM_RECORD" in os.environ and _path(module).exists() and not restless
     # Without PyBullet the other engine is the default, and its name stands in what is said.
     if not (anew or recorded is not None) or find_spec("pybullet") is None:
         yield
