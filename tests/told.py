@@ -22,7 +22,7 @@ from asrsim.errors import Problem
 
 ROOT = Path(__file__).parents[1]
 RECORDED = ROOT / "tests" / "seen" / "told"
-PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}")
+PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}|(?<=\.py):\d+")
 """Places of one run."""
 CALLED = re.compile(r"python -m (?:pytest\.)?asrsim")
 """The command's name follows from how pytest was called."""
