@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from told import hear, listening
 
 # How long an example takes is the machine's affair: a busy one is no fault of the code.
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -57,6 +59,13 @@ references:
 LONGEST = ("test_tutorial.py", "test_examples_command.py")
 
 
+def pytest_collection_finish() -> None:
+    """What is loaded by now stays: going through all of it again and again is a twentieth of the tests' time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest tests go first, so that no worker is left alone with one of them at the end."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
@@ -75,6 +84,12 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for registry in (ACTUATORS, ENGINES, MEASURES, FIGURES, SIGNALS, STEPPINGS, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
+
+
+@pytest.fixture(autouse=True)
+def _told(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What the test is told is what it was told when somebody last looked."""
+    yield from listening(request, monkeypatch)
 
 
 @dataclass(frozen=True)
@@ -121,6 +136,7 @@ def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
         with pytest.raises(SystemExit) as end:
             main()
         captured = capsys.readouterr()
+        hear(captured.out + captured.err)
         return Outcome(int(end.value.code or 0), captured.out, captured.err)
 
     return call

@@ -12,8 +12,10 @@ PLAIN_ARM = {"lower": -2.0, "upper": 2.0}
 """rad, limits of every joint."""
 
 
-def write_plain_arm(folder: Path, lengths: Sequence[float] = (0.3, 0.25), masses: Sequence[float] = (0.8, 0.5)) -> Path:
-    """An upright chain of rods (m, kg) about y, joints `joint_1`, `joint_2`, ...; the file's path."""
+def write_plain_arm(
+    folder: Path, lengths: Sequence[float] = (0.3, 0.25), masses: Sequence[float] = (0.8, 0.5), effort: float = 20.0
+) -> Path:
+    """An upright chain of rods (m, kg) about y, joints `joint_1`, `joint_2`, ... of that effort (N m); the path."""
     inertia = " ".join(f'{name}="0.01"' for name in ("ixx", "iyy", "izz")) + ' ixy="0" ixz="0" iyz="0"'
     parts = [f'<robot name="plain"><link name="base"><inertial><mass value="2"/><inertia {inertia}/></inertial></link>']
     parent, height = "base", 0.1
@@ -22,7 +24,7 @@ def write_plain_arm(folder: Path, lengths: Sequence[float] = (0.3, 0.25), masses
         parts.append(
             f'<joint name="joint_{number}" type="revolute"><parent link="{parent}"/><child link="link_{number}"/>'
             f'<origin xyz="0 0 {height}"/><axis xyz="0 1 0"/>'
-            f'<limit lower="{PLAIN_ARM["lower"]}" upper="{PLAIN_ARM["upper"]}" effort="20" velocity="10"/></joint>'
+            f'<limit lower="{PLAIN_ARM["lower"]}" upper="{PLAIN_ARM["upper"]}" effort="{effort}" velocity="10"/></joint>'
             f'<link name="link_{number}"><inertial><origin xyz="0 0 {length / 2}"/><mass value="{mass}"/>'
             f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment / 50}" ixy="0" ixz="0" iyz="0"/></inertial>'
             f'<visual><origin xyz="0 0 {length / 2}"/><geometry><cylinder radius="0.025" length="{length}"/></geometry>'

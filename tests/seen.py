@@ -19,7 +19,8 @@ from asrsim import __version__
 NUMBER = re.compile(r"(?<![\w.])-?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w])")
 CHANGING = (
     (re.compile(r"\S+ s \(\S+ x real time\)|\d\S* x real time|\d+ evaluations, \S+ s"), "SPEED"),
-    (re.compile(r"\"(wall_time|speed|seconds|busy|python|numpy|mujoco\S*|pybullet|numba|scipy)\": .*"), r"\1"),
+    (re.compile(r"\"(wall_time|simulating_time|speed|seconds|busy|python|numpy|mujoco\S*|pybullet|numba|scipy)\": .*"), r"\1"),
+    (re.compile(r"(?<=simulated[ ,]) ?(in )?[\d.]+ s"), "SPEED"),
     (re.compile(re.escape(__version__)), "VERSION"),
     (re.compile(r"^( {4,6}\d+  [\d. ]+) \d+\.\d\d$", re.M), r"\1"),
     (re.compile(r"[ \t]+$", re.M), ""),
@@ -31,7 +32,7 @@ TILES = 12
 
 def steady(text: str, folder: Path) -> list[str]:
     """Lines of a text without what differs from run to run."""
-    text = text.replace(str(folder), "FOLDER")
+    text = text.replace(str(folder), "FOLDER").replace(str(Path(__file__).parents[1]), "PROJECT")
     for pattern, word in CHANGING:
         text = pattern.sub(word, text)
     return text.splitlines()
@@ -123,7 +124,7 @@ class _Words(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if not self._silent and data.strip():
-            self.lines.append(" ".join(data.split()))
+            self.lines += [" ".join(line.split()) for line in data.split("\n") if line.strip()]
 
 
 def page_lines(page: str) -> list[str]:

@@ -147,6 +147,54 @@ def test_bristles_count_for_the_motors_substeps() -> None:
     assert found[0.1].motor_substeps > found[0.0].motor_substeps == 1
 
 
+@pytest.mark.parametrize(("actuator", "mode"), [("qbmove", 3), ("qbmove", 6), ("bavs", 5), ("awas_ii", 6), ("sea", 4)])
+def test_where_a_free_joint_stands_does_not_matter_to_its_springs(actuator: str, mode: int) -> None:
+    """Start and references moved together: what can be reached is the same. A start off its reference reaches more."""
+    name = {3: "equilibrium_position", 6: "equilibrium_position", 5: "reference_1", 4: "motor_1_torque"}[mode]
+    found = []
+    for start, reference in ((0.0, 0.2), (0.4, 0.6), (-0.7, -0.5), (0.4, 0.4)):
+        robot = chain(replace(BODY, actuator=actuator))
+        told = {name: reference if mode != 4 else 0.1} | ({"reference_2": reference} if mode == 5 else {})
+        resolved = run(
+            robot, mode=mode, duration=0.001, gravity=0.0, references=told, initial=[start], compiled=False
+        ).resolution
+        found.append(resolved.stiffness[0])
+    assert found[1:3] == pytest.approx([found[0]] * 2, rel=1e-6)
+    assert found[3] <= found[0] * (1 + 1e-9)
+
+
+SHAPES = {
+    "ball": ('<sphere radius="0.1"/>', "0 0 0", 0.1),
+    "ball below": ('<sphere radius="0.1"/>', "0.02 0 -0.05", 0.15),
+    "box": ('<box size="0.4 0.3 0.2"/>', "0 0 0.03", 0.07),
+    "can": ('<cylinder radius="0.2" length="0.1"/>', "0 0 0", 0.05),
+}
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_floating_base_rests_on_its_shape_wherever_its_centre_is(tmp_path: Path, engine: str, name: str) -> None:
+    """Its centre of mass is off the link's frame, in which the shape is placed: a millimetre of softness, 3 cm of a mistake."""
+    geometry, place, height = SHAPES[name]
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(
+        f"""<robot name="r"><link name="b"><inertial><origin xyz="0 0 0.03"/><mass value="1"/>
+        <inertia ixx="1e-2" iyy="1e-2" izz="1e-2" ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="{place}"/>
+        <geometry>{geometry}</geometry></collision></link><joint name="j" type="continuous"><parent link="b"/><child link="l"/>
+        <axis xyz="0 0 1"/></joint><link name="l"><inertial><mass value="1e-3"/>
+        <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+    )
+    scenario = asrsim.make_scenario(
+        robot,
+        engine=engine,
+        duration=0.05,
+        base={"fixed": False, "position": [0, 0, height]},
+        world={"ground": {}},
+        compiled=False,
+    )
+    assert asrsim.run(scenario).bodies["b"][-1, 2] == pytest.approx(height, abs=2e-3)
+
+
 # -- what is recorded --------------------------------------------------------------------------------------------------
 
 

@@ -89,6 +89,22 @@ def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
     assert max(moved.values()) < 1e-8
 
 
+@pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_joint_that_is_pressed_onto_its_stop_rests_there(pressed: tuple[int, ...], side: float) -> None:
+    """References of .3 rad and stops at .2: where the springs alone would carry the links lies beyond."""
+    stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
+    bodies = [Body(actuator="sea", **ARM, limits=stops if number in pressed else "") for number in (1, 2)]
+    result = run(
+        chain(*bodies), mode=6, duration=0.05, initial_equilibrium=True, compiled=False,
+        references={"equilibrium_position": 0.3 * side},
+    )  # fmt: skip
+    for number, body in enumerate(bodies):
+        position = column(result, "link_position", number)
+        assert np.ptp(position) < 1e-8
+        assert (position[0] == 0.2 * side) == bool(body.limits)
+
+
 @pytest.mark.parametrize("seed", [310, 315, 319, 326])
 def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> None:
     given = random_run(seed, moving=3, fixed=False, passive=0.0, jumps=False)

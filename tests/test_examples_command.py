@@ -97,24 +97,44 @@ def test_the_recorded_sample_is_made_by_its_script(tmp_path):
         assert (place / name).read_text() == (ROOT / "examples" / "recordings" / name).read_text()
 
 
-def test_completion_knows_variants_actuators_and_joints(tmp_path):
-    import typer
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("run examples/scenarios/step_2dof.yaml --variant s", ["soft", "stiff"]),
+        ("run nothing.yaml --variant s", []),
+        ("live examples/scenarios/step_2dof.yaml --plugin x.py --variant so", ["soft"]),
+        ("actuators b", ["bavs"]),
+        ("init examples/urdf/plain_arm.urdf --actuator el", ["elbow="]),
+        ("init examples/urdf/plain_arm.urdf --out arm.yaml --actuator q", ["qbmove"]),
+        ("plot out --joint sh", ["shoulder"]),
+        ("plot nowhere --joint sh", []),
+        ("run x.yaml --engine ben", ["bench"]),
+    ],
+)
+def test_the_shell_completes_variants_actuators_and_joints(line: str, offered: list[str], here: Path) -> None:
+    """As bash asks for it: the option that is completed has no value yet, so that nothing behind it was parsed."""
+    from typer.testing import CliRunner
 
-    from asrsim.cli.completion import actuators, mountings, variants
-
-    copy_examples(tmp_path / "examples")
-    context = typer.Context(_command())
-    context.params = {"scenario": tmp_path / "examples/scenarios/step_2dof.yaml"}
-    assert variants(context, "s") == ["soft", "stiff"]
-    context.params = {"scenario": tmp_path / "nothing.yaml"}
-    assert variants(context, "") == []
-    assert actuators("b") == ["bavs"]
-    context.params = {"robot": tmp_path / "examples/urdf/plain_arm.urdf"}
-    assert mountings(context, "el") == ["elbow="]
-    assert mountings(context, "elbow=q") == ["elbow=qbmove"]
+    words = ["asrsim", *line.split()]
+    asked = {"_ASRSIM_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1)}
+    assert CliRunner().invoke(app, env=asked, prog_name="asrsim").output.split() == offered
 
 
-def _command():
-    from typer.main import get_command
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the examples and a log."""
+    from asrsim.log import LogWriter
+    from asrsim.samples import JointInfo, RunInfo
 
-    return get_command(app)
+    folder = tmp_path_factory.mktemp("examples")
+    (folder / "out").mkdir()
+    copy_examples(folder / "examples")
+    joints = tuple(JointInfo(name=name, actuator="rigid", mode=None) for name in ("shoulder", "elbow"))
+    with LogWriter(folder / "out" / "log.mcap", RunInfo(robot="arm", joints=joints, step=1e-3)):
+        pass
+    return folder
+
+
+@pytest.fixture
+def here(examples: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(examples)

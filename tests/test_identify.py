@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import pytest
 from identify_files import CHIRP, SEA, record, write
 from typer.testing import CliRunner
 
+import asrsim
 from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
@@ -26,6 +28,7 @@ from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
 from asrsim.identification.track import physical
+from asrsim.identification.write import torn_numbers, write_robot
 from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 
@@ -131,6 +134,14 @@ def test_what_has_no_effect_is_told_with_its_reason(lab):
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.motor_1_inertia"])
     one = result.find("joint_1.motor_1_inertia")
     assert (one.verdict, one.reason) == ("no effect", "motors have no dynamics in mode 3 (SpringEqPres)")
+
+
+def test_an_inertia_that_the_recording_has_not_is_said_to_vanish(tmp_path):
+    light = {**SEA, "damping": 0.5, "izz": 2e-5}
+    recording = record(write(tmp_path, "true", light, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    izz = identify(write(tmp_path, "lab", {**light, "izz": 0.009}), [recording], free=["link_1.izz"]).find("link_1.izz")
+    assert izz.verdict == "no effect"
+    assert "would do without it" in izz.reason
 
 
 def test_delay_and_offset_are_found(tmp_path):
@@ -279,6 +290,32 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
     assert json.loads(again.output)["search"]["evaluations"] < data["search"]["evaluations"]
 
 
+def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(tmp_path):
+    """Delays of commands too, which are no numbers of the robot."""
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    (tmp_path / "data").mkdir()
+    recording = record(true, tmp_path / "data/a.csv", late=6)
+    play = "{playback: {file: data/a.csv, column: joint_1.reference_1}}"
+    scenario = write(tmp_path, "lab", GUESS, f"{{equilibrium_position: {play}}}")
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
+    (tmp_path / "fits/one").mkdir(parents=True)
+    files, said = write_robot(identify(scenario, [recording], free=free), tmp_path / "fits/one")
+    assert not said
+    run = asrsim.run(files[1])
+    recorded = np.genfromtxt(recording, delimiter=",", names=True)
+    found = np.interp(recorded["time_s"], run.samples.time, run.samples.joint("joint_1")["link_position"])
+    assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
+
+
+def test_what_goes_together_and_is_torn_is_told_of(fitted):
+    torn = replace(fitted, estimates=(replace(fitted.estimates[0], verdict="weak"), *fitted.estimates[1:]))
+    for correlation, word in ((0.95, "goes with joint_1.damping"), (0.5, "")):
+        matrix = np.array([[1.0, -correlation], [-correlation, 1.0]])
+        said = torn_numbers(replace(torn, correlation=matrix), {"joint_1.damping"})
+        assert len(said) == bool(word)
+        assert all(word in text for text in said)
+
+
 def test_a_fit_file_says_all_of_it(lab, tmp_path):
     path = tmp_path / "fit.yaml"
     path.write_text(
@@ -297,6 +334,7 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
 
 
+@pytest.mark.restless
 def test_the_best_so_far_survives_the_wish_to_stop(lab):
     calls = 0
 
@@ -353,10 +391,16 @@ def test_noise_is_told_from_fine_structure_and_correlated_noise_is_whitened():
 
 def test_a_form_of_a_combination_has_the_interval_of_that_form():
     # K / r^2 is twice as wide as r / K^0.5, and a sum is as wide as its parts.
-    text, value, factor = _shown(("r", "K"), (0.015, 1e4), -0.5)
+    text, value, factor = _shown(("r", "K"), (0.015, 1e4), -0.5, summed=False)
     assert (text, factor) == ("K / r^2", 2.0)
     assert value == pytest.approx(1e4 / 0.015**2)
-    assert _shown(("a", "b"), (2.0, 3.0), 1.0) == ("a * b", 6.0, 1.0)
+    assert _shown(("a", "b"), (2.0, 3.0), 1.0, summed=True) == ("a * b", 6.0, 1.0)
+    # Friction of a motor and of its joint have one unit, and so a sum; a stiffness and a length have none.
+    text, value, _ = _shown(("a", "b"), (2.0, 3.0), 1.46, summed=True)
+    assert (text, value) == ("a + b", 5.0)
+    text, value, _ = _shown(("a", "b"), (2.0, 3.0), 1.46, summed=False)
+    assert text == "a * b^1.5"
+    assert value == pytest.approx(2.0 * 3.0**1.46)
 
 
 def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():

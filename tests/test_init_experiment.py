@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 from asrsim.cli.app import app
 from asrsim.errors import RecordingError
 from asrsim.identification import read_task
+from asrsim.identification.setup import set_up
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
 from asrsim.scenario import Scenario, check_against_robot, load_scenario
@@ -73,6 +75,27 @@ def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_pa
     ties = {tie.key: tie.to for tie in task.ties}
     assert ties["joint_2.motor_1_*"] == ties["joint_2.motor_2_*"] == "joint_1.motor_1_*"
     assert ties["joint_2.reference_1.delay"] == "joint_1.reference_1.delay"
+
+
+@pytest.mark.parametrize(
+    ("robot", "header", "told"),
+    [
+        ("dof1_sea", "time,q1,q1_ref,current", ""),
+        ("dof1_sea", "time,joint_1.link_position,joint_1.equilibrium_position,n", "no command was recorded"),
+        ("dof1_qbmove", "time,joint_1.position,joint_1.equilibrium_position,joint_1.stiffness_preset", "is its command"),
+        ("dof1_qbmove", "time,joint_1.position,joint_1.motor_1_position,joint_1.motor_2_position", "no command was recorded"),
+    ],
+)
+def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_command(
+    tmp_path: Path, robot: str, header: str, told: str
+) -> None:
+    write_from_recording(EXAMPLES / f"{robot}.urdf", lab(tmp_path, header=header), tmp_path / "s.yaml")
+    task = read_task(tmp_path / "s.fit.yaml")
+    with ExitStack() as stack:
+        setup = set_up(task, stack)
+    assert set(task.free) <= {entry.parameter.key for entry in setup.layout.entries}
+    text = (tmp_path / "s.yaml").read_text()
+    assert told in text
 
 
 @pytest.mark.parametrize(

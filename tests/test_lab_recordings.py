@@ -15,6 +15,7 @@ from asrsim.cli.app import app
 from asrsim.errors import RecordingError
 from asrsim.log import LogWriter
 from asrsim.recordings import Comparison, Recording, compare, read_recording
+from asrsim.recordings.unstated import beyond_stops
 from asrsim.samples import JointInfo, RunInfo, Samples
 
 pytestmark = pytest.mark.once
@@ -82,6 +83,9 @@ def test_bags(tmp_path: Path, storage: str, kind: str) -> None:
         ("arm.sto", table(ABQ, before="inDegrees=yes\nendheader\nt,q1,q2\n"), "the file says: inDegrees=yes"),
         ("lab_deg.csv", table(ABQ, before="t,q1,q2\n"), "the file's name says deg"),
         ("lab.csv", table(ABQ, before="t,q1 [deg],q2\n"), r"q2: states no unit.*'q1 \[deg\]' is in deg"),
+        ("lab.csv", table([TIME, 40 * A, B], before="t,q1,q2\n"), "q1, q2: state no unit.*'q1' would turn by 2"),
+        ("lab.csv", table([TIME, 10 * A, B], before="t,q1,q2\n"), None),
+        ("lab.csv", table([TIME, 40 * A, B], before="t,q1 [rad],q2 [rad]\n"), None),
         ("lab.csv", table(ABQ, before="# no degrees here\nt,q1 [rad],q2 [rad]\n"), None),
     ],
 )
@@ -90,6 +94,25 @@ def test_a_unit_that_stands_elsewhere_is_asked_about(tmp_path: Path, name: str, 
     found = [str(one) for one in read_recording(tmp_path / name, joints=JOINTS).findings if one.code == "unstated-unit"]
     assert len(found) == (told is not None)
     assert told is None or re.search(told, found[0])
+
+
+@pytest.mark.parametrize(
+    ("factor", "header", "asked"), [(6.0, "q1", True), (1.2, "q1", False), (6.0, "q1 [rad]", False), (6.0, "dq1", False)]
+)
+def test_a_link_that_would_pass_its_stops_is_asked_about(tmp_path: Path, factor: float, header: str, asked: bool) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, factor * A], before=f"t,{header}\n"))
+    (column,) = read_recording(tmp_path / "lab.csv", joints=("joint_1",)).channels.values()
+    assert (beyond_stops(column, "joint_1", (-0.5, 0.5)) is not None) == asked
+    assert beyond_stops(column, "joint_1", (-np.inf, np.inf)) is None
+
+
+@pytest.mark.parametrize(("unit", "asked"), [("Grad", True), ("grad", True), ("grad/s", True), ("deg", False), ("gon", False)])
+def test_grad_is_read_as_degrees_and_asked_about(tmp_path: Path, unit: str, asked: bool) -> None:
+    (tmp_path / "lab.csv").write_bytes(table(ABQ, before=f"t,q1 [{unit}],q2 [{unit}]\n"))
+    recording = read_recording(tmp_path / "lab.csv", joints=JOINTS)
+    first = recording.channels[f"q1 [{unit}]"]
+    assert first.values == pytest.approx(A * np.pi / (200 if unit == "gon" else 180))
+    assert [one.key for one in recording.findings if one.code == "gradians"] == [f"q1 [{unit}], q2 [{unit}]"] * asked
 
 
 @pytest.mark.parametrize(

@@ -32,11 +32,12 @@ class Script:
     def __init__(self, messages, calls=()):
         self.messages, self.calls = list(messages), dict(calls)
         """Received, or a function of the interface that makes it; poll -> (service, flag)."""
-        self.heard, self.polls, self.closed, self.answers = [], 0, False, []
+        self.heard, self.polls, self.closed, self.answers, self.notices = [], 0, False, [], []
 
     def make(self, interface, access):
         self.interface = interface
         self.inlets = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
+        self.wanted = [not outlet.latched for outlet in interface.outlets if not outlet.latched]
         return self
 
     def publish(self, time, messages):

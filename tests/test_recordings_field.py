@@ -370,6 +370,14 @@ MATLAB: dict[str, dict[str, Any]] = {
             "blockName": "arm/q",
         },
     },
+    "a variable's own name": {"q1": {"time": TIME, "signals": {"values": A, "label": ""}, "blockName": "arm/To Workspace"}},
+    "a variable of two joints": {
+        "q": {
+            "time": TIME,
+            "signals": {"values": np.column_stack([A, B]), "label": np.array([])},
+            "blockName": "arm/To Workspace",
+        }
+    },
     "empty labels among others": {"out": {"time": TIME, "signals": [{"values": A, "label": "q1"}, {"values": B, "label": ""}]}},
     "a simulation beside": {"t": TIME, "q1": A, "tsim": np.linspace(0, 3, 500), "xsim": np.zeros((500, 2))},
     "a simulation as long": {"t": TIME, "q1": A, "tsim": 2 * TIME, "xsim": np.column_stack([A, B])},

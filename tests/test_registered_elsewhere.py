@@ -6,9 +6,14 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+
+from asrsim.engines.base import EngineEntry
+from asrsim.errors import InputError
+from asrsim.registry import Registry
 
 ROOT = Path(__file__).parents[1]
 MODULE = """
@@ -82,3 +87,30 @@ def test_what_is_not_installed_or_no_engine_is_an_error_that_says_so(installed: 
     answer = json.dumps(run(installed, "--engine", "nothing"))
     assert "nothing" in answer
     assert "weightless" in answer, "the choices name the others"
+
+
+def test_the_first_question_finds_what_is_installed(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever it is: entry, membership, names."""
+    monkeypatch.syspath_prepend(installed)
+    points = [EntryPoint(name, f"elsewhere:{name}", "asrsim.engines") for name in ("weightless", "missing", "nothing")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points if group == "asrsim.engines" else [])
+
+    def fresh() -> Registry[EngineEntry]:
+        return Registry("engine", "asrsim.engines", instance=EngineEntry)
+
+    assert fresh().get("weightless").doc == "MuJoCo without gravity"
+    assert "weightless" in fresh()
+    assert fresh().names() == ("weightless", "missing")
+    registry = fresh()
+    own = EngineEntry(make=lambda scenario, robot: None, doc="ours", module="json")
+    registry.add("weightless", own)
+    assert registry.names()[0] == "weightless"
+    assert registry.get("weightless") is own
+    with pytest.raises(InputError, match="registered already"):
+        registry.add("weightless", own)
+    registry.add("weightless", registry.get("missing"), replace=True)
+    assert registry.get("weightless") is not own
+    with pytest.raises(InputError, match="'nothing' of an installed package cannot be used: elsewhere:nothing is no "):
+        registry.get("nothing")
+    with pytest.raises(InputError, match=r"no engine is called 'mising'.*missing.*Did you mean 'missing'"):
+        registry.get("mising")

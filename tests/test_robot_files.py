@@ -257,6 +257,7 @@ def test_xacro_recursion_and_unknown_macros(read: Callable[..., Robot]) -> None:
     assert fails(read, xacro("<xacro:nothing/>"), "r.xacro") == ["xacro-failed"]
 
 
+@pytest.mark.restless
 def test_xacro_is_stopped_in_time(tmp_path: Path) -> None:
     path = tmp_path / "r.xacro"
     path.write_text(xacro('<gazebo note="${9**9**9}"/>'))
@@ -297,3 +298,43 @@ def test_stops_at_infinity_are_none(lower: str, upper: str, stops: tuple[float |
     limit = f'<limit effort="1" velocity="1" lower="{lower}" upper="{upper}"/>'
     (found,) = read(robot(link("a", "") + joint("j", "a", "b", limit) + link("b"))).moving_joints
     assert (found.lower, found.upper) == stops
+
+
+# -- shapes ------------------------------------------------------------------------------------------------------------
+
+
+WHITE = '<material name="m"><color rgba="{}"/></material>'
+SHAPES: dict[str, tuple[str, dict[str, object] | None]] = {
+    "box": ('<geometry><box size="1 2 3"/></geometry>', {"size": (1, 2, 3), "origin": (0, 0, 0), "rpy": (0, 0, 0)}),
+    "flat box": ('<geometry><box size="1 2"/></geometry>', None),
+    "no box": ('<geometry><box size="1 2 0"/></geometry>', None),
+    "largest": ('<geometry><sphere radius="1e6"/></geometry>', {"size": (1e6,)}),
+    "too large": ('<geometry><sphere radius="1.001e6"/></geometry>', None),
+    "cylinder": (
+        '<origin xyz="1 2 3" rpy=".1 .2 .3"/><geometry><cylinder length="2" radius="1"/></geometry>',
+        {"size": (1, 2), "origin": (1, 2, 3), "rpy": (0.1, 0.2, 0.3)},
+    ),
+    "turned": (
+        '<origin rpy="0 0 1"/><geometry><capsule length="2" radius="1"/></geometry>',
+        {"rpy": (0, 0, 1), "size": (1, 2)},
+    ),
+    "mesh": ('<geometry><mesh filename="a.stl"/></geometry>', {"mesh": "a.stl", "scale": (1, 1, 1), "size": ()}),
+    "one scale": ('<geometry><mesh filename="a.stl" scale="2"/></geometry>', {"scale": (2, 2, 2)}),
+    "three scales": ('<geometry><mesh filename="a.stl" scale="1 -2 3"/></geometry>', {"scale": (1, -2, 3)}),
+    "two scales": ('<geometry><mesh filename="a.stl" scale="1 2"/></geometry>', None),
+    "flat mesh": ('<geometry><mesh filename="a.stl" scale="1 0 3"/></geometry>', None),
+    "colour": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("2 -1 .5 .25")}', {"colour": (1, 0, 0.5, 0.25)}),
+    "no opacity": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("1 1 1")}', {"colour": None}),
+    "words": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("a b c d")}', {"colour": None}),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shapes_are_read_as_they_stand(read: Callable[..., Robot], name: str) -> None:
+    text, expected = SHAPES[name]
+    found = read(robot(GOOD.replace("</link>", f"<visual>{text}</visual></link>", 1)))
+    shapes = found.root.visuals
+    assert len(shapes) == (expected is not None)
+    assert bool([one for one in found.warnings if one.line is not None and "shape" in one.code]) == (expected is None)
+    for key, value in (expected or {}).items():
+        assert getattr(shapes[0], key) == value

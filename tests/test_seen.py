@@ -16,6 +16,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 from seen import differences, figure_lines, page_lines, picture_lines, steady
+from short_lab import ShortLab
 
 pytestmark = pytest.mark.once
 
@@ -168,6 +169,7 @@ SESSIONS: dict[str, tuple[str, ...]] = {
         "init arm.urdf -o one.yaml --no-schema", "init plain.urdf -a qbmove -o two.yaml --no-schema",
         "init arm.urdf -e lab.csv -o three.yaml --no-schema",
     ),
+    **{f"figure_{number}": (f"reproduce {number} -o figure --processes 1",) for number in (8, 11, 12, 13, 14, 15)},
 }  # fmt: skip
 READ = ("*.yaml", "*.html", "*.gif", "*.json", "bench_out.csv", "learned.csv", "metrics.csv", "film*.png")
 """What is read of the files that commands wrote."""
@@ -189,6 +191,9 @@ def session(name: str, folder: Path, call: Callable[..., object], monkeypatch: p
         stream.write(empty.getvalue())
 
     monkeypatch.setattr(Figure, "savefig", savefig)
+    monkeypatch.setattr("asrsim.reproduce.lab.Lab", ShortLab)
+    monkeypatch.setattr("asrsim.reproduce.teaching.DRAWS", 2)
+    monkeypatch.setattr("asrsim.reproduce.pictures.FRAMES", 2)
     for command in SESSIONS[name]:
         before = set(folder.rglob("*"))
         drawn.clear()

@@ -13,6 +13,7 @@ from robots import PLAIN_ARM, write_plain_arm
 
 import asrsim
 from asrsim.kinematics.sizing import holding_findings, sizing
+from asrsim.robot import with_overrides
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.scenario.start_file import write_starter
@@ -56,6 +57,27 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         moved = result[one.joint].link_position
         assert abs(moved[-1] - moved[-200]) < 1e-4
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
+
+
+@pytest.mark.parametrize("limits", [(6.0, 20.0, 24.0), (0.2, 20.0, 24.0), (6.0, 0.1, 24.0), (6.0, 20.0, 1.0)])
+def test_a_servo_of_volts_holds_as_one_whose_gain_and_limit_are_its_torques(tmp_path, limits):
+    """Its gain is in V/rad, its torque the least of what its limits of torque, current and voltage leave; and what is proposed
+    raises the one that is too low. Twelve V/rad through 1.6 ohm are 3.75 N m/rad."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(2.0,))
+    constants = {"torque_constant": 0.05, "gear_ratio": 10.0, "resistance": 1.6}
+    names = ("max_torque", "max_current", "max_voltage")
+    volts = {f"motor_1_{name}": value for name, value in {**constants, **dict(zip(names, limits, strict=True))}.items()}
+    plain = {"motor_1_max_torque": min(limits[0], 0.5 * limits[1], 0.5 / 1.6 * limits[2])}
+
+    def scenario(values):
+        actuator = {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 60.0, **values}}
+        return scenario_of(robot, actuators={"*": actuator}, references={"*": {"equilibrium_position": 0.9}})
+
+    servo = judged(scenario({**volts, "controller_1_proportional": 12.0}))
+    motor = judged(scenario({**plain, "controller_1_proportional": 3.75}))
+    assert servo.joints == motor.joints
+    proposal = servo.proposal["joint_1"]
+    assert not judged(scenario({**volts, "controller_1_proportional": 12.0, **proposal}), propose=False).weak
 
 
 @pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
@@ -155,8 +177,10 @@ def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
     assert not judged(scenario_of(robot, **lying)).joints
     weightless = {"gravity": [0, 0, 0], "actuators": "sea", "references": {"*": {"equilibrium_position": 0.5}}}
     assert not judged(scenario_of(robot, **weightless)).joints
-    torques = {"actuators": {"*": {"type": "sea", "mode": 4}}, "references": {"*": {"motor_1_torque": 0.1}}}
-    assert not judged(scenario_of(robot, **torques)).joints
+    driven = {"motor_1_torque_constant": 0.1, "motor_1_resistance": 1.0}
+    for mode, reference in ((4, "motor_1_torque"), (7, "motor_1_voltage"), (8, "motor_1_current")):
+        actuator = {"type": "sea", "mode": mode, "parameters": driven}
+        assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
 
 
 @pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal"])
@@ -209,16 +233,78 @@ def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
         assert used <= RESERVE * block.values()["motor_1_max_torque"]
 
 
+def test_a_slider_that_rests_on_its_stop_is_lifted_from_it(tmp_path):
+    """PR2's torso: 1200 N on springs of 10 N/m, .05 m above the stop, so that the sag says nothing of what is lacking."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(120.0,), effort=10000.0)
+    lift = robot.read_text().replace('type="revolute"', 'type="prismatic"').replace('xyz="0 1 0"', 'xyz="0 0 1"')
+    robot.write_text(lift.replace('lower="-2.0"', 'lower="0"').replace('upper="2.0"', 'upper="0.31"'))
+    keys = {"actuators": "sea", "references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.05}}}}}
+    proposal = judged(scenario_of(robot, **keys)).proposal
+    assert proposal
+    assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
+
+
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
 def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
     preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
     keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
-    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0))
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=500.0)
     proposal = judged(scenario_of(robot, **keys)).proposal
     assert set(proposal) == {"joint_1", "joint_2"}
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
     assert proposal["joint_1"]["motor_1_max_torque"] > 50
+
+
+def test_the_swing_that_is_foretold_is_the_one_of_the_simulation(tmp_path):
+    """Ideal motors, no weight, a small step: the arm is nearly linear, and throws its wrist three times as far as it steps."""
+    from asrsim.kinematics.swing import steadying, swings
+
+    springs = {"joint_1": 300.0, "joint_2": 90.0, "joint_3": 0.5}
+    keys = {
+        "gravity": [0, 0, 0], "duration": 3.0, "compiled": False,
+        "references": {"*": {"equilibrium_position": {"step": {"at": 0.001, "to": 0.02}}}},
+        "actuators": {name: {"type": "sea", "mode": 3, "parameters": {"spring_k": k}} for name, k in springs.items()},
+    }  # fmt: skip
+    scenario = scenario_of(write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2)), **keys)
+    robot = apply_to_robot(scenario, checked_robot(scenario)[0])
+    result = asrsim.run(scenario)
+    found = swings(scenario, robot)
+    for one in found:
+        largest = np.abs(result[one.block.joint].link_position[2:] - 0.02).max()
+        assert one.deflection == pytest.approx(largest, rel=0.05)
+    assert [one.block.joint for one in found if one.thrown] == ["joint_3"]
+    held = swings(scenario, with_overrides(robot, parameters=steadying(scenario, robot)))
+    assert not any(one.thrown for one in held)
+
+
+def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, monkeypatch):
+    from asrsim.kinematics import swing
+
+    robot = write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2), effort=500.0)
+
+    def at_their_limit(name):
+        (file,), _ = write_starter(robot, tmp_path / name, actuators={"*": "sea"}, schema=False)
+        scenario = asrsim.load_scenario(file, overrides=["duration=1.5", "compiled=false"])[0]
+        blocks = apply_to_robot(scenario, checked_robot(scenario)[0]).actuators
+        result = asrsim.run(scenario)
+        most = {block.joint: 0.999 * block.values()["motor_1_max_torque"] for block in blocks}
+        return max(np.mean(np.abs(result[joint].motor_1_torque) >= limit) for joint, limit in most.items())
+
+    held = at_their_limit("held.yaml")
+    monkeypatch.setattr(swing, "steadying", lambda *_: {})
+    assert held < 0.03 < at_their_limit("before.yaml")
+
+
+def test_an_effort_limit_below_the_weight_is_told_of_and_the_rest_is_sized(tmp_path):
+    """Twenty N m of effort, forty of weight: no spring and no motor holds that, and no proposal says so."""
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=20.0)
+    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"}, schema=False)
+    assert [(note.key, "effort limit of 20 N m" in note.message) for note in notes] == [("joint_1", True)]
+    (scenario,) = asrsim.load_scenario(file)
+    (told,) = holding_findings(scenario, apply_to_robot(scenario, checked_robot(scenario)[0]), propose=True)
+    assert "effort limit of 20 N m" in told.message
+    assert "parameters" not in told.hint
 
 
 @pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (55, 56))])

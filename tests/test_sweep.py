@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import random
 import shlex
 import signal
@@ -11,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import PENDULUM
 from robots import write_plain_arm
 from test_edited_files import edits
 
 import asrsim
+from asrsim.engines import ENGINES
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps import runner as runner_module
@@ -22,6 +25,7 @@ from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import lost
 from asrsim.sweeps.runner import Runner
 from asrsim.sweeps.sensitivity import influences
+from asrsim.sweeps.shipping import Shipped
 from asrsim.sweeps.show import say_summary
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
@@ -31,6 +35,7 @@ from asrsim.workers.local import Processes
 pytest.importorskip("pyarrow")
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "scenarios"
+INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 TWO_JOINTS = EXAMPLES / "step_2dof.yaml"
 SHORT = ["duration=0.05", "engine=mujoco"]
 
@@ -42,6 +47,65 @@ def study_of(over, scenario=TWO_JOINTS, **options) -> Study:
 
 def without_time(rows):
     return sorted(tuple(row[:-1]) for row in rows)
+
+
+CUBE = """o cube
+v -0.05 -0.05 -0.05
+v 0.05 -0.05 -0.05
+v 0.05 0.05 -0.05
+v -0.05 0.05 -0.05
+v -0.05 -0.05 0.05
+v 0.05 -0.05 0.05
+v 0.05 0.05 0.05
+v -0.05 0.05 0.05
+f 1 3 2
+f 1 4 3
+f 5 6 7
+f 5 7 8
+f 1 2 6
+f 1 6 5
+f 2 3 7
+f 2 7 6
+f 3 4 8
+f 3 8 7
+f 4 1 5
+f 4 5 8
+"""
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_machine_that_has_none_of_the_study_s_files_gives_its_rows(tmp_path, engine):
+    """Robot, mesh of a package, what is played and what is compared with go along; the mesh hits the ground."""
+    lab = tmp_path / "lab"
+    (lab / "shapes/meshes").mkdir(parents=True)
+    (lab / "data").mkdir()
+    (lab / "shapes/meshes/hand.obj").write_text(CUBE)
+    hand = (
+        '<collision><origin xyz="0 0 -0.2"/><geometry><mesh filename="package://tools/meshes/hand.obj"/></geometry></collision>'
+    )
+    (lab / "arm.urdf").write_text(PENDULUM.replace('<link name="arm">', f'<link name="arm">{hand}'))
+    (lab / "data/played.csv").write_text("time,command\n" + "".join(f"{k / 100},{k / 50}\n" for k in range(41)))
+    (lab / "data/seen.csv").write_text("time,elbow.link_position\n" + "".join(f"{k / 100},{k / 90}\n" for k in range(41)))
+    (lab / "touch.yaml").write_text(
+        f"robot: {{file: arm.urdf, packages: {{tools: shapes}}}}\nduration: 0.4\nengine: {engine}\ncompiled: false\n"
+        "base: {position: [0, 0, 0.3]}\n"
+        "world: {objects: {wall: {shape: box, size: [0.02, 1, 1], position: [-0.12, 0, 0.1], mass: 0}}}\n"
+        "references: {elbow: {equilibrium_position: {playback: {file: data/played.csv, column: command}}}}\n"
+        "expect: [{joint: elbow, quantity: link_position, measure: rmse, comparison: <, value: 9, against: data/seen.csv}]\n"
+    )
+    payload = make_payload(study_of({"parameters.elbow.spring_stiffness": [20, 40]}, lab / "touch.yaml", overrides=[]))
+    here, shipped = Runner(payload), pickle.dumps(Shipped(payload, share=1))
+    rows = [here(run) for run in range(2)]
+    here.close()
+    lab.rename(tmp_path / "gone")
+    there: Shipped = pickle.loads(shipped)
+    assert without_time(there(run) for run in range(2)) == without_time(rows)
+    there.close()
+    cells = dict(zip(payload.names, rows[0], strict=True))
+    assert cells["status"] == "complete", cells["reason"]
+    assert cells["warnings"] is None
+    # It was played to 0.8 rad, and the wall stops it.
+    assert cells["elbow.steady_state"] < 0.5
 
 
 # -- points -------------------------------------------------------------------------------------------------------------
@@ -91,6 +155,18 @@ def test_a_fit_is_drawn_with_its_covariance(tmp_path):
     study = study_of({}, samples=20_000, fit=file)
     np.testing.assert_allclose(np.cov(study.table.T), covariance, atol=0.003)
     np.testing.assert_allclose(study.table.mean(axis=0), [2, 3], atol=0.01)
+
+
+def test_a_fit_of_logarithms_is_drawn_above_0_and_what_it_leaves_out_is_known():
+    told = [{"key": "a.x", "verdict": "weak"}, {"key": "a.z", "verdict": "only as ratio"}]
+    fit = {"keys": ["a.x", "a.y"], "mean": [np.log(2.0), 3.0], "covariance": [[0.25, 0.1], [0.1, 0.09]], "estimates": told}
+    study = study_of({}, samples=20_000, fit={**fit, "logarithmic": [True, False]})
+    drawn = np.column_stack([np.log(study.table[:, 0]), study.table[:, 1]])
+    np.testing.assert_allclose(np.cov(drawn.T), fit["covariance"], atol=0.01)
+    np.testing.assert_allclose(drawn.mean(axis=0), fit["mean"], atol=0.02)
+    assert study.joint.left_out == ("a.z (only as ratio)",)
+    with pytest.raises(InputError, match="logarithmic"):
+        study_of({}, samples=20, fit={**fit, "logarithmic": [True]})
 
 
 def test_a_faulty_law_is_told_of_alone():

@@ -50,7 +50,8 @@ def _once(make: _Law) -> _Law:
 
 
 def _saturate_array(value: Any, limit: float) -> Any:
-    return np.clip(value, -limit, limit)
+    # np.clip says the same in thrice the time.
+    return np.minimum(np.maximum(value, -limit), limit)
 
 
 def _with_arrays(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What the shell completes: variants and joints of the file that the line names already, actuators, engines."""
+"""What the shell completes: variants and joints of the file or log that the line names already, actuators, engines."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def variants(ctx: typer.Context, incomplete: str) -> list[str]:
     from asrsim.scenario import load_scenario
 
     try:
-        found = [one.variant for one in load_scenario(str(ctx.params.get("scenario")))]
+        found = [one.variant for one in load_scenario(_named(ctx, "scenario"))]
     except (AsrsimError, OSError):
         return []
     return [name for name in found if name.startswith(incomplete)]
@@ -41,11 +41,30 @@ def mountings(ctx: typer.Context, incomplete: str) -> list[str]:
     return names if separator else [*names, *(f"{name}=" for name in _joints(ctx) if name.startswith(incomplete))]
 
 
+def logged(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Joints of the first log that is named; nothing where it cannot be read."""
+    from asrsim.errors import AsrsimError
+    from asrsim.log import open_log
+    from asrsim.runs.folder import find_logs
+
+    try:
+        joints = open_log(find_logs(Path(_named(ctx, "logs")))[0]).info.joints
+    except (AsrsimError, OSError, IndexError):
+        return []
+    return [joint.name for joint in joints if joint.name.startswith(incomplete)]
+
+
+def _named(ctx: typer.Context, parameter: str) -> str:
+    """The file that the line names. Where an option still lacks its value, it is among the words that nothing took yet."""
+    given = ctx.params.get(parameter) or ctx.args
+    return str(given[0] if isinstance(given, list | tuple) and given else given or "")
+
+
 def _joints(ctx: typer.Context) -> Iterator[str]:
     from asrsim.errors import AsrsimError
     from asrsim.robot import load_robot
 
     try:
-        yield from (joint.name for joint in load_robot(Path(str(ctx.params.get("robot")))).moving_joints)
+        yield from (joint.name for joint in load_robot(Path(_named(ctx, "robot"))).moving_joints)
     except (AsrsimError, OSError):
         return

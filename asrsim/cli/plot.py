@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.completion import logged
 from asrsim.cli.options import End, Plugins, Start, check_window, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def plot(
         list[str] | None,
         typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
     ] = None,
-    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.")] = None,
+    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.", autocompletion=logged)] = None,
     quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity; may be repeated.")] = None,
     align: Annotated[
         str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")

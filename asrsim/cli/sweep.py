@@ -117,6 +117,7 @@ def _swept(
     path: Path, over: list[str], given: dict[str, Any], workers: int | None, cluster: str | None, out: Path | None,
     *, resume: bool, overwrite: bool, quiet: bool,
 ) -> tuple[Table, int]:  # fmt: skip
+    from asrsim.cli.console import complain
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.sweep_progress import SweepProgress
     from asrsim.sweeps import make_study, read_study, sweep
@@ -131,6 +132,8 @@ def _swept(
         study = read_study(path)
     else:
         study = make_study(path, over, **given)
+    if study.joint and study.joint.left_out:
+        complain(f"warning the fit does not say how to draw {', '.join(study.joint.left_out)}: as the scenario has them")
     folder = out or Path("out") / study.name / "sweep"
     message = "asrsim: stopping; rows that have come are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, SweepProgress(study.name, show=not quiet) as progress:

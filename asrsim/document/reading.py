@@ -58,7 +58,7 @@ class Reading:
         )
         return Rejected(message)
 
-    def locate(self, text: str, *, folder: bool = False) -> Path:
+    def locate(self, text: str, *, folder: bool) -> Path:
         """The file that a name in the document means; `folder`: or the folder that was attached with its files."""
         if text in self.files:
             return self.files[text]

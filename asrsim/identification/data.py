@@ -92,9 +92,9 @@ class Data:
     recording: Recording
     pairing: Mapping[str, str]
     remarks: tuple[str, ...] = ()
-    held: bool = False
+    held: bool
     """Only predicted."""
-    located: bool = True
+    located: bool
     """Its clock is that of the commands; else it has to be found."""
 
 

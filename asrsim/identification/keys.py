@@ -222,6 +222,7 @@ def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[
 def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Problem:
     owner = pattern.partition(".")[0]
     same = tuple(key for key in known if key.partition(".")[0] == owner)
+    same = tuple(key for key in same if key.rpartition(".")[2] == pattern.rpartition(".")[2]) or same
     message = "no key is called so" if "*" not in pattern and "?" not in pattern else "no key fits this pattern"
     return Problem(
         f"{message} ({where})", key=pattern, hint=did_you_mean(pattern, tuple(known)), choices=same or _roots(known),

@@ -124,8 +124,9 @@ def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Arr
     if best is None:
         return None
     names = [told.layout.entries[told.free[i]].name for i in (other, pivot)]
+    units = {told.layout.entries[told.free[i]].parameter.unit for i in (other, pivot)}
     numbers = [float(told.values[told.free[i]]) for i in (other, pivot)]
-    text, value, factor = _shown(names, numbers, best[1])
+    text, value, factor = _shown(names, numbers, best[1], summed=len(units) == 1)
     # What is written the other way round is less sure; high powers are of what is nearly known alone.
     if best[0] * factor > UNKNOWN or max(abs(best[1]), 1.0 / abs(best[1])) > HIGHEST:
         return None
@@ -185,14 +186,14 @@ def _sparse(directions: Array) -> Array:
     return rows
 
 
-def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple[str, float, float]:
+def _shown(names: Sequence[str], values: Sequence[float], power: float, *, summed: bool) -> tuple[str, float, float]:
     """other * pivot^power as people write it, its value, and how many times wider than the product's its relative interval is;
-    as a sum where that is the simpler form.
+    as a sum where that is the simpler form. summed: what has one unit may be.
     """
     (other, pivot), (a, b) = names, values
     if abs(power) < 1.0 and abs(2.0 / power - round(2.0 / power)) < 1e-9:
         # r / k^0.5 is better known as k / r^2.
-        text, value, factor = _shown((pivot, other), (b, a), 1.0 / power)
+        text, value, factor = _shown((pivot, other), (b, a), 1.0 / power, summed=summed)
         return text, value, factor / abs(power)
     half = round(2.0 * power) / 2.0
     if abs(power - half) < 1e-9 and a > 0.0 and b > 0.0:
@@ -203,7 +204,7 @@ def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple
     whole = round(factor)
     if 0 < abs(whole) <= 4 and abs(factor - whole) < 0.08 * abs(whole):
         factor = float(whole)
-    if (not whole or factor != whole) and a > 0.0 and b > 0.0:
+    if (not summed or not whole or factor != whole) and a > 0.0 and b > 0.0:
         return f"{other} * {pivot}^{power:.2g}", a * b**power, 1.0
     size = "" if abs(factor) == 1.0 else f"{abs(factor):.3g} "
     total = a + factor * b

@@ -192,11 +192,11 @@ class _Balance:
             return [None, None]
         signals = self._scenario.references_of(drive.name)
         told = [signals[name].values(self._time) if name in signals else None for name in drive.mode.references]
-        told += [None] * (2 - len(told))
-        if not drive.mode.mapped or told[0] is None:
-            return told
-        preset = np.zeros_like(self._time) if told[1] is None else told[1]
-        pairs = map(drive.actuator.motor_references, told[0].tolist(), preset.tolist())
+        first, second = (*told, None)[:2]
+        if not drive.mode.mapped or first is None:
+            return [first, second]
+        preset = np.zeros_like(self._time) if second is None else second
+        pairs = map(drive.actuator.motor_references, first.tolist(), preset.tolist())
         return list(np.array(list(pairs)).T)
 
     # -- what does not balance ---------------------------------------------------------------------------------------

@@ -27,6 +27,8 @@ HOPELESS = 10.0
 """The same from which on an interval tells nothing at all."""
 TOGETHER = 0.8
 """Correlation beyond which an estimate is as sure as the other."""
+VANISHED = 0.01
+"""Share of its start at which a positive parameter is gone, if nothing depends on it there."""
 NONE = 1.0
 """The same from which on it cannot be told from none."""
 
@@ -96,10 +98,11 @@ def estimates(
         listed: tuple[str, ...] = ()
         reason, verdict = "", IDENTIFIED
         if met[i]:
-            verdict, reason = AT_BOUND, f"{value:.4g} {entry.parameter.unit}".rstrip() + " is as far as it may go"
+            as_far = f"{value:.4g} {entry.parameter.unit}".rstrip() + " is as far as it may go"
+            verdict, reason = AT_BOUND, (_vanished(entry, value) if without[i] else "") or as_far
             low = high = math.nan
         elif without[i]:
-            verdict, reason = NO_EFFECT, _reason(entry, float(norms[i]), tracks, still)
+            verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), tracks, still)
             low = high = math.nan
         elif own and not margin <= UNKNOWN:
             verdict, listed = RATIO, tuple(map(str, own))
@@ -153,6 +156,15 @@ def _joint(entry: Entry, tracks: Sequence[Track]) -> str:
     """That an entry is of: a link's is the one that moves it."""
     owner = entry.parameter.key.rpartition(".")[0]
     return next((one.name for one in tracks[0].prepared.robot.joints if owner in (one.name, one.child)), owner)
+
+
+def _vanished(entry: Entry, value: float) -> str:
+    """What is to be said of one that left its start so far that nothing depends on it any more; empty where it did not."""
+    share = value / entry.start if entry.parameter.logarithmic else 1.0
+    if VANISHED < share < 1.0 / VANISHED:
+        return ""
+    where = "fell to" if share < 1.0 else "rose to"
+    return f"it {where} {share:.2g} of its start, where nothing depends on it: the recordings would do without it"
 
 
 def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[str, str]) -> str:

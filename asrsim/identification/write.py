@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +16,26 @@ from asrsim.identification.track import physical
 from asrsim.identification.verdicts import IDENTIFIED, Estimate
 from asrsim.outfile import written
 from asrsim.robot.edit import edited_urdf
+from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES
+from asrsim.scenario.data import for_joint
 from asrsim.scenario.start_file import relative_path
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
+TOGETHER = 0.9
+"""Correlation of two estimates of which one without the other is none."""
 
 
 def as_dict(result: Result) -> dict[str, Any]:
-    """Plain values for JSON; `keys`, `mean` and `covariance` are what `asrsim sweep --fit` draws from."""
+    """Plain values for JSON; `keys`, `mean`, `covariance` and `logarithmic` are what `asrsim sweep --fit` draws from."""
     from asrsim import __version__
 
     drawn = [
         i for i, one in enumerate(result.estimates) if one.track is None and not math.isnan(one.low) and _sweeps(result, one)
     ]
-    slopes = result.layout.slopes(result.x)
+    # What is estimated by its logarithm is drawn by it: as its interval, a draw does not fall below 0.
+    logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
+    slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
     covariance = result.covariance * np.outer(slopes, slopes)
     return {
         "generator": f"asrsim {__version__}",
@@ -55,8 +61,9 @@ def as_dict(result: Result) -> dict[str, Any]:
             "seconds": round(result.seconds, 3),
         },
         "keys": [result.estimates[i].key for i in drawn],
-        "mean": [result.estimates[i].value for i in drawn],
+        "mean": [math.log(one.value) if logarithmic[i] else one.value for i, one in enumerate(result.estimates) if i in drawn],
         "covariance": covariance[np.ix_(drawn, drawn)].tolist(),
+        "logarithmic": [logarithmic[i] for i in drawn],
     }  # fmt: skip
 
 
@@ -84,7 +91,7 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
     return changes
 
 
-def chosen_values(result: Result, *, everything: bool = False) -> dict[str, float]:
+def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
     """Key -> value of what is identified (or all), with what is tied to it."""
     kept = {one.key for one in result.estimates if one.track is None and (everything or one.verdict == IDENTIFIED)}
     values = {one.key: one.value for one in result.estimates if one.key in kept}
@@ -105,10 +112,11 @@ def write_fit(result: Result, folder: Path) -> Path:
 
 def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
     """The robot file with its new numbers, and a scenario with them under `parameters:`; and what is to be said of them."""
-    changes = physical(result.robot, robot_changes(result, chosen_values(result, everything=everything)))
+    chosen = chosen_values(result, everything=everything)
+    changes = physical(result.robot, robot_changes(result, chosen))
     if not changes:
         return [], ["nothing of the robot is identified: no robot file is written (--all writes what there is)"]
-    said = []
+    said = torn_numbers(result, chosen)
     source = result.robot.path
     data = source.read_bytes()
     name = source.name
@@ -124,9 +132,36 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     with written(path, "robot", replace=False) as stream:
         stream.write(_marked(edited_urdf(data, result.robot, {owner: values for owner, values in in_file.items() if values})))
     scenario = folder / SCENARIO
+    delays, alone = _delays(result, chosen)
+    said += [f"{name}.delay has no place in {SCENARIO}: there a delay is of all references of a joint" for name in alone]
     with written(scenario, "fitted scenario") as stream:
-        stream.write(_scenario_text(result, changes, scenario, path).encode())
+        stream.write(_scenario_text(result, changes, delays, scenario, path).encode())
     return [path, scenario], said
+
+
+def torn_numbers(result: Result, chosen: Collection[str]) -> list[str]:
+    """What is to be said of numbers of the robot that stay as they were while what they go with is written."""
+    said = []
+    for i, one in enumerate(result.estimates):
+        row = [(abs(c), other) for c, other in zip(result.correlation[i], result.estimates, strict=True) if other.key in chosen]
+        close, other = max(row, key=lambda pair: float(pair[0]), default=(0.0, one))
+        if one.key not in chosen and close > TOGETHER and _sweeps(result, one):
+            said.append(f"{one.name} ({one.verdict}) stays as it was, though it goes with {other.name}: --all writes both")
+    return said
+
+
+def _delays(result: Result, values: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
+    """Joint -> s of delay that all its references have, and references that have one of their own."""
+    found: dict[str, float] = {}
+    alone: list[str] = []
+    for block in result.robot.actuators:
+        names = [f"{block.joint}.reference_{i}" for i in range(1, len(reference_names(block)) + 1)]
+        delays = {name: values.get(f"{name}.delay", 0.0) for name in names}
+        if len(set(delays.values())) == 1:
+            found[block.joint] = delays[names[0]]
+        else:
+            alone += [name for name, delay in delays.items() if delay]
+    return {joint: delay for joint, delay in found.items() if delay}, alone
 
 
 def _is_mounted(result: Result, owner: str, key: str, mounted: set[str]) -> bool:
@@ -141,7 +176,9 @@ def _marked(data: bytes) -> bytes:
     return data if data.endswith(mark) else data.rstrip(b"\n") + b"\n" + mark
 
 
-def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], path: Path, robot: Path) -> str:
+def _scenario_text(
+    result: Result, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], path: Path, robot: Path
+) -> str:
     """A scenario that replaces the fitted one's robot and parameters, for `asrsim run`."""
     import yaml
 
@@ -149,7 +186,8 @@ def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], p
     data = dict(result.scenario.resolved)
     given = data.get("robot")
     base = (result.task.scenario.parent).absolute()
-    data = _held(_placed(data, base, path.parent.absolute()), result.stairs)
+    files = result.scenario.attachments
+    data = _held(_placed(data, lambda name: relative_path(files.get(name, base / name), path.parent.absolute())), result.stairs)
     arguments = {key: value for key, value in given.items() if key == "packages"} if isinstance(given, Mapping) else {}
     data["robot"] = {"file": relative_path(robot, path.parent), **arguments} if arguments else relative_path(robot, path.parent)
     parameters = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
@@ -158,6 +196,13 @@ def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], p
         if own:
             parameters.setdefault(owner, {}).update(own)
     data |= {"parameters": parameters, **result.substeps}
+    if delays:
+        effects = dict(data.get("effects") or {})
+        effects["commands"] = commands = dict(effects.get("commands") or {})
+        for joint, delay in delays.items():
+            before = for_joint(commands, joint, {})
+            commands[joint] = {**before, "delay": float(f"{before.get('delay', 0.0) + delay:.9g}")}
+        data["effects"] = effects
     for key in ("name", "variant", "expect"):
         data.pop(key, None)
     lines = [
@@ -167,14 +212,14 @@ def _scenario_text(result: Result, changes: Mapping[str, Mapping[str, float]], p
     return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
 
 
-def _placed(data: Any, base: Path, folder: Path) -> Any:
-    """Files that the scenario names, as they are named from another folder."""
+def _placed(data: Any, place: Callable[[str], str]) -> Any:
+    """With the files that it names where `place` has them."""
     if isinstance(data, Mapping):
         return {
-            key: relative_path(base / value, folder) if key in ("file", "manager", "against") and isinstance(value, str)
-            else _placed(value, base, folder) for key, value in data.items()
-        }  # fmt: skip
-    return [_placed(value, base, folder) for value in data] if isinstance(data, list) else data
+            key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else _placed(value, place)
+            for key, value in data.items()
+        }
+    return [_placed(value, place) for value in data] if isinstance(data, list) else data
 
 
 def _held(data: Any, columns: Collection[str]) -> Any:

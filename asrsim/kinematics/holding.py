@@ -1,7 +1,7 @@
 """Where each joint comes to rest under the arm's own weight, as its springs and motors hold it.
 
 The rest is sought with motors where references put them, less what their controllers droop by under load, and no stronger than
-their largest torque. Friction and electrical limits of motors are left out.
+their largest torque at rest, the joint with no more than its effort limit. Friction of motors is left out.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.vectorised import over_arrays, references_over_arrays
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
+from asrsim.robot.mounting import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 
 if TYPE_CHECKING:
+    from asrsim.actuators.drive import Drive
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
@@ -47,11 +49,13 @@ class Holding:
     """It comes to rest on a joint stop that the reference does not ask for."""
     limited: bool
     """A motor gives way: it would need more than its largest torque."""
+    overloaded: bool
+    """The joint's effort limit keeps from the link what its springs would give."""
     time: float
     """s, of that instant."""
     scale: float
     """rad or m, against which a sag of this joint is great or small: a short travel, 1 rad, or `SLIDING`."""
-    droop: float = 0.0
+    droop: float
     """rad or m of the sag that is the motors', whose controllers give way in proportion to the load."""
 
     @property
@@ -72,7 +76,7 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     return np.array(ordered if len(ordered) <= 8 else ordered[:: -(-len(ordered) // 8)])
 
 
-def _goals(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array, Array]:
+def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array, Array]:
     """Where motors (or motor and adjuster) are asked to stand, (n,) each, and the link with them."""
     actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
     given = scenario.references_of(block.joint)
@@ -102,7 +106,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     }
     goals: dict[str, tuple[Array, Array]] = {}
     for block in blocks:
-        first, second, goal = _goals(scenario, block, time)
+        first, second, goal = goals_of(scenario, block, time)
         wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
         goals[block.joint] = first, second
     groups = [
@@ -114,6 +118,8 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     for springs in groups:
         springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
         springs.low, springs.high = np.array([robot.joint(name).stops for name in springs.names]).T[:, :, None]
+        efforts = (robot.joint(name).effort for name in springs.names)
+        springs.efforts = np.array([[math.inf if effort is None else effort] for effort in efforts])
     share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)
@@ -123,7 +129,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         # Joints that give way together may come back together: steps that turn round are too long.
         share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
         before = moved
-    limited = {name: row for springs in groups for name, row in springs.limited(positions).items()}
+    limited = {name: rows for springs in groups for name, rows in springs.limited(positions).items()}
     droops = {name: row for springs in groups for name, row in zip(springs.names, springs.droops.mean(axis=0), strict=True)}
     found = []
     for name in goals:
@@ -135,7 +141,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(limited[name][worst]), time=float(time[worst]),
+                limited=bool(limited[name][0][worst]), overloaded=bool(limited[name][1][worst]), time=float(time[worst]),
                 scale=min(SLIDING if robot.joint(name).kind == "prismatic" else 1.0, high - low),
                 droop=float(abs(droops[name][worst])),
             )
@@ -153,32 +159,27 @@ class _Springs:
         self._parameters = tuple(np.array([[given[p.name]] for given in values]) for p in actuator.parameters)
         self._law = over_arrays(actuator.elastic_torques)
         self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(2))
-        self._limits = np.array(
-            [
-                [
-                    [given[f"motor_{i}_max_torque"] if MODES[block.mode].motor else math.inf]
-                    for block, given in zip(blocks, values, strict=True)
-                ]
-                for i in range(1, actuator.motors + 1)
-            ]
-        )
+        drives = [drive_of(block) for block in blocks]
+        ideal = (math.inf,) * actuator.motors
+        self._limits = np.array([drive.max_torque or ideal for drive in drives]).T[:, :, None]
         """(motors, j, 1) N m."""
-        self._gains = np.array([[[_gain(block, i)] for block in blocks] for i in range(1, actuator.motors + 1)])
+        self._gains = np.array([_gains(drive) or ideal for drive in drives]).T[:, :, None]
         """(motors, j, 1) N m/rad of the controllers."""
+        self._most = np.divide(self._limits, self._gains, out=np.zeros_like(self._gains), where=np.isfinite(self._gains))
+        """(motors, j, 1) rad of droop at which a motor gives all that it has."""
         self.droops = np.zeros((actuator.motors, *self._goals[0].shape))
         """(motors, j, n) rad by which motors stay behind."""
-        self.weight = self.low = self.high = np.zeros((len(blocks), 1))
-        """How fast gravity's torques may change with posture, N m/rad, and the joints' stops, rad or m."""
+        self.weight = self.low = self.high = self.efforts = np.zeros((len(blocks), 1))
+        """How fast gravity's torques may change with posture, N m/rad; stops, rad or m; effort limits, N m or N."""
 
     def _torques(self, position: Array) -> Array:
         """(motors, j, n) N m."""
         places = [goal - droop for goal, droop in zip(self._goals, self.droops, strict=False)]
         return self._law(position, *places, *self._goals[len(places) :], self._parameters)
 
-    def _slopes(self, position: Array) -> tuple[Array, Array]:
-        """Torques, and stiffnesses with motors held where they are, (motors, j, n)."""
-        here, near = (self._torques(position + off)[: len(self._limits)] for off in (0.0, 1e-4))
-        here, near = np.clip(here, -self._limits, self._limits), np.clip(near, -self._limits, self._limits)
+    def _slopes(self, position: Array, most: float | Array = math.inf) -> tuple[Array, Array]:
+        """Torques, cut at `most`, and stiffnesses with motors held where they are, (motors, j, n)."""
+        here, near = (np.clip(self._torques(position + off)[: len(self._limits)], -most, most) for off in (0.0, 1e-4))
         return here, np.maximum((here - near) / 1e-4, 0.0)
 
     def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
@@ -186,28 +187,34 @@ class _Springs:
         gives way at its largest torque."""
         position = np.stack([positions[name] for name in self.names])
         torques, slopes = self._slopes(position)
-        # The motors first, the link where it is; then the link, behind spring and controller in series.
-        self.droops += (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
-        torques, slopes = self._slopes(position)
+        # The motors first, the link where it is; then the link, behind spring and controller in series. A droop grows with the
+        # spring's torque, so that the cut of one is the cut of the other.
+        droops = self.droops + (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
+        self.droops = np.clip(droops, -self._most, self._most)
+        torques, slopes = self._slopes(position, self._limits)
         torque, stiffness = torques.sum(axis=0), (slopes / (1.0 + slopes / self._gains)).sum(axis=0)
+        stiffness = np.where(np.abs(torque) > self.efforts, 0.0, stiffness)
+        torque = np.clip(torque, -self.efforts, self.efforts)
         load = np.stack([loads[name] for name in self.names])
         step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
         after = np.clip(position + share * step, self.low, self.high)
         positions.update(zip(self.names, after, strict=True))
         return np.asarray(after - position)
 
-    def limited(self, positions: Mapping[str, Array]) -> dict[str, Array]:
-        """Joint -> (n,) whether some motor gives way."""
+    def limited(self, positions: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
+        """Joint -> (n,) whether some motor gives way, and whether the joint's effort limit does."""
         torques = self._torques(np.stack([positions[name] for name in self.names]))[: len(self._limits)]
-        return dict(zip(self.names, np.any(np.abs(torques) > self._limits, axis=0), strict=True))
+        weak = np.any(np.abs(torques) > self._limits, axis=0)
+        overloaded = np.abs(np.clip(torques, -self._limits, self._limits).sum(axis=0)) > self.efforts
+        return {name: (weak[j], overloaded[j]) for j, name in enumerate(self.names)}
 
 
-def _gain(block: ActuatorBlock, index: int) -> float:
-    """N m/rad by which a motor's controller holds it; inf where it does not droop: ideal motors, integral action."""
-    values = block.values()
-    mode = MODES[block.mode]
-    stiff = not (mode.motor and mode.controller) or values[f"controller_{index}_integral"] > 0.0
-    return math.inf if stiff else max(values[f"controller_{index}_proportional"], 1e-6)
+def _gains(drive: Drive) -> tuple[float, ...]:
+    """N m/rad by which controllers hold their motors; inf where integral action leaves no droop; () of ideal motors."""
+    if not drive.mode.motor:
+        return ()
+    gains = zip(drive.proportional, drive.integral, strict=True)
+    return tuple(math.inf if integral > 0.0 else max(gain, 1e-6) for gain, integral in gains)
 
 
 def _weight(robot: Robot, name: str, scenario: Scenario) -> float:

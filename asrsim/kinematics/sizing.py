@@ -12,6 +12,7 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.errors import Problem
 from asrsim.kinematics.holding import Holding, holdings
 from asrsim.robot import ActuatorBlock, Robot
+from asrsim.robot.mounting import drive_of
 from asrsim.scenario.check import made_elsewhere
 from asrsim.scenario.data import for_joint
 
@@ -52,15 +53,15 @@ class Sizing:
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
     """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
 
-    Nothing is said of floating bases, of modes without spring, of references that are torques, that a task or learning
-    makes, or beside which a `desired` motion of the link stands: they see to it themselves. sag: see `SAG`, beyond which
-    something is proposed.
+    Nothing is said of floating bases, of modes without spring, of references that are torques, voltages or currents, that a
+    task or learning makes, or beside which a `desired` motion of the link stands: they see to it themselves. sag: see `SAG`,
+    beyond which something is proposed.
     """
     blocks = [
         block
         for block in robot.actuators
         if MODES[block.mode].spring
-        and block.mode != 4
+        and not MODES[block.mode].direct
         and not made_elsewhere(scenario, block.joint)
         and for_joint(scenario.desired, block.joint) is None
     ]
@@ -70,7 +71,10 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
     weak = Sizing(joints=joints).beyond(sag)
     if not weak or not propose:
         return Sizing(joints=joints)
+    # Parameters do not change an effort limit, which is told of by itself.
+    robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     changed = {block.joint: block for block in blocks}
+    weak = Sizing(joints=holdings(scenario, robot, blocks)).beyond(sag)
     proposal: dict[str, dict[str, float]] = {}
     for _ in range(TRIES):
         for one in weak:
@@ -106,25 +110,31 @@ def problems_of_weight(
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
         what = "falls onto its stop" if one.on_stop else "falls" if one.falls else f"sags by {one.sag:.2g} {length}"
         soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
-        why = "its motors are too weak" if one.limited else f"{soft} are too soft"
+        limit = f"its effort limit of {robot.joint(one.joint).effort or 0.0:g} {force} is too low"
+        why = limit if one.overloaded else "its motors are too weak" if one.limited else f"{soft} are too soft"
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
-        problems.append(Problem(message, file=file, key=one.joint, hint=hint, code=code))
-        hint = None
+        if one.overloaded:
+            message_hint: str | None = "Raise `effort` in the <limit> of the robot's file"
+        else:
+            message_hint, hint = hint, None
+        problems.append(Problem(message, file=file, key=one.joint, hint=message_hint, code=code))
     return tuple(problems)
 
 
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    factor = min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), 4.0 if weak.falls else 2.0)
-    motors = tuple(f"motor_{i}_max_torque" for i in range(1, actuator.motors + 1)) if MODES[block.mode].motor else ()
-    lacking = abs(weak.load) / (RESERVE * min((values[name] for name in motors), default=math.inf))
+    # How far it would sag is not known of a joint on its stop.
+    least, most = 2.0 if weak.on_stop else 1.25, 4.0 if weak.falls else 2.0
+    factor = min(max(least, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
+    drive = drive_of(block)
+    lacking = abs(weak.load) / (RESERVE * min(drive.max_torque, default=math.inf))
     # A spring that was wound past its summit no longer shows that the motor gave way first.
     if weak.limited or lacking > 1.0:
-        names, factor = motors, max(1.25, lacking)
+        names, factor = motor_limits(values), max(1.25, lacking)
     elif weak.droop > 0.3 * weak.sag:
-        names = tuple(name.replace("motor", "controller").replace("max_torque", "proportional") for name in motors)
+        names = tuple(f"controller_{i}_proportional" for i in range(1, actuator.motors + 1))
     else:
         names = linear_parameters(actuator, values)
     return {name: float(f"{factor * values[name]:.2g}") for name in names}
@@ -144,11 +154,16 @@ def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> 
     return names if linear else ()
 
 
+def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
+    """Parameters whose common factor is one of the motors' largest torques: their limits of torque, voltage and current."""
+    limits = ("_max_torque", "_max_voltage", "_max_current")
+    return tuple(name for name, value in values.items() if name.endswith(limits) and math.isfinite(value))
+
+
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
     """The block with motors that keep some of their torque for moving."""
-    return _with_values(
-        block, {name: RESERVE * value for name, value in block.values().items() if name.endswith("_max_torque")}
-    )
+    values = block.values()
+    return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
 
 
 def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:

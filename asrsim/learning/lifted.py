@@ -31,7 +31,7 @@ class Band:
     """With the repeated ends."""
 
     @classmethod
-    def over(cls, duration: float, tail: float = 0.0) -> Band:
+    def over(cls, duration: float, tail: float) -> Band:
         """For a motion of `duration` s, and `tail` s behind it."""
         pieces = max(round((duration + tail) / knot_distance(duration)), 4)
         inner = np.linspace(0.0, duration + tail, pieces + 1)

@@ -153,7 +153,9 @@ def make_plant(scenario: Scenario) -> Plant:
     from asrsim.scenario import apply_to_robot, checked_robot
 
     if not scenario.learning:
-        raise ScenarioError("the scenario has no block `ilc`: nothing says what to learn", file=scenario.path, code="no-ilc")
+        hint = "Write the motion: ilc: {tolerance: 0.01, trajectory: {JOINT: {minimum_jerk: {duration: 2.0, to: 0.6}}}}"
+        message = "the scenario has no block `ilc`: nothing says what to learn"
+        raise ScenarioError(message, file=scenario.path, hint=hint, code="no-ilc")
     robot, _ = checked_robot(scenario)
     applied = apply_to_robot(scenario, robot)
     trajectory = scenario.learning.get("trajectory") or {}

@@ -213,7 +213,7 @@ def _title(session: Session) -> str:
     return " · ".join([*words, f"law {session.prepared.settings.law}", f"{result.outcome}: {best}"])
 
 
-def write_guess(plant: Plant, folder: Path, *, overwrite: bool = False) -> Prepared:
+def write_guess(plant: Plant, folder: Path, *, overwrite: bool) -> Prepared:
     """Write the inputs of inverse dynamics, and a scenario that plays them, into `folder`. Nothing is simulated.
 
     Raises InputError or OutputError.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.recorder import COLUMN
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.substep import RAW
 
 APPLIED = "applied"
 """Part of the names of topics that tell which reference is in force: the toolbox's own names are for setting it."""
@@ -38,7 +39,8 @@ _DIRECT = {
        for i in (1, 2) for what, column in (("position", "position"), ("velocity", "velocity"), ("torque", "drive"))},
 }  # fmt: skip
 """Quantity -> column of the raw record."""
-_INPUTS = ("reference_1", "reference_2", "external_torque")
+_FOUND = ("reference_1", "reference_2", "external_torque", "link_velocity", "stiffness")
+"""Quantities that are not in the raw record."""
 
 
 class Board:
@@ -48,12 +50,12 @@ class Board:
         """info: of the run; namespace: stands before all names but `/clock` and `/tf`."""
         self._simulation = simulation
         self._joints = tuple(simulation.joints)
-        topics = list(_topics(info.joints))
+        self._known = {joint.name: joint.quantities for joint in info.joints}
         prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
         self.prefix = prefix
-        self._encoder = _Encoder([_named(topic, prefix) for topic in topics], self._joints)
+        topics = [_named(topic, prefix) for topic in _topics(info.joints)]
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
-        outlets = [Outlet(topic.name, topic.message) for topic in self._encoder.topics]
+        outlets = [Outlet(topic.name, topic.message) for topic in topics]
         latched: dict[str, bytes] = {}
         if self._frames is not None:
             outlets.append(Outlet("/tf", self._frames.topic.message))
@@ -67,29 +69,45 @@ class Board:
         self._groups = [
             (group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(simulation.prepared.drives)
         ]
-        named = list(enumerate(self._encoder.quantities))
-        direct = [(line, COLUMN[_DIRECT[name]]) for line, name in named if name in _DIRECT]
-        self._direct = (np.array([line for line, _ in direct]), np.array([column for _, column in direct]))
-        self._others = [(line, name) for line, name in named if name not in _DIRECT]
-        self._lacking = np.zeros((len(self._encoder.quantities), len(self._joints)), bool)
-        for j, name in enumerate(self._joints):
-            known = next(joint.quantities for joint in info.joints if joint.name == name)
-            self._lacking[:, j] = [quantity not in known for quantity in self._encoder.quantities]
+        record = len(self._joints) * len(RAW)
+        self._table = np.full(record + len(_FOUND) * len(self._joints) + 1, np.nan)
+        """Numbers of a step: the raw record (joints, columns), the quantities of `_FOUND` (5, joints), and a NaN."""
+        self._record, self._found = self._table[:record], self._table[record:-1].reshape(len(_FOUND), -1)
+        self._encoder = _Encoder(topics, self._place)
+        self._wanted: Sequence[Sequence[bool]] = ()
 
-    def messages(self, time: int) -> list[bytes]:
-        """Of the outlets that are not latched, in their order, empty where one is not due; `time` of the last substep in ns."""
-        values = self._values()
-        found = self._encoder.encode(values, time)
+    def _place(self, quantity: str, joint: str) -> int:
+        """Where a joint's quantity stands in the table."""
+        j = self._joints.index(joint)
+        if quantity not in self._known[joint]:
+            return len(self._table) - 1
+        if quantity in _DIRECT:
+            return j * len(RAW) + COLUMN[_DIRECT[quantity]]
+        return len(self._record) + _FOUND.index(quantity) * len(self._joints) + j
+
+    def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
+        """Of the outlets that are not latched, in their order, empty where nobody wants one or it is not due.
+
+        time: of the last substep in ns; wanted: of each transport, see :attr:`asrsim.live.transport.Transport.wanted`.
+        """
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._listened = [any(each) for each in zip(*wanted, strict=True)]
+            self._encoder.choose(self._listened)
+        if not any(self._listened):
+            return [b""] * len(self._listened)
+        self._fill()
+        found = self._encoder.encode(self._table, time)
         if self._frames is not None:
-            found.append(b"" if not self._frames.due(time * 1e-9) else self._moved(values, time))
+            found.append(self._moved(time) if self._listened[-1] and self._frames.due(time * 1e-9) else b"")
         return found
 
-    def _moved(self, values: Array, time: int) -> bytes:
+    def _moved(self, time: int) -> bytes:
         """The frames' message."""
         if self._frames is None:
             return b""
-        position = values[self._encoder.quantities.index("link_position")]
-        samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position[None]})
+        position = self._record.reshape(1, len(self._joints), -1)[:, :, COLUMN["link_position"]]
+        samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position})
         return self._frames.messages(samples)[0][1]
 
     def begin_again(self) -> None:
@@ -97,58 +115,59 @@ class Board:
         if self._frames is not None:
             self._frames.rewind()
 
-    def _values(self) -> Array:
-        """(quantities, joints), as the log will have them: the last substep completed by the velocity after it."""
+    def _fill(self) -> None:
+        """The table, as the log will have its numbers: the last substep completed by the velocity after it."""
         simulation = self._simulation
         if simulation.row is None:
             raise RuntimeError("nothing has been simulated yet")
         raw, inputs = simulation.row
-        values = np.empty((len(self._encoder.quantities), len(self._joints)))
-        lines, columns = self._direct
-        values[lines] = raw.T[columns]
-        for line, name in self._others:
-            if name in _INPUTS:
-                values[line] = inputs[_INPUTS.index(name)]
-            elif name == "link_velocity":
-                values[line] = raw[:, COLUMN["engine_velocity"]]
-                if simulation.prepared.stepping.staggered and simulation.substep > 1:
-                    values[line] = 0.5 * (values[line] + simulation.engine.read()[1])
-            else:
-                values[line] = np.nan
-                for group, law, elastic in self._groups:
-                    places = (COLUMN["link_position"], COLUMN["position_1"], COLUMN["position_2"])
-                    values[line][group.pick] = law(*(raw[group.pick, place, None] for place in places), elastic)[:, 0]
-        values[self._lacking] = np.nan
-        return values
+        self._record[:] = raw.ravel()
+        *references, velocity, stiffness = self._found
+        for own, given in zip(references, inputs, strict=True):
+            own[:] = given
+        velocity[:] = raw[:, COLUMN["engine_velocity"]]
+        if simulation.prepared.stepping.staggered and simulation.substep > 1:
+            velocity += simulation.engine.read()[1]
+            velocity *= 0.5
+        if "stiffness" in self._encoder.wanted:
+            for group, law, elastic in self._groups:
+                places = (COLUMN["link_position"], COLUMN["position_1"], COLUMN["position_2"])
+                stiffness[group.pick] = law(*(raw[group.pick, place, None] for place in places), elastic)[:, 0]
 
 
 class _Encoder:
     """All messages of a step in one piece of memory, into which numbers are laid at once."""
 
-    def __init__(self, topics: Sequence[Topic], joints: Sequence[str]) -> None:
-        self.topics = tuple(topics)
-        columns = [column for topic in topics for _, column in topic.template.floats]
-        self.quantities = tuple(dict.fromkeys(["link_position", *(column.name for column in columns)]))
+    def __init__(self, topics: Sequence[Topic], place: Callable[[str, str], int]) -> None:
+        """place: where a joint's quantity stands in the table of a step's numbers."""
         data = bytearray()
-        self._places: list[tuple[int, int]] = []
+        self._parts: list[tuple[Topic, int, int]] = []
         floats, sources, stamps = [], [], []
         for topic in topics:
             # Four bytes of CDR's header come before what is aligned.
             data += bytes((4 - len(data)) % 8)
             start = len(data)
             data += topic.template.data
-            self._places.append((start, len(data)))
+            self._parts.append((topic, start, len(data)))
             for offset, column in topic.template.floats:
                 floats.append((start + offset) // 8)
-                sources.append(self.quantities.index(column.name) * len(joints) + joints.index(str(column.part)))
+                sources.append(place(column.name, str(column.part)))
             stamps += [(start + offset) // 4 for offset in topic.template.stamps]
         self._data = np.frombuffer(bytes(data) + bytes(-len(data) % 8), np.uint8).copy()
         self._numbers, self._words = self._data.view("<f8"), self._data.view("<u4")
         self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.array(stamps)
+        self.choose([True] * len(topics))
 
-    def encode(self, values: Array, time: int) -> list[bytes]:
-        """values: (quantities, joints); time in ns."""
-        self._numbers[self._floats] = values.ravel()[self._sources]
+    def choose(self, listened: Sequence[bool]) -> None:
+        """Which messages are made from now on."""
+        chosen = [part if one else (part[0], 0, 0) for part, one in zip(self._parts, listened, strict=False)]
+        self._places = [(start, end) for _, start, end in chosen]
+        self.wanted = {column.name for topic, start, end in chosen if start < end for _, column in topic.template.floats}
+        """Quantities in them."""
+
+    def encode(self, table: Array, time: int) -> list[bytes]:
+        """Time in ns."""
+        self._numbers[self._floats] = table[self._sources]
         seconds, rest = divmod(time, 1_000_000_000)
         self._words[self._stamps], self._words[self._stamps + 1] = seconds, rest
         whole = self._data.tobytes()
@@ -197,7 +216,7 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
 
 def _users(topic: Topic) -> bool:
     """Whether its number is a quantity of a user's own, which the recorder works out later."""
-    wanted = {*_DIRECT, *_INPUTS, "link_velocity", "stiffness"}
+    wanted = {*_DIRECT, *_FOUND}
     return any(column.name not in wanted for _, column in topic.template.floats)
 
 

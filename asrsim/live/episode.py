@@ -55,12 +55,12 @@ class Episode:
         self._waiting.append(samples)
 
     @property
-    def behind(self) -> bool:
-        """Whether samples wait."""
-        return bool(self._waiting)
+    def behind(self) -> int:
+        """Batches of samples that wait."""
+        return len(self._waiting)
 
     def work(self) -> None:
-        """Write samples that wait: in a tick of their own, since making and writing them both take milliseconds."""
+        """Write samples that wait."""
         waiting, self._waiting = self._waiting, []
         if self._writer is not None:
             for samples in waiting:

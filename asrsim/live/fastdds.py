@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -14,11 +15,13 @@ _PROFILES = """\
 <?xml version="1.0" encoding="UTF-8" ?>
 <dds><profiles xmlns="http://www.eprosima.com">
   <transport_descriptors><transport_descriptor>
+    <transport_id>memory</transport_id><type>SHM</type>
+  </transport_descriptor><transport_descriptor>
     <transport_id>udp</transport_id><type>UDPv4</type><maxInitialPeersRange>32</maxInitialPeersRange>{whitelist}
   </transport_descriptor></transport_descriptors>
   <participant profile_name="asrsim" is_default_profile="true"><rtps>
     <builtin>{discovery}</builtin>
-    <userTransports><transport_id>udp</transport_id></userTransports>
+    <userTransports>{memory}<transport_id>udp</transport_id></userTransports>
     <useBuiltinTransports>false</useBuiltinTransports>
   </rtps></participant>
   <data_writer profile_name="asrsim" is_default_profile="true"><times>
@@ -27,13 +30,17 @@ _PROFILES = """\
   </times></data_writer>
 </profiles></dds>
 """
-"""UDP alone: after a peer that was killed or stopped, shared memory is opened and closed again for every message. Publishers
+"""Shared memory to peers of this machine and of Fast DDS's own version, UDP to others: it takes a quarter less. Publishers
 ask every 50 ms, not every 3 s, what has come, or what nobody has confirmed piles up; and they wait 20 ms before they send
 again, or every message sets a timer of its own, which wakes a thread."""
 _LOCAL_PEERS = (
     "<metatrafficUnicastLocatorList><locator/></metatrafficUnicastLocatorList>"
     "<initialPeersList><locator><udpv4><address>127.0.0.1</address></udpv4></locator></initialPeersList>"
 )
+
+
+_MEMORY, _ROOM = Path("/dev/shm"), 2**24
+"""Where shared memory is, and bytes that must be free there: Fast DDS does not ask, and a bus error would end the process."""
 
 
 @contextmanager
@@ -49,10 +56,12 @@ def settings(*, network: bool) -> Iterator[None]:
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         if variable not in os.environ and "rclpy" not in sys.modules:
             path = Path(folder) / "fastdds.xml"
-            path.write_text(_PROFILES.format(whitelist="" if network else _LOCAL, discovery="" if network else _LOCAL_PEERS))
+            local = {"whitelist": "", "discovery": ""} if network else {"whitelist": _LOCAL, "discovery": _LOCAL_PEERS}
+            memory = "<transport_id>memory</transport_id>" if _memory_is_there() else ""
+            path.write_text(_PROFILES.format(memory=memory, **local))
             changes[variable] = str(path)
             if not network:
-                # ROS's own way to be local would bring shared memory back, and listen on all interfaces.
+                # ROS's own way to be local would listen on all interfaces.
                 changes["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
         before = {name: os.environ.get(name) for name in changes}
         os.environ.update(changes)
@@ -64,6 +73,10 @@ def settings(*, network: bool) -> Iterator[None]:
                     del os.environ[name]
                 else:
                     os.environ[name] = value
+
+
+def _memory_is_there() -> bool:
+    return os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > _ROOM
 
 
 def folders_with(library: str) -> list[Path]:

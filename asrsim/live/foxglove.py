@@ -39,12 +39,14 @@ class FoxgloveTransport:
         self._messages: deque[tuple[str, str, bytes]] = deque()
         self._errands: deque[Callable[[], None]] = deque()
         self.lost = 0
+        self.notices: list[str] = []
 
         def channel(name: str, message: str) -> Any:
             schema = Schema(name=schema_name(message), encoding="ros2msg", data=schema_text(message).encode())
             return Channel(name, schema=schema, message_encoding="cdr", context=self._context)
 
         self._channels = [channel(outlet.name, outlet.message) for outlet in interface.outlets if not outlet.latched]
+        self.wanted = [True] * len(self._channels)
         self._latched = {outlet.name: channel(outlet.name, outlet.message) for outlet in interface.outlets if outlet.latched}
         self._inlets = {inlet.name: (number, inlet.message) for number, inlet in enumerate(interface.inlets)}
         listener: Any = _Listener(self)

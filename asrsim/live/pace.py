@@ -60,13 +60,13 @@ class Pace:
         """Time counts from now: at the beginning, after a pause."""
         self._due = self._awake = self._now()
 
-    def wait(self, simulated: float) -> None:
-        """Sleep until `simulated` s after the tick before this one are due."""
+    def wait(self, simulated: float) -> float:
+        """Sleep until `simulated` s after the tick before this one are due; returns by how many s it is late."""
         now = self._now()
         self.busy += now - self._awake
         if math.isinf(self.speed):
             self._awake = now
-            return
+            return 0.0
         self._due += simulated / self.speed
         if now < self._due:
             self._sleep(self._due - now)
@@ -77,3 +77,4 @@ class Pace:
             self.slips += 1
             self.slipped += late
             self._due = self._awake
+        return late

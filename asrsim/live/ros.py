@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError
+from asrsim.live.departed import dismiss
 from asrsim.live.fastdds import folders_with, settings
 from asrsim.live.transport import Access, Interface, Received
 
@@ -19,8 +20,12 @@ DEPTH = 1000
 MOST = 1000
 """Messages taken at once; the rest waits, and what waits too long is overtaken."""
 SERVICES_EVERY = 0.02
-"""s between looks at services, parameters, and who listens."""
+"""s between looks at services, parameters, and who listens and speaks."""
 MOST_PUBLISHERS = 1000
+SLOW, SLOW_TIMES = 50e-6, 20
+"""s a message and times in a row that make one look for peers that no longer read."""
+SUSPICIONS_EVERY = 1.0
+"""s between such looks, which take milliseconds."""
 
 
 class RosTransport:
@@ -28,14 +33,21 @@ class RosTransport:
 
     def __init__(self, interface: Interface, access: Access) -> None:
         self.lost = 0
+        self.notices: list[str] = []
+        self._slow, self._suspected = 0, 0.0
         self._interface = interface
         with settings(network=access.network):
             self._context, self._node = self._begin(load_rclpy(), access)
+        from rclpy.serialization import deserialize_message
+
+        self._deserialize = deserialize_message
         skipped = self._publish_all()
         self._subscriptions = [self._subscribe(number) for number in range(len(interface.inlets))]
+        self._spoken_to = self._subscriptions
+        """Those that have publishers."""
         self._numbers: dict[tuple[int, bytes], int] = {}
         self._serve()
-        self._heard = self._listened_to()
+        self.wanted = self._listened_to()
         self._looked = clock.monotonic()
         domain = self._context.get_domain_id()
         reach = "the network" if access.network else "this machine"
@@ -89,13 +101,13 @@ class RosTransport:
                 self._latched.append(publisher)
         return skipped
 
-    def _subscribe(self, number: int) -> tuple[int, Any, Any, str, Any]:
+    def _subscribe(self, number: int) -> tuple[int, Any, Any, Any]:
         from rclpy.qos import QoSProfile
 
         inlet = self._interface.inlets[number]
         kind = message_type(inlet.message)
         subscription = self._node.create_subscription(kind, inlet.name, lambda message: None, QoSProfile(depth=DEPTH))
-        return number, subscription.handle.take_message, kind, inlet.message, subscription
+        return number, subscription.handle.take_message, kind, subscription
 
     def _serve(self) -> None:
         from std_srvs.srv import SetBool, Trigger
@@ -129,30 +141,45 @@ class RosTransport:
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """See :class:`asrsim.live.transport.Transport`."""
-        for send, message, heard in zip(self._raw, messages, self._heard, strict=True):
-            if heard and message:
+        begun = clock.perf_counter()
+        for send, message, wanted in zip(self._raw, messages, self.wanted, strict=True):
+            if wanted and message:
                 send(message)
+        slow = clock.perf_counter() - begun > SLOW * max(sum(self.wanted), 1)
+        self._slow = self._slow + 1 if slow else 0
 
     def poll(self) -> Iterator[Received]:
         """See :class:`asrsim.live.transport.Transport`."""
-        left = MOST
-        for number, take, kind, name, _ in self._subscriptions:
-            while left:
-                taken = take(kind, False)
-                if taken is None:
-                    break
+        left, now = MOST, clock.monotonic()
+        look = now - self._looked > SERVICES_EVERY
+        for number, take, kind, _ in self._subscriptions if look else self._spoken_to:
+            # Taken as bytes, an empty place is seen in half the time.
+            while left and (taken := take(kind, True)) is not None:
                 left -= 1
-                message, about = taken
+                data, about = taken
                 self._count(number, about)
-                if name == "sensor_msgs/JointState":
-                    yield Received(number, list(message.position or message.effort), list(message.name))
-                else:
-                    yield Received(number, [message.data] if name == "std_msgs/Float64" else list(message.data))
-        now = clock.monotonic()
-        if now - self._looked > SERVICES_EVERY:
+                yield self._read(number, kind, data)
+        if look:
             self._looked = now
             self._answer()
-            self._heard = self._listened_to()
+            self.wanted = self._listened_to()
+            # Who spoke and went is heard at the next look.
+            self._spoken_to = [one for one in self._subscriptions if one[3].get_publisher_count()]
+            if self._slow >= SLOW_TIMES and now - self._suspected > SUSPICIONS_EVERY:
+                self._suspected = now
+                names = ", ".join(dismiss(self._node, [outlet.name for outlet in self._interface.outlets]))
+                if names:
+                    self.notices.append(f"killed or stopped, and forgotten until they come back: {names}")
+
+    def _read(self, number: int, kind: Any, data: bytes) -> Received:
+        name = self._interface.inlets[number].message
+        try:
+            message = self._deserialize(data, kind)
+        except Exception as error:  # of rclpy's own kinds
+            return Received(number, (), fault=f"a message that cannot be read ({type(error).__name__})")
+        if name == "sensor_msgs/JointState":
+            return Received(number, list(message.position or message.effort), list(message.name))
+        return Received(number, [message.data] if name == "std_msgs/Float64" else list(message.data))
 
     def _listened_to(self) -> list[bool]:
         """Which topics have subscribers: what nobody hears need not be said."""

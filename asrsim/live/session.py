@@ -27,6 +27,8 @@ TICK = 1e-3
 """s of wall time between ticks, or a step where that is longer."""
 BATCH = 0.064
 """s between samples handed to the log."""
+MOST_BEHIND = 16
+"""Batches that wait for a tick that comes in time before they go to the log."""
 FASTEST, SLOWEST = 1000.0, 1e-3
 """Speeds that one may ask for."""
 FOREVER = 1e7
@@ -182,13 +184,13 @@ class Session:
             self._single -= 1
             steps = 1
         left = round((self.settings.duration or FOREVER) / step) - self._steps_done
-        steps = min(steps, left)
-        if steps > 0:
-            self.pace.wait(steps * step)
+        if (steps := min(steps, left)) > 0:
+            late = self.pace.wait(steps * step)
             self._listen()
             behind = self.episode.behind
             self._advance(steps)
-            if behind:
+            # Samples are made in one tick and written in a later one that came in time: both take milliseconds.
+            if behind and (late < 0.5 * TICK or behind > MOST_BEHIND):
                 self.episode.work()
         self._end = self._end or steps >= left
 
@@ -196,14 +198,13 @@ class Session:
         """Go on by whole steps, to one substep beyond: with it the whole step's record is complete."""
         before = self._steps_done
         while self._steps_done < before + steps or self.simulation.row is None:
-            wanted = min(before + steps, (self._steps_done // self._publish_steps + 1) * self._publish_steps)
-            if self.simulation.row is None:
-                wanted = 0
+            due = (self._steps_done // self._publish_steps + 1) * self._publish_steps
+            wanted = 0 if self.simulation.row is None else min(before + steps, due)
             self.simulation.advance_to(wanted * self.simulation.substeps + 1)
             self._steps_done = wanted
             if wanted % self._publish_steps == 0 and self.transports:
                 time = round(self._time * 1e9)
-                messages = self.board.messages(time)
+                messages = self.board.messages(time, [transport.wanted for transport in self.transports])
                 for transport in self.transports:
                     transport.publish(time, messages)
 
@@ -253,9 +254,9 @@ class Session:
         return summary
 
     def _notices(self) -> None:
-        for text in self.gate.notices:
-            self._tell(text)
-        self.gate.notices.clear()
+        for notices in (self.gate.notices, *(transport.notices for transport in self.transports)):
+            while notices:
+                self._tell(notices.pop(0))
 
     def figures(self) -> dict[str, Any]:
         """Lateness, load and commands so far, as plain values."""

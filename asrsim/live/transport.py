@@ -95,11 +95,15 @@ class Transport(Protocol):
 
     where: str
     """For people: where it is to be found."""
+    wanted: Sequence[bool]
+    """Whether anybody listens to the outlets that are not latched, in their order; another sequence when that changes."""
+    notices: list[str]
+    """Sentences to be said; whoever says them takes them away."""
     lost: int
     """Commands that were lost on the way, as far as one can tell."""
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """Messages (CDR) of all outlets that are not latched, in their order; time in ns."""
+        """Messages (CDR) of the outlets that are not latched, in their order, empty where there is none; time in ns."""
 
     def poll(self) -> Iterable[Received]:
         """What has come since the last call, at most some hundred messages; answers services on the way."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -65,15 +64,20 @@ class FrameMessages:
 
 def multiplied(a: Array, b: Array) -> Array:
     """Product of quaternions x y z w (..., 4): first b, then a."""
-    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
+    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + _cross(a[..., :3], b[..., :3])
     scalar = a[..., 3:] * b[..., 3:] - np.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
     return np.concatenate([vector, scalar], axis=-1)
 
 
 def rotated(turn: Array, vector: Array) -> Array:
     """Vectors (..., 3) turned by quaternions x y z w (..., 4)."""
-    twice = 2.0 * np.cross(turn[..., :3], vector)
-    return np.asarray(vector + turn[..., 3:] * twice + np.cross(turn[..., :3], twice))
+    twice = 2.0 * _cross(turn[..., :3], vector)
+    return np.asarray(vector + turn[..., 3:] * twice + _cross(turn[..., :3], twice))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """What np.cross says, in a fraction of its time on a few vectors (..., 3)."""
+    return np.asarray(a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]])
 
 
 def _template(frames: Sequence[Frame]) -> CdrTemplate:
@@ -88,13 +92,9 @@ def _template(frames: Sequence[Frame]) -> CdrTemplate:
 def _filled(template: CdrTemplate, time: Array, poses: Array) -> list[bytes]:
     """Messages of poses (n, frames, 7) at `time` (n,) in s."""
     rows = np.tile(np.frombuffer(template.data, np.uint8), (len(time), 1))
-
-    def view(offset: int, kind: str) -> Any:
-        return np.ndarray((len(time),), kind, rows.data, offset, (rows.shape[1],))
-
-    seconds, rest = np.divmod(np.rint(time * 1e9).astype("<i8"), 1_000_000_000)
+    stamps = np.stack(np.divmod(np.rint(time * 1e9).astype("<i8"), 1_000_000_000), axis=1).astype("<u4")
     for offset in template.stamps:
-        view(offset, "<i4")[:], view(offset + 4, "<u4")[:] = seconds, rest
-    for (offset, _), values in zip(template.floats, poses.reshape(len(time), -1).T, strict=True):
-        view(offset, "<f8")[:] = values
+        rows[:, offset : offset + 8] = stamps.view(np.uint8)
+    places = np.array([offset for offset, _ in template.floats])[:, None] + np.arange(8)
+    rows[:, places.ravel()] = np.ascontiguousarray(poses.reshape(len(time), -1), "<f8").view(np.uint8)
     return [row.tobytes() for row in rows]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -199,22 +200,26 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
     """Lags (s) within the limit and the correlation coefficient of the overlap at each."""
     from scipy.signal import correlate
 
-    def sums(p: Array, q: Array) -> Array:
-        """Sum over i of p[i] q[i + k] for k = -(len(p) - 1) ... len(q) - 1."""
-        return np.asarray(correlate(q, p, mode="full", method="fft"), dtype=np.float64)
-
-    ones_x, ones_y = np.ones_like(x), np.ones_like(y)
     shifts = np.arange(-(len(x) - 1), len(y))
-    count = np.maximum(np.round(sums(ones_x, ones_y)), 1.0)
-    sum_x, sum_y = sums(x, ones_y), sums(ones_x, y)
-    power_x = sums(x * x, ones_y) - sum_x**2 / count
-    power_y = sums(ones_x, y * y) - sum_y**2 / count
-    # An overlap in which a series rests has no correlation; rounding of the transforms must not make one.
+    start, end = np.maximum(0, -shifts), np.minimum(len(x), len(y) - shifts)
+    count = end - start
+
+    def sums(values: Array, first: Any, last: Any) -> Array:
+        """Of values[first:last], for all overlaps."""
+        running = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray(running[last] - running[first])
+
+    in_x, in_y = (start, end), (start + shifts, end + shifts)
+    sum_x, sum_y = sums(x, *in_x), sums(y, *in_y)
+    power_x = sums(x * x, *in_x) - sum_x**2 / count
+    power_y = sums(y * y, *in_y) - sum_y**2 / count
+    # An overlap in which a series rests has no correlation; rounding must not make one.
     floor_x, floor_y = 1e-6 * np.sum(x * x), 1e-6 * np.sum(y * y)
     usable = (count >= 0.5 * min(len(x), len(y))) & (power_x > floor_x) & (power_y > floor_y)
     lags = np.asarray(offset + shifts * step, dtype=np.float64)
     usable &= np.abs(lags) <= limit + 0.5 * step
-    rho: Array = (sums(x, y) - sum_x * sum_y / count)[usable] / np.sqrt(power_x[usable] * power_y[usable])
+    products = np.asarray(correlate(y, x, mode="full", method="fft"), dtype=np.float64)
+    rho: Array = (products - sum_x * sum_y / count)[usable] / np.sqrt(power_x[usable] * power_y[usable])
     return lags[usable], rho
 
 

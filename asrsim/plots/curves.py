@@ -44,9 +44,9 @@ class RunCurves:
     """World object -> dx, dy, dz (m from the first sample) and force (N, magnitude of its contact forces)."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     status: str = "complete"
-    duration: float = 0.0
+    duration: float
     """s."""
-    samples: int = 0
+    samples: int
 
     def get(self, joint: str, quantity: str) -> Curve | None:
         """The curve of a joint's quantity, None where there is none."""

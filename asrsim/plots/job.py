@@ -175,7 +175,7 @@ def _with_recordings(job: PlotJob, result: PlotResult, labels: list[str]) -> Plo
         result,
         recordings=tuple(recordings),
         assigned=tuple((path, "all" if n is None else labels[n], guessed) for path, n, guessed in assigned),
-        findings=tuple(replace(p, file=p.file or r.path) for r in recordings for p in r.findings),
+        findings=tuple(finding for recording in recordings for finding in recording.findings),
     )
 
 

@@ -42,7 +42,7 @@ def legend(
         axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place, handlelength=3.0 if several else 2.2)
 
 
-def limit_handle(*, own: bool = False) -> Any:
+def limit_handle(*, own: bool) -> Any:
     """The legend's entry of limits; own: of those that differ from run to run, in the runs' colours."""
     from matplotlib.lines import Line2D
 

@@ -29,7 +29,7 @@ _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "m
 
 
 def comparison_pages(
-    runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, layout: str = "overlay", references: bool = False
+    runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, layout: str = "overlay", references: bool
 ) -> Iterator[Page]:
     """All pages. runs: the curves of the runs, in the order of `compared`; references: recorded references get rows too."""
     if layout in ("overlay", "both"):

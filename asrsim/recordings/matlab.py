@@ -46,7 +46,7 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         clocks = _times_of(table, prefix, maps)
         if not clocks and rate is None:
             findings.append(
-                Problem(f"no time among {_listed(table)}; these are not read", file=path, key=prefix or None,
+                Problem(f"no time among {_listed(table)}; these are not read", file=path, key=prefix.rstrip(".") or None,
                         code="no-time", hint="Name the time with --map NAME=time or give --rate")
             )  # fmt: skip
             continue
@@ -135,7 +135,9 @@ def _tables(
         return  # they belong to the time one level up, which adds them
     nested = content.get("signals")
     if isinstance(nested, Mapping) and "values" in nested:
-        _add(table, label_of(nested) or label_of(content) or "signals", nested["values"])
+        # Without a label the variable's own name tells more than the block's, if it tells anything.
+        own = "values" if VOCABULARY & set(tokens_of(prefix)) else label_of(content) or "signals"
+        _add(table, label_of(nested) or own, nested["values"])
     columns = {name: values for name, values in table.items() if len(values) > 1}
     _merge_seconds(columns)
     if not any(name.lower() in TIME_NAMES for name in columns):

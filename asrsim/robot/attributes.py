@@ -16,6 +16,8 @@ LARGEST = 1e12
 """In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
 SMALLEST = 1e-30
 """In SI units: masses, inertias and parameters closer to 0, and not 0, are mistakes, and their inverses would overflow."""
+ROUNDING = 1e-15
+"""kg m^2, below which all of a link's inertia is 0 with the rounding of the program that wrote it."""
 
 
 def words(text: str) -> list[str]:

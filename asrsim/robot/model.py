@@ -106,8 +106,8 @@ class Mimic:
     """A joint that is to follow another: position = multiplier * (the other's) + offset. Data only, not simulated."""
 
     joint: str
-    multiplier: float = 1.0
-    offset: float = 0.0
+    multiplier: float
+    offset: float
     """rad or m."""
 
     def __str__(self) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import did_you_mean
-from asrsim.robot.attributes import SMALLEST, AttributeReader
+from asrsim.robot.attributes import ROUNDING, SMALLEST, AttributeReader
 from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
@@ -119,6 +119,8 @@ class StructureReader(AttributeReader):
         for moment in (xx, yy, zz):
             if 0.0 < abs(moment) < SMALLEST:
                 self._too_small(tags[0], f"{name}.inertia", moment)
+        if max(abs(value) for value in values) < ROUNDING:
+            xx = xy = xz = yy = yz = zz = 0.0
         if len(self.findings.errors) == before:
             self._check_inertia(name, mass, np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), self.line(tags[0]))
         return xx, xy, xz, yy, yz, zz

@@ -52,6 +52,7 @@ def write_starter(
     file is in the way or cannot be written.
     """
     from asrsim.kinematics.sizing import problems_of_weight, sizing
+    from asrsim.kinematics.swing import steadying
 
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
@@ -66,12 +67,13 @@ def write_starter(
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
     )
     found = sizing(_first(starter, loaded, out.parent), starter.robot)
-    notes: tuple[Problem, ...] = ()
     if found.proposal and given:
-        starter, found = _sized(starter, found, loaded, out.parent)
-    elif found.weak:
-        notes = problems_of_weight(found, starter.robot)
+        starter, found = _held(starter, found, loaded, out.parent)
+    else:
         starter = replace(starter, proposal=found.proposal)
+    notes = problems_of_weight(found, starter.robot)
+    if given:
+        starter = _sized(starter, steadying(_first(starter, loaded, out.parent), starter.robot))
     text = starter_text(replace(starter, hangs=_hangs(starter, found)))
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
@@ -94,7 +96,7 @@ def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapp
     return robot
 
 
-def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:
+def _held(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:
     """The starter with parameters that hold the arm, and how. Its presets follow from them, so they are judged with these
     again."""
     from asrsim.kinematics.sizing import ENOUGH, sizing
@@ -102,11 +104,15 @@ def _sized(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple
     for _ in range(ROUNDS):
         if not found.proposal:
             break
-        sized = {name: {**starter.sized.get(name, {}), **values} for name, values in found.proposal.items()}
-        stronger = with_overrides(starter.robot, parameters=found.proposal)
-        starter = replace(starter, robot=stronger, sized={**starter.sized, **sized})
+        starter = _sized(starter, found.proposal)
         found = sizing(_first(starter, robot, folder), starter.robot, sag=ENOUGH)
     return starter, found
+
+
+def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
+    """The starter with these parameters, too."""
+    sized = {name: {**starter.sized.get(name, {}), **values} for name, values in proposal.items()}
+    return replace(starter, robot=with_overrides(starter.robot, parameters=proposal), sized={**starter.sized, **sized})
 
 
 def _hangs(starter: Starter, found: Sizing) -> bool:

@@ -19,7 +19,7 @@ PRISMATIC_STEP = 0.05
 """m."""
 TORQUE = 0.1
 """N m, for references that are torques."""
-HOLDING = "Parameters that stand here hold the arm's own weight; under their defaults it sags or falls."
+HOLDING = "Parameters that stand here hold the arm: under their defaults it sags, falls, or is thrown about by its own steps."
 STEP_TIME = 0.1
 """s."""
 

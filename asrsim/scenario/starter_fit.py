@@ -88,8 +88,11 @@ def _of_spring(block: ActuatorBlock) -> Iterator[str]:
 def _delays(plan: Plan) -> list[str]:
     """Keys of what is sent to controllers and motors; torques on links, and motors that are played, are measured."""
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
-    sent = [one for one in plan.played if one.slot is not None and (modes[one.joint].motor or modes[one.joint].controller)]
-    return [word(f"{one.joint}.reference_{(one.slot or 0) + 1}.delay") for one in sent]
+    return [
+        word(f"{one.joint}.{one.column.quantity}.delay")
+        for one in plan.played
+        if str(one.column.quantity).startswith("reference") and (modes[one.joint].motor or modes[one.joint].controller)
+    ]
 
 
 def _twins(robot: Robot) -> dict[str, str]:

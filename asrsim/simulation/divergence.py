@@ -26,6 +26,10 @@ FASTEST = 1e4
 
 def not_finite(raw: Array) -> int | None:
     """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
+    numbers = raw.ravel()
+    if numbers @ numbers <= FASTEST**2:
+        # All are: of a few rows that is quickly seen.
+        return None
     velocity = raw[:, :, COLUMN["engine_velocity"]]
     with np.errstate(all="ignore"):
         # One sum tells of any NaN or infinity; which number it was is seldom asked.

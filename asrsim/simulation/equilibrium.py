@@ -30,8 +30,9 @@ ROUNDS = 200
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
     """The drives with their start at rest, everything in balance under the references at t = 0.
 
-    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. Joints that
-    nothing holds stay where they are: modes 0, 4, 7 and 8. Raises ScenarioError naming the joint that finds no balance.
+    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. A joint that is
+    pressed onto its stop rests there. Joints that nothing holds stay where they are: modes 0, 4, 7 and 8. Raises ScenarioError
+    naming the joint that finds no balance.
     """
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(np.zeros(1))
     goals = []
@@ -41,6 +42,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     external = sampled[2][0]
     sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
     q = np.array([_unloaded(drive, goals[j]) for j, drive in enumerate(drives)])
+    low, high = np.array([drive.joint.stops for drive in drives]).T
     still = np.zeros(len(drives))
 
     def weight(positions: Array) -> Array:
@@ -49,28 +51,35 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
 
     def balance(positions: Array) -> Array:
+        """(joints,) N m by which each is driven."""
         held = external - weight(positions)
         for j in sprung:
             held[j] += link_torque(drives[j], float(positions[j]), goals[j])
-        return np.asarray(held[sprung])
+        return np.asarray(held)
+
+    def unbalanced(left: Array) -> list[int]:
+        """Those that may move; a stop holds whatever presses on it."""
+        return [j for j in sprung if not (q[j] <= low[j] and left[j] < 0.0) and not (q[j] >= high[j] and left[j] > 0.0)]
 
     left = balance(q)
     for _ in range(ROUNDS):
-        if not len(sprung) or np.abs(left).max() < BALANCED:
+        free = unbalanced(left)
+        if np.abs(left[free]).max(initial=0.0) < BALANCED:
             break
-        slopes = np.empty((len(sprung), len(sprung)))
-        for column, j in enumerate(sprung):
+        slopes = np.empty((len(free), len(free)))
+        for column, j in enumerate(free):
             moved = q.copy()
             moved[j] += NUDGE
-            slopes[:, column] = (balance(moved) - left) / NUDGE
+            slopes[:, column] = (balance(moved) - left)[free] / NUDGE
         # A spring at its limit has no stiffness, and an overturned link a negative one: both then move the way they are pushed.
         np.fill_diagonal(slopes, np.minimum(slopes.diagonal(), -FLAT))
-        step = np.linalg.lstsq(slopes, -left, rcond=None)[0]
+        step = np.linalg.lstsq(slopes, -left[free], rcond=None)[0]
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
-        q[sprung] += step
+        q[free] = np.clip(q[free] + step, low[free], high[free])
         left = balance(q)
-    if len(sprung) and not np.abs(left).max() < 1e3 * BALANCED:
-        worst = drives[sprung[int(np.argmax(np.abs(left)))]].name
+    free = unbalanced(left)
+    if not np.abs(left[free]).max(initial=0.0) < 1e3 * BALANCED:
+        worst = drives[max(free, key=lambda j: abs(left[j]))].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
     found = []
@@ -102,12 +111,15 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> fl
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
-    """rad (m) where the joint rests without load; where it is if nothing holds it."""
+    """rad (m) where the joint rests without load, within its stops; where it is if nothing holds it."""
     if not (_gives_way(drive) or _holds(drive)):
         return drive.initial_position
     if drive.drive is None or not (drive.drive.mode.spring or drive.drive.mode.controller):
-        return drive.joint.spring_reference
-    return drive.drive.actuator.equilibrium_position(*goals) if drive.drive.mode.spring else goals[0]
+        rest = drive.joint.spring_reference
+    else:
+        rest = drive.drive.actuator.equilibrium_position(*goals) if drive.drive.mode.spring else goals[0]
+    low, high = drive.joint.stops
+    return min(max(rest, low), high)
 
 
 def _gives_way(drive: SteppedJoint) -> bool:

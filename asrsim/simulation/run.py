@@ -42,7 +42,7 @@ class Run:
     """Everything that was logged, if kept."""
     message: str = ""
     warnings: tuple[Problem, ...] = ()
-    compiled: bool = False
+    compiled: bool
     """Whether the loop ran compiled."""
 
     @property

@@ -71,7 +71,7 @@ class StudyFile:
     )  # fmt: skip
     fit: Path | None = declare(
         Optional(File(noun="fit")), default=None,
-        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic: true`): drawn together, normally",
+        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`): drawn together, normally",
     )  # fmt: skip
     signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
     rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="of the kept signals")
@@ -224,8 +224,16 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
     scale = float(np.abs(covariance).max(initial=0.0))
     if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or np.linalg.eigvalsh(covariance)[0] < -1e-9 * scale:
         raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
+    logarithmic = data.get("logarithmic", False)
+    flags = [logarithmic] * n if isinstance(logarithmic, bool) else logarithmic
+    if not isinstance(flags, list) or len(flags) != n or not all(isinstance(flag, bool) for flag in flags):
+        raise wrong(f"logarithmic must be true, false, or a list of {n} of these")
     rows = tuple(tuple(map(float, row)) for row in covariance)
-    return Joint(keys=keys, mean=tuple(map(float, mean)), covariance=rows, logarithmic=bool(data.get("logarithmic", False)))
+    others = [one for one in data.get("estimates", ()) if isinstance(one, Mapping) and str(one.get("key")) not in keys]
+    return Joint(
+        keys=keys, mean=tuple(map(float, mean)), covariance=rows, logarithmic=tuple(flags),
+        left_out=tuple(f"{one.get('key')} ({one.get('verdict')})" for one in others),
+    )  # fmt: skip
 
 
 def _split(text: str) -> tuple[str, str]:

@@ -51,7 +51,8 @@ def _finite(value: float) -> float | None:
 
 def one_line(error: BaseException) -> str:
     """An error as the reason of a row."""
-    return " ".join(str(error).split())[:500]
+    lines = [" ".join(line.split()) for line in str(error).splitlines()]
+    return "; ".join(line for line in lines if line)[:500]
 
 
 def lost(payload: Payload, run: int, reason: str) -> Row:

@@ -48,8 +48,10 @@ class Joint:
     keys: tuple[str, ...]
     mean: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
-    logarithmic: bool = False
-    """Mean and covariance are those of the logarithms."""
+    logarithmic: tuple[bool, ...]
+    """Whether mean and covariance are those of the key's logarithm."""
+    left_out: tuple[str, ...]
+    """What the fit estimated and has no interval for, or no sweep varies, with the verdict."""
 
     @cached_property
     def root(self) -> Array:
@@ -151,7 +153,9 @@ class Study:
                 columns.append(axis.law.quantile(unit[:, j]) if scores is None else axis.law.from_scores(scores[:, j]))
         if self.joint:
             fit = np.array(self.joint.mean) + ndtri(unit[:, count:]) @ self.joint.root.T
-            columns += list((np.exp(fit) if self.joint.logarithmic else fit).T)
+            flags = np.array(self.joint.logarithmic)
+            fit[:, flags] = np.exp(fit[:, flags])
+            columns += list(fit.T)
         return np.column_stack(columns)
 
     @cached_property

@@ -1,0 +1,131 @@
+"""How far an arm swings when its references jump, and what its springs and motors need not to give way to that.
+
+The arm is linear and undamped here, its mass matrix that of the zero pose. Joints swing together: a light wrist on a soft
+spring is thrown about by the shoulder, however well it holds its own weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.drive import Drive
+from asrsim.kinematics.holding import goals_of, holdings
+from asrsim.kinematics.sizing import linear_parameters, motor_limits
+from asrsim.robot import ActuatorBlock, Robot, with_overrides
+from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.mounting import drive_of
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+
+THROWN = 2.0
+"""Times its own step that a joint may swing; more comes from its neighbours. (A joint alone swings by once its step.)"""
+USED = 0.8
+"""Share of its largest torque that a motor may need as the arm swings."""
+SPARE = 0.6
+"""The share that it needs with proposed parameters."""
+STIFFER = 1.5
+FIRM = 2.0
+"""Times as stiff as its spring that a controller is."""
+TRIES = 20
+LONG = 3.0
+"""s in which joints that swing at different rates have met."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swing:
+    """One joint as the arm swings."""
+
+    block: ActuatorBlock
+    step: float
+    """rad or m by which its reference jumps."""
+    deflection: float
+    """rad or m, the largest of its spring and controller."""
+    used: float
+    """Largest share of its torque that a motor needs, were springs linear; the joint's weight included."""
+    droops: bool
+    """Its controllers are little stiffer than its springs."""
+
+    @property
+    def thrown(self) -> bool:
+        """Its neighbours throw it about."""
+        return 0.0 < THROWN * self.step < self.deflection
+
+
+def swings(scenario: Scenario, robot: Robot) -> tuple[Swing, ...]:
+    """Every joint that a spring leads to its references; none where the mass matrix is singular."""
+    blocks = [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
+    drives = [drive_of(block) for block in blocks]
+    inertia = zero_pose_inertia(robot)
+    places = [inertia.names.index(drive.joint) for drive in drives]
+    masses = inertia.matrix[np.ix_(places, places)]
+    if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
+        return ()
+    goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]
+    steps = np.array([np.ptp(goal) for _, _, goal in goals])
+    ends = [(float(goal[-1]), float(first[-1]), float(second[-1])) for first, second, goal in goals]
+    stiffness = (drive.actuator.stiffness(*end, drive.elastic) for drive, end in zip(drives, ends, strict=True))
+    springs = np.maximum(list(stiffness), 1e-9)
+    gains = np.array([sum(drive.proportional) or np.inf for drive in drives])
+    lag = float(np.mean([_lag(drive) for drive in drives]))
+    largest = _largest(masses, 1.0 / (1.0 / springs + 1.0 / gains), steps, lag)
+    loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, blocks)} if any(scenario.gravity) else {}
+    found = []
+    for j, drive in enumerate(drives):
+        pull = springs[j] * largest[j] + loads.get(drive.joint, 0.0)
+        resting = drive.actuator.elastic_torques(*ends[j], drive.elastic)
+        shares = ((abs(torque) + pull) / max(most, 1e-9) for torque, most in zip(resting, drive.max_torque, strict=False))
+        found.append(
+            Swing(
+                block=blocks[j], step=float(steps[j]), deflection=float(largest[j]), used=float(max(shares, default=0.0)),
+                droops=bool(gains[j] < FIRM * springs[j]),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def steadying(scenario: Scenario, robot: Robot) -> Mapping[str, Mapping[str, float]]:
+    """Joint -> parameter -> value with which no joint is thrown about and no motor gives way; empty where none is, or where
+    no such values were found."""
+    found: dict[str, dict[str, float]] = {}
+    for _ in range(TRIES):
+        given = {one.block.joint: _firmer(one) for one in swings(scenario, robot) if one.thrown or one.used > USED}
+        if not given:
+            return found
+        if not all(given.values()):
+            break
+        found = {joint: found.get(joint, {}) | given.get(joint, {}) for joint in {**found, **given}}
+        robot = with_overrides(robot, parameters=given)
+    return {}
+
+
+def _largest(masses: Array, stiffness: Array, steps: Array, lag: float) -> Array:
+    """(n,) rad, largest distance from the new references. masses: (n, n) kg m^2; stiffness: (n,) N m/rad; steps: (n,) rad;
+    lag: s by which motors follow their references, which smooths what is fast."""
+    inverse = np.linalg.inv(np.linalg.cholesky(masses))
+    squares, modes = np.linalg.eigh(inverse @ np.diag(stiffness) @ inverse.T)
+    shapes, rates = inverse.T @ modes, np.sqrt(np.maximum(squares, 0.0))
+    amplitudes = shapes.T @ masses @ steps / np.hypot(1.0, rates * lag)
+    time = np.linspace(0.0, LONG, 1501)
+    return np.asarray(np.abs(shapes @ (amplitudes[:, None] * np.cos(np.outer(rates, time)))).max(axis=1))
+
+
+def _lag(drive: Drive) -> float:
+    """s by which the slower motor follows its reference; 0 of ideal ones."""
+    constants = zip(drive.derivative, drive.motor_damping, drive.proportional, strict=True)
+    return max(((d + damping) / max(p, 1e-9) for d, damping, p in constants), default=0.0)
+
+
+def _firmer(swing: Swing) -> dict[str, float]:
+    """Stiffer springs or controllers where the joint is thrown about; else stronger motors; empty where it is not known how."""
+    values, factor = swing.block.values(), STIFFER
+    if not swing.thrown:
+        names, factor = motor_limits(values), swing.used / SPARE
+    elif swing.droops:
+        names = tuple(name for name in values if name.endswith("_proportional"))
+    else:
+        names = linear_parameters(ACTUATORS.get(swing.block.actuator), values)
+    return {name: float(f"{factor * values[name]:.2g}") for name in names}
