@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import AsrsimError, InputError
-from asrsim.log import LogWriter, read_log
+from asrsim.errors import AsrsimError, InputError, RecordingError
+from asrsim.log import Log, LogWriter, read_log
 from asrsim.log import writer as writing
 from asrsim.plots import draw_run
 from asrsim.plots.claims import judge
+from asrsim.recordings import read_recording
 from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
 
@@ -80,6 +81,7 @@ def use(log: Path) -> None:
     """Everything that reads a log."""
     for reader in (
         lambda: read_log(log),
+        lambda: read_recording(log),
         lambda: judge(asrsim.log.open_log(log)),
         lambda: repeat(log),
         lambda: draw_run(log, log.parent),
@@ -89,27 +91,51 @@ def use(log: Path) -> None:
             reader()
 
 
+def write_edited(path: Path, log: Log, name: str, data: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log again, with other data under a name, checksums and all."""
+    plain = writing.info_attachments(log.info)
+    with monkeypatch.context() as patch:
+        if name == "columns":
+            dumps = json.dumps
+            patch.setattr("asrsim.log.container.json.dumps", lambda value, **_: dumps(data))
+        else:
+            text = json.dumps(data).encode()
+            patch.setattr(writing, "info_attachments", lambda _: {**plain, name: ("application/json", text)})
+        with LogWriter(path, log.info) as writer:
+            writer.write(log.samples)
+
+
 @pytest.mark.parametrize("name", ["run.json", "resolved.json", "columns"])
 @pytest.mark.parametrize(("seed", "most"), [(0, 8), pytest.param(1, 200, marks=pytest.mark.slow)])
 def test_edited_logs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, seed: int, most: int
 ) -> None:
     log = read_log(run.log)
-    plain = writing.info_attachments(log.info)
-    data: Any = [[20, "value", "link_position", "elbow"]] if name == "columns" else json.loads(plain[name][1])
+    columns = [[20, "value", "link_position", "elbow"]]
+    data: Any = columns if name == "columns" else json.loads(writing.info_attachments(log.info)[name][1])
     for number, other in enumerate(edits(data, seed=seed, most=most)):
         folder = tmp_path / str(number)
         folder.mkdir()
-        with monkeypatch.context() as patch:
-            if name == "columns":
-                dumps = json.dumps
-                patch.setattr("asrsim.log.container.json.dumps", lambda value, other=other, dumps=dumps, **_: dumps(other))
-            else:
-                text = json.dumps(other).encode()
-                patch.setattr(writing, "info_attachments", lambda _, text=text: {**plain, name: ("application/json", text)})
-            with LogWriter(folder / "log.mcap", log.info) as writer:
-                writer.write(log.samples)
+        write_edited(folder / "log.mcap", log, name, other, monkeypatch)
         use(folder / "log.mcap")
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "value", "told"),
+    [
+        ("resolved.json", ("parameters", "elbow", "max_deflection"), "x", "parameters.elbow.max_deflection is 'x'"),
+        ("run.json", ("joints",), [], "holds nothing of any joint"),
+    ],
+)
+def test_edited_logs_are_no_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, way: tuple[str, ...], value: Any, told: str
+) -> None:
+    log, path = read_log(run.log), tmp_path / "log.mcap"
+    data = json.loads(writing.info_attachments(log.info)[name][1])
+    write_edited(path, log, name, changed(data, way, value), monkeypatch)
+    with pytest.raises(RecordingError, match=told):
+        read_recording(path)
+    use(path)
 
 
 @pytest.mark.parametrize(("seed", "most"), [(0, 12), pytest.param(1, 300, marks=pytest.mark.slow)])
@@ -156,7 +182,7 @@ def test_edited_learning_states(tmp_path: Path) -> None:
         np.savez(path, **{**arrays, "head": np.array(json.dumps(other))})
         state_origin(path)
         with suppress(InputError):
-            load_state(path, "mark")
+            assert all(len(trial.largest) == len(trial.rms) == 2 for trial in load_state(path, "mark"))
 
 
 def _trials() -> list[Any]:

@@ -18,7 +18,7 @@ from asrsim.learning.arm import learning_model
 from asrsim.learning.identity import identity_of
 from asrsim.learning.perturb import outputs_of, perturbed
 from asrsim.learning.plant import make_plant
-from asrsim.learning.prepared import prepare_learning, turning
+from asrsim.learning.prepared import compensated_guess, prepare_learning, turning
 from asrsim.learning.session import run_session
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario, make_scenario
@@ -341,3 +341,16 @@ def test_a_sliding_joint_is_learned_in_metres(tmp_path):
     assert units["motor torque"] == units["spring torque"] == "N"
     assert (units["motor speed"], units["spring deflection"], units["error from the start"]) == ("m/s", "m", "m")
     assert re.search(r"still [\d.e-]+ m off .* tolerance 1e-05 m$", session.result.reason)
+
+
+def test_a_weight_that_no_spring_holds_is_told_with_where_and_when():
+    overrides = ["duration=2", "gravity=[0, 0, -2000]"]
+    plant = make_plant(load_scenario(EXAMPLES / "scenarios" / "ilc_2dof.yaml", overrides=overrides)[0])
+    with learning_model(plant) as model, pytest.raises(ScenarioError, match="cannot hold") as caught:
+        compensated_guess(plant, model)
+    (problem,) = caught.value.problems
+    found = re.match(r"at (\S+) s: the spring cannot hold (\S+) N m at position (\S+) rad", problem.message)
+    assert found is not None
+    time, _, position = map(float, found.groups())
+    assert position == pytest.approx(np.interp(time, plant.time, plant.reference[:, 0]), rel=0.02)
+    assert problem.key == "joint_1"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +122,27 @@ def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: 
     names = [page.name for page in run_pages([run])]
     assert len([name for name in names if name.startswith("joints")]) == pages
     assert ("overview" in names) == (joints >= 5)
+
+
+def test_an_overview_says_where_a_joint_has_another_unit_than_its_row_and_over_no_neighbour(tmp_path: Path):
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=7, count=50, sliders={2, 3, 4, 7}))
+    overview = next(page for page in run_pages([run]) if page.name == "overview")
+    shown = [(axes.get_ylabel(), axes.get_title(loc="left")) for axes in overview.figure.axes if axes.get_visible()]
+    assert [label for label, _ in shown] == ["position (rad)", "", "", "position (m)", "", "", "position (m)"]
+    titles = ["joint_1", "joint_2 (m)", "joint_3 (m)", "joint_4", "joint_5 (rad)", "joint_6 (rad)", "joint_7"]
+    assert [title for _, title in shown] == titles
+
+
+@pytest.mark.parametrize(("size", "labels"), [(1e-6, ["-1e-06", "0", "1e-06"]), (0.1, ["-0.1", "0.0", "0.1"])])
+def test_powers_of_ten_stand_at_the_numbers_and_not_over_the_title(tmp_path: Path, size: float, labels: list[str]):
+    values = {"link_torque": size * np.sin(np.linspace(0, 9, 200))}
+    run = read_curves(made_up_log(tmp_path / "log.mcap", count=200, values=values))
+    page = next(iter(run_pages([run], quantities=["link_torque"])))
+    axes = page.figure.axes[0]
+    axes.set_yticks([-size, 0.0, size])
+    page.figure.canvas.draw()
+    assert [label.get_text().replace("\N{MINUS SIGN}", "-") for label in axes.get_yticklabels()] == labels
+    assert axes.yaxis.get_offset_text().get_text() == ""
 
 
 def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
@@ -348,3 +370,11 @@ def test_line_styles_can_be_told_apart_in_a_legend():
     for pattern in dashes:
         assert all(1.0 <= length <= 8.0 for length in pattern)
         assert sum(pattern) <= 28.0
+
+
+def test_a_new_figure_is_drawn_into_memory_and_unknown_to_pyplot() -> None:
+    figure = new_figure(2.0, 1.0)
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())
+    assert pixels.shape[1] == 2 * pixels.shape[0] == round(2.0 * figure.dpi)
+    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()

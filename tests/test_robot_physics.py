@@ -131,6 +131,7 @@ def test_stiff_spring_is_found_at_the_step_that_cannot_resolve_it(read: Callable
     robot = read(pendulum(block=plugin("sea", 3, "<spring_k>400</spring_k>")))
     (figures,) = step_figures(robot, step=1e-3)
     assert figures.spring == pytest.approx(1e-3 * (400 / 3.21e-4) ** 0.5)
+    assert figures.natural == pytest.approx((400 / 3.21e-4) ** 0.5 / (2 * np.pi))
     assert figures.substeps == 6  # as measured in prototypes of this case
     assert step_findings(robot, step=1e-3) == ()
     (finding,) = step_findings(robot, step=2e-3)

@@ -84,6 +84,13 @@ def test_what_other_programs_add_is_no_slip(tiny) -> None:
         ('damping="0.2"', 'damping="1e6"', "stuck-joint"),
         ('friction="0"', 'friction="1e5"', "stuck-joint"),
         ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><ctrl_P>-1</ctrl_P>", "negative-gain"),
+        ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><mot_tauFric>6</mot_tauFric>", "stuck-motor"),
+        ('velocity="100"', 'velocity="0"', "zero-velocity-limit"),
+        ("<axis ", '<origin xyz="0 0 101"/><axis ', "wide-robot"),
+        ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="2.1" iyz="0" izz="2.1"', "large-inertia"),
+        ("<spring_k>10<", "<spring_k>1.1e5<", "unusual-value"),
+        ("<spring_k>10<", "<spring_k>0.9e-3<", "unusual-value"),
+        ("<spring_k>", "<mot_J>1e6</mot_J><spring_k>", "unusual-value"),
     ],
 )
 def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> None:
@@ -93,11 +100,26 @@ def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> 
     assert found.line is not None
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><mot_tauFric>5.9</mot_tauFric>"),
+        ('velocity="100"', 'velocity="0.01"'),
+        ("<axis ", '<origin xyz="0 0 99"/><axis '),
+        ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="1.9" iyz="0" izz="1.9"'),
+        ("<spring_k>10<", "<spring_k>0.9e5<"),
+        ("<spring_k>10<", "<spring_k>1.1e-3<"),
+    ],
+)
+def test_what_is_just_probable_is_not_doubted(old: str, new: str, tiny) -> None:
+    assert codes(changed(tiny, (old, new)).warnings) <= codes(load_robot(EXAMPLES / "urdf" / "dof1_sea.urdf").warnings)
+
+
 def test_sound_robots_are_not_doubted() -> None:
     """Nothing improbable in the examples, nor wheels that turn for ever."""
     doubted = {
         "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain",
-        "stuck-joint",
+        "stuck-joint", "stuck-motor", "zero-velocity-limit", "wide-robot", "large-inertia", "unusual-value",
     }  # fmt: skip
     for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         assert not codes(load_robot(path).warnings) & doubted, path
@@ -272,6 +294,12 @@ SCENARIOS = {
     "empty-claim": "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1e9}]",
     "empty-claim below": "expect: [{joint: elbow, quantity: link_position, measure: maximum, comparison: <, value: 1e9}]",
     "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
+    "reference-limits of a range": "reference_ranges: {elbow: {equilibrium_position: [-50, 1]}}",
+    "reference-limits of all ranges": "reference_ranges: {'*': {equilibrium_position: [0, 3.1]}}",
+    "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
+    "aliased at millions": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 1e9}}}",
+    "large-friction": "world: {ground: {friction: 21}}",
+    "far-off": "base: {position: [0, 10001, 0]}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
@@ -328,6 +356,55 @@ def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: s
     errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
     assert [problem.code for problem in errors] == ["signal"]
     assert errors[0].line
+
+
+OBJECTS = {
+    "box, size: [.1, .1, .1], mass: 29": "",
+    "box, size: [.1, .1, .1], mass: 31": "odd-object",
+    "sphere, size: .1, mass: 120": "",
+    "sphere, size: .1, mass: 130": "odd-object",
+    "cylinder, size: [.1, .2], mass: 180": "",
+    "cylinder, size: [.1, .2], mass: 190": "odd-object",
+    "sphere, size: .01, mass: 1e-6": "",
+    "sphere, size: .01, mass: 0.9e-6": "odd-object",
+    "box, size: [500, 500, 500], mass: 1.1e6": "odd-object",
+    "sphere, size: 1e-5": "",
+    "sphere, size: 0.9e-5": "odd-object",
+    "box, size: [1, 1, 1001]": "odd-object",
+    "sphere, size: 1, friction: 19": "",
+    "sphere, size: 1, friction: 21": "large-friction",
+    "sphere, size: 1, mass: 1, position: [0, 9999, 9]": "",
+    "sphere, size: 1, mass: 1, position: [0, 10001, 9]": "far-off",
+    "sphere, size: 1, inertia: [1, 1, 1]": "no-effect",
+    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [1, 2, 3]": "",
+    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [1, 2, 3.1]": "odd-object",
+    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [101, 101, 101]": "odd-object",
+    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [9e-7, 9e-7, 9e-7]": "odd-object",
+    "sphere, size: .1, mass: 1, position: [9, 9, .09]": "",
+    "sphere, size: .1, mass: 1, position: [9, 9, .07]": "in-ground",
+    "sphere, size: .1, position: [9, 9, -5]": "",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .25]": "",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .23]": "in-ground",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .17], rpy: [1.5708, 0, 0]": "",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .15], rpy: [1.5708, 0, 0]": "in-ground",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .25]": "",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .23]": "in-ground",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .09], rpy: [0, 1.5708, 0]": "",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .07], rpy: [0, 1.5708, 0]": "in-ground",
+}
+
+
+@pytest.mark.parametrize("case", OBJECTS)
+def test_objects_that_are_hardly_meant_are_told_of(case: str, tiny) -> None:
+    place = "" if "position" in case else ", position: [9, 9, 900]"
+    found = warned(tiny, f"world: {{ground: true, objects: {{a: {{shape: {case}{place}}}}}}}")
+    assert found == ({OBJECTS[case]} if OBJECTS[case] else set())
+
+
+@pytest.mark.parametrize(("height", "told"), [(0.19, False), (0.21, True)])
+def test_a_ground_above_the_whole_robot_is_told_of(height: float, told: bool, tiny) -> None:
+    changed(tiny, ("<axis ", '<origin xyz="0 0 0.2"/><axis '))
+    assert ("high-ground" in warned(tiny, f"world: {{ground: {{height: {height}}}}}")) == told
 
 
 def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:

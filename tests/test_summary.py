@@ -38,6 +38,15 @@ def test_numbers_are_those_of_the_samples(tiny) -> None:
     assert float(cells["peak defl.\nrad"][0]) == pytest.approx(measures.peak_deflection, rel=1e-2)
 
 
+@pytest.mark.parametrize("wanted", [0.3, "{step: {at: 0.2, to: 0.45}}"])
+def test_the_error_is_that_of_the_link_from_where_it_is_wanted(tiny, wanted: object) -> None:
+    """A compensated reference is another place: tasks and learning say where the link shall be by `desired`."""
+    result = asrsim.run(tiny.scenario, overrides=["duration=3", f"desired={{elbow: {wanted}}}"])
+    measures, goal = result.summary.joint("elbow").measures, 0.3 if wanted == 0.3 else 0.45
+    assert measures.steady_state == pytest.approx(0.477, abs=0.01)
+    assert measures.steady_state_error == pytest.approx(goal - measures.steady_state, abs=1e-9)
+
+
 @pytest.mark.parametrize("signal", ["{sinusoid: {amplitude: 0.3, frequency: 2}}", "{waypoints: [[0, 0], [0.5, 0.4], [1, 0]]}"])
 def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     result = asrsim.run(tiny.scenario, overrides=[f"references={{elbow: {{equilibrium_position: {signal}}}}}"])

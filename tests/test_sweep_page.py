@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
+from overlaps import overlapping
 
 import asrsim
 from asrsim.errors import InputError
+from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
 from asrsim.sweeps.page import write_page
 from asrsim.sweeps.pictures import draw_sweep, figures
@@ -36,6 +39,16 @@ def table(tmp_path_factory):
         overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
     )  # fmt: skip
     return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
+
+
+@pytest.mark.parametrize(("middle", "width"), [(-1.62e-3, 2.1e-4), (-12345.6, 0.05)])
+def test_numbers_of_any_size_stand_side_by_side(table, monkeypatch, middle, width):
+    names, read = ["joint_1.steady_state", "joint_2.steady_state"], type(table).__getitem__
+    narrow = middle + width * np.linspace(-0.5, 0.5, len(table))
+    monkeypatch.setattr(type(table), "__getitem__", lambda self, name: narrow if name in names else read(self, name))
+    with styled():
+        for figure in figures(table, names).values():
+            assert overlapping(figure) == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")

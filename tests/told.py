@@ -1,9 +1,8 @@
 """What tests are told, held against what it was when somebody last read it: every problem and every output of a command.
 
 A test asks for a word of a message; this asks for all of it, its place, its cure, its numbers, and that nothing else is said.
-A test without a record is not compared. `ASRSIM_RECORD=test_scenario,test_log python -m pytest tests/test_scenario.py ...`
-records modules anew, in one process (remove a module's file first if tests of it are gone): read the difference before you
-keep it.
+A test without a record is not compared. `ASRSIM_RECORD=1 python -m pytest tests/test_scenario.py` records modules that have a
+file in `seen/told` anew, in one process (an empty file begins a record): read the difference before you keep it.
 """
 
 from __future__ import annotations
@@ -23,10 +22,12 @@ from asrsim.errors import Problem
 
 ROOT = Path(__file__).parents[1]
 RECORDED = ROOT / "tests" / "seen" / "told"
-ANEW = frozenset(os.environ.get("ASRSIM_RECORD", "").split(","))
-"""Modules that are recorded."""
-PASSING = re.compile(r"/tmp/[^\s'\",:;)]*|0x[0-9a-f]{6,}")
+PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}|(?<=\.py):\d+")
 """Places of one run."""
+CALLED = re.compile(r"python -m (?:pytest\.)?asrsim")
+"""The command's name follows from how pytest was called."""
+SHARED = "/shared/"
+"""Not every clone has this folder, and what is in it is not ours to repeat."""
 LONGEST = 240
 """Characters of a line that are kept."""
 MOST = 40
@@ -39,12 +40,16 @@ def hear(text: str) -> None:
     _heard.append(text)
 
 
+def _path(module: str) -> Path:
+    return RECORDED / f"{module}.txt"
+
+
 @cache
 def _recorded(module: str) -> dict[str, list[str]]:
     """Test -> lines."""
-    path, found = RECORDED / f"{module}.txt", dict[str, list[str]]()
+    path, found = _path(module), dict[str, list[str]]()
     for part in path.read_text(encoding="utf-8").split("\n== ")[1:] if path.exists() else ():
-        name, *lines = part.removesuffix("\n").split("\n")
+        name, *lines = filter(None, part.splitlines())
         found[name] = lines
     return found
 
@@ -55,7 +60,8 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     module, name = request.path.stem, request.node.name.encode("unicode_escape").decode()
     recorded = _recorded(module).get(name)
     # Hypothesis draws other examples every time.
-    anew = module in ANEW and not hasattr(request.function, "hypothesis")
+    restless = hasattr(request.function, "hypothesis") or request.node.get_closest_marker("restless")
+    anew = "ASRSIM_RECORD" in os.environ and _path(module).exists() and not restless
     # Without PyBullet the other engine is the default, and its name stands in what is said.
     if not (anew or recorded is not None) or find_spec("pybullet") is None:
         yield
@@ -74,13 +80,14 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Problem, "__init__", told)
     yield
-    text = "\n".join(_heard).replace(str(ROOT), "ROOT")
+    text = CALLED.sub("asrsim", "\n".join(_heard).replace(str(ROOT), "ROOT"))
     lines = [PASSING.sub("PLACE", line)[:LONGEST] for line in steady(text, folder)]
     lines = list(dict.fromkeys(line for line in lines if line.strip()))[:MOST]
-    if anew:
+    if anew and SHARED not in text:
         _recorded(module)[name] = lines
-        parts = [f"\n== {test}\n" + "\n".join(said) for test, said in _recorded(module).items()]
-        (RECORDED / f"{module}.txt").write_text("".join(parts) + "\n", encoding="utf-8")
+        parts = ["\n".join([f"\n== {test}", *said]) for test, said in _recorded(module).items()]
+        _path(module).write_text("".join(parts) + "\n", encoding="utf-8")
+    if anew:
         return
     found = differences(lines, recorded or [])
     assert not found, "\n".join(found[:20])

@@ -175,12 +175,21 @@ def _print_figures(console: Console, figures: Sequence[StepFigures], step: float
     console.print(f"At a step of {step * 1e3:g} ms [dim](estimates at the zero pose, base fixed)[/]")
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("joint")
-    for heading in ("inertia\nkg m²", "stiffness\nN m/rad", "ω h\n< 2", "sub-\nsteps", "c h/I\n< 2", "gains\n< 2"):
+    for heading in (
+        "inertia\nkg m²",
+        "at rest\nHz",
+        "stiffness\nN m/rad",
+        "ω h\n< 2",
+        "sub-\nsteps",
+        "c h/I\n< 2",
+        "gains\n< 2",
+    ):
         table.add_column(heading, justify="right")
     for entry in figures:
         gain = max(entry.link_gain, entry.motor_gain)
         table.add_row(
-            escape(entry.joint), f"{entry.inertia:.3g}", f"{entry.stiffness:.3g}" if entry.stiffness else "-",
+            escape(entry.joint), f"{entry.inertia:.3g}", f"{entry.natural:.3g}" if entry.natural else "-",
+            f"{entry.stiffness:.3g}" if entry.stiffness else "-",
             _limited(entry.spring), str(entry.substeps), _limited(entry.damping), _limited(gain),
         )  # fmt: skip
     console.print(table)

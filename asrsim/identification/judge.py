@@ -21,8 +21,8 @@ SWING = 0.03
 """Share of a channel's residuals that a swing has, at least, which the model should have."""
 SHAKEN = 2.0
 """Deviations of what the commands' noise and the estimates' uncertainty make of a prediction."""
-EXPLAINED = 0.9
-"""Share of a channel's variance from which on a fit explains it."""
+EXPLAINED = 0.5
+"""Share of a channel's variance from which on a fit explains it, more or less."""
 HELD = "the held-out error is"
 
 

@@ -83,17 +83,20 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     count = len(head["trials"])
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
         raise _no_state(path, "its arrays are not those of trials")
-    if len(inputs) != count or not all(isinstance(trial, dict) and _plain(trial) for trial in head["trials"]):
+    if len(inputs) != count or not all(_whole(trial, inputs.shape[2]) for trial in head["trials"]):
         raise _no_state(path, "its trials are not whole")
     return head, inputs, outputs
 
 
-def _plain(trial: dict[str, Any]) -> bool:
-    """Whether a trial's values are numbers, lists of numbers or nothing."""
-    lists = [value if isinstance(value, list) else [value] for value in trial.values()]
-    return all(
-        item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for part in lists for item in part
-    )
+def _whole(trial: Any, joints: int) -> bool:
+    """Whether a trial has a number for each joint where it has several, and numbers or nothing elsewhere."""
+    if not isinstance(trial, dict):
+        return False
+    lists = {name: value if isinstance(value, list) else [value] for name, value in trial.items()}
+    if any(len(lists.get(name, ())) != joints for name in ("largest", "rms")):
+        return False
+    items = [item for part in lists.values() for item in part]
+    return all(item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for item in items)
 
 
 def _no_state(path: Path, why: str) -> InputError:

@@ -28,7 +28,7 @@ _RUN_SHAPE: Shape = {
 }  # fmt: skip
 _RESOLVED_SHAPE: Shape = {
     "scenario?": {"robot": (str, {"file": str}), "*": object},
-    "parameters?": {"*": {"*": (float, str)}},
+    "parameters?": {"*": {"*": float}},
     "*": object,
 }
 

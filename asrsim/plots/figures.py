@@ -117,6 +117,7 @@ def grid_figure(
 def overview_figure(runs: Sequence[RunCurves]) -> Figure:
     """Link position with its reference (and equilibrium) of every joint, small."""
     joints = joint_names(runs)
+    prismatic = {info.name: info.prismatic for run in runs for info in run.joints}
     columns = 3 if len(joints) <= 8 else 4 if len(joints) <= 24 else 6
     rows = -(-len(joints) // columns)
     names = (REFERENCE, "equilibrium_position", "link_position")
@@ -129,10 +130,12 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             ax.set_visible(False)
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
-        ax.set_title(shorten(joints[index], 30), loc="left", fontsize=8)
-        info = next(info for run in runs for info in run.joints if info.name == joints[index])
-        # Neighbours of one kind share a label.
-        ax.set_ylabel("" if index % columns and not info.prismatic else ax.get_ylabel())
+        slides, first = (prismatic[joints[i]] for i in (index, index - index % columns))
+        # A row has the label of its first joint; one of the other kind says so in its title, for which there is room.
+        unit = "" if slides == first else " (m)" if slides else " (rad)"
+        ax.set_title(shorten(joints[index], 30) + unit, loc="left", fontsize=8)
+        if index % columns:
+            ax.set_ylabel("")
         if index + columns >= len(joints):
             ax.set_xlabel("time (s)")
             ax.xaxis.set_tick_params(labelbottom=True)

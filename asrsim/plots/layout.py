@@ -39,6 +39,8 @@ class Grid:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
+        from asrsim.plots.ticks import Plain
+
         width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
         foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_rows(labels, width)) if len(labels) > 1 else 0.0)
         inner = sum(self.heights) + (len(self.heights) - 1) * self.gap_y
@@ -57,6 +59,7 @@ class Grid:
         for ax in axes.flat:
             # Ticks' labels are as wide as they are: labels of axes stand in one line all the same.
             ax.yaxis.set_label_coords(-0.57 / self.width, 0.5)
+            ax.yaxis.set_major_formatter(Plain())
         variants(figure, labels)
         return figure, axes
 

@@ -122,6 +122,8 @@ def _own_log(path: Path) -> Raw:
         for quantity, values in log.samples.joint(joint).items()
         if quantity in QUANTITIES
     ]
+    if not series:
+        raise RecordingError("the log holds nothing of any joint", file=path, code="no-columns")
     findings: tuple[Problem, ...] = ()
     if log.truncated:
         findings = (Problem("the log was cut off; read up to its last whole chunk", file=path, code="truncated"),)

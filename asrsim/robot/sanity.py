@@ -25,6 +25,10 @@ DEGREES = (20.0, 720.0)
 """Limits of revolute joints in this range are turns of several, or degrees."""
 STUCK = 1000.0
 """s/rad (s/m) and more: damping and friction, over the moment (or force) of the arm's own weight, that no joint has."""
+WIDE = 100.0
+"""m from one end of a robot to the other."""
+UNUSUAL = 1e4
+"""Times a parameter's default, or that part of it."""
 GAINS = ("proportional", "integral", "derivative")
 
 
@@ -32,6 +36,12 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
     """Warn of what a robot's numbers make improbable."""
     poses = link_poses(robot)
     size = _size(robot, poses)
+    if size > WIDE and robot.joints:
+        farthest = max(robot.joints, key=lambda joint: math.hypot(*joint.origin))
+        findings.warn(
+            "makes a very large robot (lengths are in m)", code="wide-robot", line=farthest.line, key=farthest.name,
+            value=f"{size:.4g} m",
+        )  # fmt: skip
     for link in robot.links:
         _check_body(findings, link, size, moves=link is not robot.root)
     for joint in robot.moving_joints:
@@ -91,9 +101,21 @@ def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> 
             f"the centre of mass lies far outside {what} (lengths are in m)",
             code="far-centre", line=link.line, key=link.name, value=f"{away:g} m from the link's frame",
         )  # fmt: skip
+    largest = max(link.inertia[i] for i in (0, 3, 5)) if link.inertia is not None else 0.0
+    gyration = math.sqrt(max(largest, 0.0) / link.mass) if link.mass else 0.0
+    if moves and gyration > AWAY + 2.0 * size:
+        findings.warn(
+            f"the inertia is that of a body far larger than {what} (in kg m^2)", code="large-inertia", line=link.line,
+            key=link.name, value=f"radius of gyration {gyration:.4g} m",
+        )  # fmt: skip
 
 
 def _check_limits(findings: Findings, joint: Joint) -> None:
+    if joint.velocity == 0.0:
+        findings.warn(
+            "the joint's velocity limit is 0: it is beyond it whenever it moves", code="zero-velocity-limit", line=joint.line,
+            key=joint.name,
+        )  # fmt: skip
     bounds = [bound for bound in (joint.lower, joint.upper) if bound is not None]
     if joint.kind == "revolute" and any(DEGREES[0] < abs(bound) <= DEGREES[1] for bound in bounds):
         findings.warn(
@@ -114,8 +136,9 @@ class Doubt:
 
 
 def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
-    """Negative gains, and springs that are none."""
+    """Negative gains, values far from all others, motors that stand still, and springs that are none."""
     mode = MODES[block.mode]
+    yield from _unusual(block)
     for name, parameter in block.parameters.items():
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and parameter.value < 0.0:
             message = f"a negative gain (<{parameter.tag}>) drives away from the reference"
@@ -123,6 +146,23 @@ def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
     yield from _model_doubts(block)
     if mode.spring and not has_spring(block):
         yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+
+
+def _unusual(block: ActuatorBlock) -> Iterator[Doubt]:
+    """Given values that are far from the usual ones, and motors that their friction holds."""
+    values, actuator = block.values(), ACTUATORS.get(block.actuator)
+    for declared in actuator.all_parameters():
+        parameter, usual = block.parameters[declared.name], abs(declared.default)
+        ratio = abs(parameter.value) / usual if usual and math.isfinite(usual) else 1.0
+        if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL and math.isfinite(ratio):
+            unit = "" if declared.unit == "1" else f" {declared.unit}"
+            message = f"<{parameter.tag}> is {ratio:.1g} times the usual {usual:g}{unit}"
+            yield Doubt(message=message, code="unusual-value", value=f"{parameter.value:g}", parameter=parameter)
+    for motor in (f"motor_{i}" for i in range(1, actuator.motors + 1)) if MODES[block.mode].motor else ():
+        friction, torque = block.parameters[f"{motor}_friction_torque"], values[f"{motor}_max_torque"]
+        if friction.value >= torque > 0.0:
+            message = f"<{friction.tag}> is as much as the motor's torque: it never turns"
+            yield Doubt(message=message, code="stuck-motor", value=f"{friction.value:g} N m", parameter=friction)
 
 
 def _model_doubts(block: ActuatorBlock) -> Iterator[Doubt]:

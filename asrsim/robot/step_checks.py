@@ -33,6 +33,8 @@ class StepFigures:
     """kg m^2, effective (all other joints free), at the zero pose."""
     stiffness: float
     """N m/rad, the largest reachable; 0 in modes without spring."""
+    natural: float
+    """Hz, of the link on its unloaded spring, the motors held; an adjuster or preset at its typical value; 0 without spring."""
     spring: float
     """omega h of the link on its spring; the explicit scheme is stable below 2."""
     substeps: int
@@ -110,13 +112,16 @@ def _largest_part(holds: Callable[[float], bool]) -> float:
 
 
 def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: float) -> StepFigures:
-    stiffness = motor_gain = link_gain = 0.0
+    stiffness = natural = motor_gain = link_gain = 0.0
     mobility = 1.0 / inertia if inertia > 0.0 else math.inf
     if block is not None:
         mode, values = MODES[block.mode], block.values()
         actuator = ACTUATORS.get(block.actuator)
         if mode.spring:
             stiffness = largest_stiffness(actuator, values, motors=mode.motor)
+            unloaded = actuator.motor_references(0.0, actuator.typical_preset)
+            law = tuple(values[parameter.name] for parameter in actuator.parameters)
+            natural = math.sqrt(max(actuator.stiffness(0.0, *unloaded, law), 0.0) * mobility) / math.tau
         elif mode.controller:
             link_gain = step * (values["controller_1_derivative"] + joint.damping) * mobility
         if mode.motor:
@@ -139,6 +144,7 @@ def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: fl
         joint=joint.name,
         inertia=inertia,
         stiffness=stiffness,
+        natural=natural,
         spring=spring,
         substeps=max(1, math.ceil(spring / RESOLUTION - 1e-9)) if math.isfinite(spring) else 0,
         damping=joint.damping * step * mobility if joint.damping else 0.0,

@@ -13,6 +13,7 @@ from asrsim.robot.sanity import block_doubts, most_damping
 from asrsim.scenario.choices import released_order
 from asrsim.scenario.data import Effects, Scenario, for_joint
 from asrsim.scenario.shadowed import shadowed_entries
+from asrsim.scenario.world_doubts import world_doubts
 
 STRONGEST = 30.0
 """m/s^2; Jupiter's gravity is 24.8."""
@@ -38,6 +39,7 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _start(scenario, changed)
     yield from _samples(scenario)
     yield from _claims(scenario)
+    yield from world_doubts(scenario, changed)
     for key in shadowed_entries(scenario, changed):
         yield Problem("does nothing: every joint that it could be for has an entry of its own", key=key, code="unused-entry")
     for block in changed.actuators:

@@ -18,8 +18,8 @@ from asrsim.signals.combine import Sum
 
 LOOKS = 2000
 """Points of the run at which a signal is looked at."""
-BETWEEN = (0.5, 0.382)
-"""Places within a step at which a signal is compared with the line between its ends; two, since one may be a node."""
+BETWEEN = (0.5, 0.5 * (3.0 - math.sqrt(5.0)))
+"""Places within a step at which a signal is compared with the line between its ends; one may be a node, not the golden one."""
 ALIASED = 0.4
 """Share of a signal's range by which it leaves that line: a sinusoid does from 0.87 of half the step rate on."""
 OFTEN = 0.05
@@ -175,7 +175,7 @@ def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Places at which a link is wanted, and which its joint's limits do not let it reach."""
-    for key, name, least, largest in _places(scenario, robot):
+    for key, name, least, largest in (*_places(scenario, robot), *_ranges(scenario, robot)):
         joint = robot.joint(name)
         if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
             continue
@@ -205,6 +205,16 @@ def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float,
             if signal is not None:
                 key = f"{section}.{joint.name if joint.name in table else '*'}"
                 yield key, joint.name, *_extremes(scenario, signal)
+
+
+def _ranges(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float, float]]:
+    """The same of the ranges that are declared for places of links."""
+    for block in robot.actuators:
+        for name in ("link_position", "equilibrium_position"):
+            for joint in ("*", block.joint):
+                bounds = scenario.reference_ranges.get(joint, {}).get(name)
+                if bounds is not None and name in MODES[block.mode].references:
+                    yield f"reference_ranges.{joint}.{name}", block.joint, *bounds
 
 
 def _loads(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

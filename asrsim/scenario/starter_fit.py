@@ -96,11 +96,13 @@ def _delays(plan: Plan) -> list[str]:
 
 
 def _twins(robot: Robot) -> dict[str, str]:
-    """Joint -> an earlier one whose motors have the same numbers: of the same make."""
+    """Joint -> an earlier one whose motors have the same numbers in the robot's file: of the same make."""
     first: dict[object, str] = {}
     twins = {}
     for block in robot.actuators:
-        motors = {name: p.value for name, p in block.parameters.items() if name.startswith("motor_")}
+        motors = {name: p.value for name, p in block.parameters.items() if name.startswith("motor_") and p.origin == "tag"}
+        if not motors:
+            continue
         made = first.setdefault((block.actuator, block.mode, tuple(sorted(motors.items()))), block.joint)
         if made != block.joint:
             twins[block.joint] = made

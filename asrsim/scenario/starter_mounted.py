@@ -12,8 +12,8 @@ from asrsim.robot import Robot
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Unit of a command that is no position -> mode that takes it."""
-WIDE = 1e6
-"""N m, rad/s: limits of motors of which nothing is known."""
+WIDE = 1e4
+"""N m, rad/s: limits of motors of which nothing is known; a thousand times what joints of robots do."""
 
 
 def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> dict[str, int]:

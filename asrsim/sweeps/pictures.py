@@ -75,6 +75,7 @@ def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
 
 def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
     from matplotlib.figure import Figure
+    from matplotlib.ticker import ScalarFormatter
 
     columns = min(len(names), 2)
     rows = -(-len(names) // columns)
@@ -85,6 +86,10 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
         # Points and bars are not cut in half by the edge of a panel.
         axis.margins(0.03, 0.06)
         draw(table, name, axis)
+        if isinstance(axis.xaxis.get_major_formatter(), ScalarFormatter):
+            # Few long numbers, or small ones by a common power, side by side.
+            axis.locator_params(axis="x", nbins=5)
+            axis.ticklabel_format(axis="x", scilimits=(-2, 5), useMathText=True)
     for axis in axes[len(names) :]:
         axis.remove()
     # What is the same everywhere is said once.
