@@ -272,6 +272,7 @@ def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.restless
 def test_a_killed_run_leaves_a_readable_log_that_can_be_repeated(tiny, asrsim_command) -> None:
     process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
     # Beyond the first chunk with its index (576 kB): a kill in the midst of its writing would leave no sample.

@@ -334,6 +334,7 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
 
 
+@pytest.mark.restless
 def test_the_best_so_far_survives_the_wish_to_stop(lab):
     calls = 0
 

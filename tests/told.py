@@ -22,7 +22,7 @@ from asrsim.errors import Problem
 
 ROOT = Path(__file__).parents[1]
 RECORDED = ROOT / "tests" / "seen" / "told"
-PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}")
+PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}|(?<=\.py):\d+")
 """Places of one run."""
 CALLED = re.compile(r"python -m (?:pytest\.)?asrsim")
 """The command's name follows from how pytest was called."""
@@ -60,7 +60,8 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     module, name = request.path.stem, request.node.name.encode("unicode_escape").decode()
     recorded = _recorded(module).get(name)
     # Hypothesis draws other examples every time.
-    anew = "ASRSIM_RECORD" in os.environ and _path(module).exists() and not hasattr(request.function, "hypothesis")
+    restless = hasattr(request.function, "hypothesis") or request.node.get_closest_marker("restless")
+    anew = "ASRSIM_RECORD" in os.environ and _path(module).exists() and not restless
     # Without PyBullet the other engine is the default, and its name stands in what is said.
     if not (anew or recorded is not None) or find_spec("pybullet") is None:
         yield
