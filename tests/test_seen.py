@@ -220,6 +220,7 @@ def _file(path: Path, folder: Path) -> list[str]:
 @pytest.mark.parametrize("name", SESSIONS)
 def test_what_users_see(name: str, tmp_path: Path, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
     shown, path = session(name, tmp_path, asrsim_command, monkeypatch), RECORDED / f"{name}.txt"
+    assert not [line for line in shown if "could not be run" in line]
     if "ASRSIM_RECORD" in os.environ:
         path.write_text("\n".join(shown) + "\n", encoding="utf-8")
     found = differences(shown, path.read_text(encoding="utf-8").splitlines())
