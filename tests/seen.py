@@ -25,6 +25,7 @@ CHANGING = (
     (re.compile(re.escape(__version__)), "VERSION"),
     (re.compile(r"^( {4,6}\d+  [\d. ]+) \d+\.\d\d$", re.M), r"\1"),
     (re.compile(r"[ \t]+$", re.M), ""),
+    (re.compile(r"(?:\.\./){3,}(?:[\w.-]+/)*(?=examples/)"), "PROJECT/"),
 )
 """What differs from run to run, or from release to release."""
 TILES = 12
@@ -33,10 +34,10 @@ TILES = 12
 
 def steady(text: str, folder: Path) -> list[str]:
     """Lines of a text without what differs from run to run."""
-    text = text.replace(str(folder), "FOLDER").replace(str(Path(__file__).parents[1]), "PROJECT")
+    text = text.replace(str(folder), "FOLDER")
     for pattern, word in CHANGING:
         text = pattern.sub(word, text)
-    return text.splitlines()
+    return text.replace(str(Path(__file__).parents[1]), "PROJECT").splitlines()
 
 
 def figure_lines(figure: Figure) -> list[str]:

@@ -54,6 +54,8 @@ class Board:
         prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
         self.prefix = prefix
         topics = [_named(topic, prefix) for topic in _topics(info.joints)]
+        # What answers a command goes first: each message takes some us.
+        topics.sort(key=lambda topic: f"/{APPLIED}/" not in topic.name)
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
         outlets = [Outlet(topic.name, topic.message) for topic in topics]
         latched: dict[str, bytes] = {}

@@ -33,6 +33,7 @@ class Episode:
         self.folder = Path()
         self._writer: LogWriter | None = None
         self._waiting: list[Samples] = []
+        self._commands: list[tuple[Command, float]] = []
         self._files = ExitStack()
         self._earlier: tuple[Path, ...] = ()
 
@@ -60,16 +61,18 @@ class Episode:
         return len(self._waiting)
 
     def work(self) -> None:
-        """Write samples that wait."""
+        """Write what waits."""
         waiting, self._waiting = self._waiting, []
+        commands, self._commands = self._commands, []
         if self._writer is not None:
+            for command, time in commands:
+                self._writer.aside(command_topic(), time, encoded(command, time))
             for samples in waiting:
                 self._writer.write(samples)
 
     def command(self, command: Command, time: float) -> None:
-        """Note what was set from outside at `time` s."""
-        if self._writer is not None:
-            self._writer.aside(command_topic(), time, encoded(command, time))
+        """Note what was set from outside at `time` s; written with the samples, since that holds a tick up."""
+        self._commands.append((command, time))
 
     def close(
         self, simulation: Simulation, wall: float, time: float, error: DivergenceError | None, figures: dict[str, Any]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 import sys
 import time as clock
 from collections.abc import Iterator, Sequence
@@ -22,6 +23,8 @@ MOST = 1000
 SERVICES_EVERY = 0.02
 """s between looks at services, parameters, and who listens and speaks."""
 MOST_PUBLISHERS = 1000
+_FLOAT64 = struct.Struct("<4xd")
+"""Most commands, little-endian as the second byte tells: read in a fifth of what rclpy takes."""
 SLOW, SLOW_TIMES = 50e-6, 20
 """s a message and times in a row that make one look for peers that no longer read."""
 SUSPICIONS_EVERY = 1.0
@@ -174,6 +177,8 @@ class RosTransport:
     def _read(self, number: int, kind: Any, data: bytes) -> Received:
         name = self._interface.inlets[number].message
         try:
+            if name == "std_msgs/Float64" and data[1] == 1:
+                return Received(number, _FLOAT64.unpack(data))
             message = self._deserialize(data, kind)
         except Exception as error:  # of rclpy's own kinds
             return Received(number, (), fault=f"a message that cannot be read ({type(error).__name__})")
