@@ -21,6 +21,7 @@ CHANGING = (
     (re.compile(r"\S+ s \(\S+ x real time\)|\d\S* x real time|\d+ evaluations, \S+ s"), "SPEED"),
     (re.compile(r"\"(wall_time|simulating_time|speed|seconds|busy|python|numpy|mujoco\S*|pybullet|numba|scipy)\": .*"), r"\1"),
     (re.compile(r"(?<=simulated[ ,]) ?(in )?[\d.]+ s"), "SPEED"),
+    (re.compile(r"(?:\.\./)+\S*?(?=examples/)"), "PROJECT/"),
     (re.compile(re.escape(__version__)), "VERSION"),
     (re.compile(r"^( {4,6}\d+  [\d. ]+) \d+\.\d\d$", re.M), r"\1"),
     (re.compile(r"[ \t]+$", re.M), ""),

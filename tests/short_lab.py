@@ -17,7 +17,7 @@ SHORT = {
     "chirp_1dof": ["duration=1", f"{CHIRP}=1"],
     "sine_2dof": ["duration=0.5"],
     "step_2dof": ["duration=0.3"],
-    "box_push": ["duration=0.2", f"task.poses=[{POSES}]", "initial={joint_1: -0.8648, joint_4: 1.415, joint_5: -1.191}"],
+    "box_push": ["duration=0.2", f"task.poses={POSES}", "initial={joint_1: -0.8648, joint_4: 1.415, joint_5: -1.191}"],
     "ilc_2dof": ["duration=0.5", "ilc.max_iterations=3", "ilc.tolerance=0.001"],
 }
 """What is set of scenarios whose names begin so, where a figure sets no duration of its own."""

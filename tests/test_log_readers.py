@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from log_example import INFO, example_samples
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Channel, DataEnd, Schema
+from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from asrsim.log import LogWriter, read_log
@@ -307,3 +309,18 @@ def test_arrays_of_the_robot_are_there_where_a_manager_asks(tmp_path: Path, log_
 
 def topics_of(path: Path) -> set[str]:
     return {channel.topic for channel in read_structure(path).channels}
+
+
+def test_every_channel_comes_after_its_schema(log_path: Path) -> None:
+    """A reader that goes from the start, or a file that ends early, has no summary to find them in."""
+    known: set[int] = set()
+    channels = 0
+    for record in StreamReader(log_path.open("rb")).records:
+        if isinstance(record, Schema):
+            known.add(record.id)
+        elif isinstance(record, Channel):
+            assert record.schema_id in known
+            channels += 1
+        elif isinstance(record, DataEnd):
+            break
+    assert channels > 3

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from asrsim.cli.app import app
 from asrsim.errors import InputError
-from asrsim.log import read_log
+from asrsim.log import LogWriter, read_log
 from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import draw_difference, draw_overlay
@@ -264,3 +264,20 @@ def test_forces_on_an_object_count_on_whichever_side_of_a_pair_it_stands() -> No
     curves = envelope.curves()["box"]
     np.testing.assert_allclose(curves["force"].values, 2.0)
     assert (curves["dx"].values.min(), curves["dx"].values.max()) == pytest.approx((0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        ("truncated", "log.mcap: the run is truncated, drawn as far as it goes"),
+        ("diverged", "log.mcap: the run is diverged, drawn as far as it goes; its claims are not judged"),
+    ],
+)
+def test_a_run_that_did_not_end_well_is_drawn_and_said_to_be(tmp_path: Path, asrsim_command, status: str, said: str) -> None:
+    whole = read_log(made_up_log(tmp_path / "whole.mcap", count=50))
+    with LogWriter(tmp_path / "log.mcap", whole.info) as writer:
+        writer.write(whole.samples)
+        writer.close({"status": status})
+    outcome = asrsim_command("plot", "log.mcap", "-o", "pictures")
+    assert outcome.code == 0
+    assert [line for line in (outcome.out + outcome.err).splitlines() if "the run is" in line] == [said]

@@ -236,3 +236,17 @@ def test_an_entry_for_all_that_is_for_nobody_is_told_of(keys: dict[str, Any], to
     """`--set references.*...` beside entries of each joint would otherwise change nothing, without a word."""
     warnings = checked_robot(make_scenario(TWO_JOINTS, duration=1.0, **keys))[1]
     assert any(problem.code == "unused-entry" for problem in warnings) == told
+
+
+@pytest.mark.parametrize(("table", "value", "passive"), [
+    ("initial", 0.1, True), ("external_torques", 0.1, True), ("link_damping", {"constant": 0.1}, False),
+])  # fmt: skip
+def test_an_entry_for_all_is_for_the_passive_joint_where_it_has_one(table: str, value: object, passive: bool) -> None:
+    """Tables of every joint that moves, and of driven ones only."""
+    driven = ("*", "vsa", "sea", "awas")
+    for names, told in ((driven, not passive), ((*driven[:3],), False), ((*driven, "free"), True)):
+        if "free" in names and not passive:
+            continue
+        scenario = make_scenario(TWO_JOINTS, duration=1.0, **{table: dict.fromkeys(names, value)})
+        found = [problem for part in check_against_robot(scenario, arm()) for problem in part if problem.code == "unused-entry"]
+        assert bool(found) == told

@@ -80,8 +80,8 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Problem, "__init__", told)
     yield
-    text = CALLED.sub("asrsim", "\n".join(_heard).replace(str(ROOT), "ROOT"))
-    lines = [PASSING.sub("PLACE", line)[:LONGEST] for line in steady(text, folder)]
+    text = CALLED.sub("asrsim", "\n".join(_heard).replace(str(ROOT), "ROOT").replace(str(folder), "FOLDER"))
+    lines = [line[:LONGEST] for line in steady(PASSING.sub("PLACE", text), folder)]
     lines = list(dict.fromkeys(line for line in lines if line.strip()))[:MOST]
     if anew and SHARED not in text:
         _recorded(module)[name] = lines
