@@ -99,3 +99,34 @@ def test_a_locked_joint_lacks_its_spring_and_has_published_numbers_with_it(tmp_p
         assert found.find(key).value == pytest.approx(true, rel=2e-3)
     for key in ("carriage.mass", "motor.damping", "motor.friction", "motor.passive_stiffness"):
         assert found.find(key).verdict == "identified"
+
+
+@pytest.mark.slow
+def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(tmp_path: Path) -> None:
+    inertia, damping, friction, static, fade, step = 0.05, 0.05, 0.1, 0.06, 0.15, 1e-4
+    q = v = 0.0
+    rows = []
+    for k in range(int(8.0 / step) + 1):
+        time = k * step
+        torque = 0.45 * math.sin(1.6 * time) * (1.0 + 0.4 * math.sin(5.6 * time)) + 0.1 * math.sin(14.0 * time)
+        if k % 10 == 0:
+            rows.append((time, torque, q))
+        slid = v + step * (torque - damping * v) / inertia
+        most = step * (friction + static * math.exp(-((v / fade) ** 2))) / inertia
+        v = 0.0 if abs(slid) < most else slid - math.copysign(most, slid)
+        q += step * v
+    table = np.array(rows)
+    table[:, 2] += 2e-5 * np.random.default_rng(2).normal(size=len(table))
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t [s],tau [N m],q [rad]", comments="", fmt="%.9g")
+    robot = AXIS.replace("prismatic", "revolute").replace('xyz="1 0 0"', 'xyz="0 0 1"').replace('izz="1"', 'izz="0.04"')
+    (tmp_path / "axis.urdf").write_text(robot.replace('"1000" friction="10"', '"0.1" friction="0.05"'))
+    (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 8\nactuators: {motor: {type: sea, mode: 0}}\n")
+    free = ["motor.damping", "motor.friction", "carriage.izz", "motor.stribeck_friction=0.03", "motor.stribeck_velocity=0.1"]
+    maps = ["tau [N m]=motor.reference_1 [N m]", "q [rad]=motor.link_position [rad]"]
+    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps, workers=1)
+    values = {one.key: one.value for one in found.estimates}
+    assert values["carriage.izz"] == pytest.approx(inertia, rel=0.01)
+    assert values["motor.friction"] == pytest.approx(friction, rel=0.03)
+    # Without where it stands, and with Stribeck's part of the torque, these are told; they had no effect before.
+    assert values["motor.stribeck_friction"] == pytest.approx(static, rel=0.15)
+    assert values["motor.stribeck_velocity"] == pytest.approx(fade, rel=0.15)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import variants
 from asrsim.cli.ilc_table import TrialTable, reach_of, report
 from asrsim.cli.options import Overrides, Plugins, lag_of, load_plugins, mapping_of
 
@@ -27,7 +28,9 @@ class KeepLogs(StrEnum):
 
 def ilc(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML) with a block `ilc`.", show_default=False)],
-    variant: Annotated[str | None, typer.Option(help="Learn this variant.", show_default="the only one")] = None,
+    variant: Annotated[
+        str | None, typer.Option(help="Learn this variant.", show_default="the only one", autocompletion=variants)
+    ] = None,
     overrides: Overrides = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")

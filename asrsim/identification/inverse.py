@@ -6,7 +6,7 @@ fits to the position follow these. The balance of torques has no memory (equatio
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.static import StaticTrack, is_static
 from asrsim.identification.track import Track, numbers_of, physical
-from asrsim.robot.model import Robot
+from asrsim.robot.model import Joint, Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -25,6 +25,8 @@ from asrsim.simulation.evaluation import EXTERNAL
 CUTOFF = 50.0
 """Hz of the low-pass filter, forwards and backwards, on motion and torque alike; less where the sampling is slow."""
 ORDER = 4
+STANDS = 5.0
+"""Deviations of a velocity's noise below which a joint may stand."""
 EDGE = 0.1
 """s at both ends that the filter spoils."""
 
@@ -57,36 +59,52 @@ class InverseTrack(Track):
         last = min(float(channel.time[-1]) for channel in places.values())
         self._grid = np.arange(float(max(c.time[0] for c in places.values())), last, step)
         self._cutoff = min(CUTOFF, 0.15 / step)
-        smooth = [self._filtered(np.interp(self._grid, places[joint].time, places[joint].values)) for joint in joints]
-        speed = [np.gradient(q, step) for q in smooth]
-        rates = [np.gradient(v, step) for v in speed]
         # As often as the filter lets differ: its own correlation is not the model's.
         every = max(1, round(0.5 / (self._cutoff * step)))
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows
-        self._signs = np.column_stack([self._filtered(np.sign(v)) for v in speed])[rows]
-        """Of the velocities, filtered as the torque is: its jumps at reversals are."""
-        self._motion = tuple(np.column_stack(part)[rows] for part in (smooth, speed, rates))
+        self._places, self._moving = [places[joint] for joint in joints], list[Array]()
+        self._follow([channel.values for channel in self._places])
         self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
+        # A joint that stands may be held by any friction up to its level: these samples tell nothing.
+        draws = np.random.default_rng(0).normal(size=len(self._grid))
+        shaky = float(np.std(np.gradient(self._filtered(draws), step)))
         channels = []
-        for joint in joints:
-            values = self._torques[f"{joint}.reference_1"]
+        for j, joint in enumerate(joints):
+            self._moving.append(np.abs(self._motion[1][:, j]) > STANDS * shaky * places[joint].noise)
+            values = self._torques[f"{joint}.reference_1"][self._moving[j]]
             unit = "N" if self.prepared.robot.joint(joint).kind == "prismatic" else "N m"
             channels.append(
                 Channel(
-                    joint=joint, quantity="link_torque", unit=unit, time=self._grid[rows], values=values,
+                    joint=joint, quantity="link_torque", unit=unit, time=self._grid[rows][self._moving[j]], values=values,
                     noise=fine_noise(values), given=False, quantum=0.0,
                 )
             )  # fmt: skip
         remark = f"{', '.join(joints)}: driven by the recorded torque; torques are compared, filtered at {self._cutoff:.3g} Hz"
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
         self.onset = float(self._grid[rows[0]])
+
+    def _follow(self, places: Sequence[Array]) -> None:
+        """Take the joints' motion from places as they were recorded."""
+        step = float(self._grid[1] - self._grid[0])
+        series = zip(self._places, places, strict=True)
+        smooth = [self._filtered(np.interp(self._grid, channel.time, values)) for channel, values in series]
+        self._speeds = [np.gradient(q, step) for q in smooth]
+        rates = [np.gradient(v, step) for v in self._speeds]
+        self._signs = np.column_stack([self._filtered(np.sign(v)) for v in self._speeds])[self._rows]
+        """Of the velocities, filtered as the torque is: its jumps at reversals are."""
+        self._motion = tuple(np.column_stack(part)[self._rows] for part in (smooth, self._speeds, rates))
         self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
 
     def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
-        """Noise of the torques is what is compared."""
-        return None
+        """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
+        generator = np.random.default_rng(0)
+        before = self.predict(values)
+        self._follow([one.values + one.noise * generator.normal(size=len(one.values)) for one in self._places])
+        after = self.predict(values)
+        self._follow([one.values for one in self._places])
+        return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
         """Nothing is simulated."""
@@ -112,7 +130,7 @@ class InverseTrack(Track):
         needed = self._balance(robot, changes)
         for j, joint in enumerate(joints):
             one = robot.joint(joint)
-            needed[:, j] += one.damping * v[:, j] + one.friction * self._signs[:, j]
+            needed[:, j] += one.damping * v[:, j] + self._friction(one, j)
             needed[:, j] += one.spring_stiffness * (q[:, j] - one.spring_reference)
             if (torque := self._torques.get(f"{joint}.{EXTERNAL}")) is not None:
                 needed[:, j] -= torque
@@ -120,12 +138,22 @@ class InverseTrack(Track):
         for j, channel in enumerate(self.channels):
             key = f"{joints[j]}.reference_1"
             gain, offset = values.get(f"{key}.gain", 1.0), values.get(f"{key}.offset", 0.0)
-            told = needed[:, j] / gain + offset
+            told = needed[self._moving[j], j] / gain + offset
             if delay := values.get(f"{key}.delay", 0.0):
                 # The recorded torque acts later: what is compared is shifted, not the motion.
-                told = told - (self._late(key, delay) - channel.values)
+                told = told - (self._late(key, delay)[self._moving[j]] - channel.values)
             predicted.append(told if until is None else told[channel.time <= until + 1e-9])
         return predicted
+
+    def _friction(self, joint: Joint, j: int) -> Array:
+        """(n,) torque against the motion of joint j, filtered."""
+        if not joint.friction_varies:
+            return np.asarray(joint.friction * self._signs[:, j])
+        speed = self._speeds[j]
+        command = next(one for one in self.data.commands if one.key == f"{joint.name}.reference_1")
+        load = np.abs(self._filtered(np.interp(self._grid, command.time, command.values)))
+        static = joint.stribeck_friction * np.exp(-((speed / joint.stribeck_velocity) ** 2))
+        return self._filtered((joint.friction + joint.load_friction * load + static) * np.sign(speed))[self._rows]
 
     def _late(self, key: str, delay: float) -> Array:
         command = next(one for one in self.data.commands if one.key == key)

@@ -134,7 +134,8 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
                 reasons.append(f"{key}: {HELD} {b / a:.2g} times that of the training part ({b:.3g} for {a:.3g})")
         worst = max(mine, key=lambda one: np.nan_to_num(one.correlation - one.borne), default=None)
         if worst is not None and worst.correlation - worst.borne > WHITE:
-            reasons.append(f"{key}: residuals are not white, neighbours correlate by {worst.correlation:.2f}")
+            noise = f", by {worst.borne:.2f} from noise of what is played" if abs(worst.borne) > SMALL else ""
+            reasons.append(f"{key}: residuals are not white, neighbours correlate by {worst.correlation:.2f}{noise}")
         elif any(one.loud for one in mine):
             most = max(one.after / one.noise for one in mine if one.loud)
             reasons.append(f"{key}: what is left is {most:.2g} times the noise")

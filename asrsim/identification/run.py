@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -180,6 +180,17 @@ def _moved(layout: Layout, trained: Array, x: Array, deviations: Array) -> list[
     ]  # fmt: skip
 
 
+def _unless_stopped(teller: Teller, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
+    """What takes long and can be done without; nothing where the user asks for the end."""
+    teller.deaf = False
+    try:
+        return tuple(found())
+    except Stopped:
+        return ()
+    finally:
+        teller.deaf = True
+
+
 def _judged(
     setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, teller: Teller,
     *, profiled: bool,
@@ -199,7 +210,9 @@ def _judged(
         )  # fmt: skip
         misfit = verdict(fits)
     plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
-    causes = [*foreign(fits), *missing_causes(plain, trained, start)] if misfit else []
+    if misfit:
+        teller.stage("what may be missing")
+    causes = [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, trained, start))] if misfit else []
     x = _whole(setup, residuals, trained) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
     if status == "complete":
@@ -232,7 +245,8 @@ def _judged(
         for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
     ]  # fmt: skip
     teller.stage("profiles")
-    shapes = tuple(profiles(residuals, x, found)) if profiled and status == "complete" else ()
+    wanted = profiled and status == "complete"
+    shapes = _unless_stopped(teller, lambda: profiles(residuals, x, found)) if wanted else ()
     series = tuple(
         tuple(
             {

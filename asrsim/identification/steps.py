@@ -20,7 +20,7 @@ ROUNDS = 3
 FINER = 4
 """Times as many substeps, against which an estimate is held: where joints stick, errors are nearer to first order."""
 COARSE, FINEST = 0.3, 8
-"""Share of a channel's noise that substeps may be off, and how many times as many there are for that, at most."""
+"""Share of what is left of a channel that substeps may be, and how many times as many there are for that, at most."""
 SAID = 2.0
 """Deviations from which on it is said what substeps do to an estimate."""
 
@@ -52,7 +52,8 @@ def refined(residuals: Residuals, x: Array) -> dict[str, int]:
         after = [residuals.raw(x, number) for number in range(len(tracks))]
     for track, coarse, fine in zip(tracks, before, after, strict=True):
         for channel, a, b in zip(track.channels, coarse or (), fine or (), strict=False):
-            worst = max(worst, float(np.sqrt(np.mean((a - b) ** 2))) / channel.floor)
+            left = max(channel.floor, float(np.sqrt(np.mean(a**2))))
+            worst = max(worst, float(np.sqrt(np.mean((a - b) ** 2))) / left)
     factor = 1
     while worst / factor > COARSE and factor < FINEST:
         factor *= 2

@@ -53,7 +53,7 @@ class Drive:
         # Springs pull on their motors also at rest; half of the motors' torque is left to move with.
         while MODES[self.block.mode].motor and self._pull(stiff) > 0.5:
             stiff *= 0.9
-        return min(soft, 0.5 * stiff), float(f"{stiff:.2g}")
+        return float(f"{min(soft, 0.5 * stiff):.2g}"), float(f"{stiff:.2g}")
 
     def _pull(self, preset: float) -> float:
         """What the springs ask of the motors at rest, as a share of their largest torque."""
