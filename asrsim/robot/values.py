@@ -52,9 +52,11 @@ def law_fault(block: ActuatorBlock) -> str | None:
     for law in laws:
         try:
             motors = motors or actuator.motor_references(0.0, actuator.typical_preset)
-            results = [law(q, *motors, parameters) for q in (-away, 0.0, away)]
-            numbers = [number for result in results for number in (result if isinstance(result, tuple) else (result,))]
-            if not all(map(math.isfinite, numbers)):
+            total = 0.0
+            for q in (-away, 0.0, away):
+                result = law(q, *motors, parameters)
+                total += sum(result) if isinstance(result, tuple) else result
+            if not math.isfinite(total):
                 return f"its {law.__name__.replace('_', ' ')} is not finite"
         except ArithmeticError as error:
             return f"its {law.__name__.replace('_', ' ')} cannot be worked out ({error})"
