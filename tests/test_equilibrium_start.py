@@ -91,12 +91,13 @@ def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
 
 @pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_joint_that_is_pressed_onto_its_stop_rests_there(pressed: tuple[int, ...], side: float) -> None:
+@pytest.mark.parametrize("engine", [name for name in ("mujoco", "bullet") if ENGINES.get(name).available])
+def test_a_joint_that_is_pressed_onto_its_stop_rests_there(pressed: tuple[int, ...], side: float, engine: str) -> None:
     """References of .3 rad and stops at .2: where the springs alone would carry the links lies beyond."""
     stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
     bodies = [Body(actuator="sea", **ARM, limits=stops if number in pressed else "") for number in (1, 2)]
     result = run(
-        chain(*bodies), mode=6, duration=0.05, initial_equilibrium=True, compiled=False,
+        chain(*bodies), mode=6, duration=0.05, initial_equilibrium=True, compiled=False, engine=engine,
         references={"equilibrium_position": 0.3 * side},
     )  # fmt: skip
     for number, body in enumerate(bodies):

@@ -33,10 +33,11 @@ def settle(world: Any, kick: float) -> None:
         low, high, target = -most, most, 0.0
         beyond = world.qpos[world.joint_q[j]] - world.upper[j]
         short = world.lower[j] - world.qpos[world.joint_q[j]]
-        if short > 0.0:
+        # A joint that stands exactly on its stop is held there, too.
+        if short >= 0.0:
             high, target = inf, STOP_SHARE * short / world.scheme[0]
-        elif beyond > 0.0:
-            low, target = -inf, -STOP_SHARE * beyond / world.scheme[0]
+        if beyond >= 0.0:
+            low, target = -inf, target - STOP_SHARE * beyond / world.scheme[0]
         world.low[j], world.high[j], world.target[j] = low, high, target
         world.known[j] = 0
         if high > low:
