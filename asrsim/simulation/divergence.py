@@ -23,12 +23,15 @@ FLOOR = 5e-3
 FASTEST = 1e4
 """rad/s (m/s) that no spring or motor of a robot gives."""
 
+FEW = 4000
+"""Numbers whose squares are summed at once."""
+
 
 def not_finite(raw: Array) -> int | None:
     """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
     numbers = raw.ravel()
-    if numbers @ numbers <= FASTEST**2:
-        # All are: of a few rows that is quickly seen.
+    if len(numbers) <= FEW and numbers @ numbers <= FASTEST**2:
+        # All are: of a few rows that is quickly seen; of many, BLAS would wake its threads.
         return None
     velocity = raw[:, :, COLUMN["engine_velocity"]]
     with np.errstate(all="ignore"):
