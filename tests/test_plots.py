@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from log_example import INFO, example_samples
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from plot_example import made_up_log, simulated_log
 
 from asrsim.errors import InputError, LogError, OutputError
@@ -18,6 +20,7 @@ from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, objects_figure, run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
+from asrsim.plots.ticks import Plain
 from asrsim.plots.view import split
 from asrsim.plots.world import Curve
 
@@ -160,6 +163,17 @@ def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
     titles = [axes.title.get_window_extent(renderer) if axes.get_title() else axes._left_title.get_window_extent(renderer)
               for axes in page.figure.axes[:2]]  # fmt: skip
     assert not titles[0].overlaps(titles[1])
+
+
+@pytest.mark.parametrize(("low", "high"), [(5e-4, 5.01e-4), (-3e-7, 2e-7), (2e5, 2.0001e5), (0.0, 3.0)])
+def test_ticks_of_any_size_differ(low: float, high: float):
+    axes = Figure().add_subplot()
+    FigureCanvasAgg(axes.figure)
+    axes.plot([0.0, 1.0], [low, high])
+    axes.yaxis.set_major_formatter(Plain())
+    axes.figure.canvas.draw()
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    assert len(labels) == len(set(labels)) > 3
 
 
 def test_draw_run_writes_pngs_that_hold_colour(tmp_path: Path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
+
 from matplotlib.ticker import ScalarFormatter
 
 SMALL, LARGE = 1e-3, 1e5
@@ -17,5 +20,9 @@ class Plain(ScalarFormatter):
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         """The label of a tick."""
-        largest = max(abs(end) for end in self.axis.get_view_interval()) if self.axis is not None else 1.0
-        return str(super().__call__(x, pos) if SMALL <= largest < LARGE else self.fix_minus(f"{x:.3g}"))
+        largest = 1.0 if self.axis is None else max(abs(end) for end in self.axis.get_view_interval())
+        if self.axis is None or SMALL <= largest < LARGE:
+            return str(super().__call__(x, pos))
+        # As many digits as tell one tick from the next.
+        step = min((abs(b - a) for a, b in pairwise(self.axis.get_majorticklocs())), default=largest) or largest
+        return str(self.fix_minus(f"{x:.{max(3, math.ceil(math.log10(max(largest / step, 1.0))) + 1)}g}"))
