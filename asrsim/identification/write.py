@@ -61,7 +61,7 @@ def as_dict(result: Result) -> dict[str, Any]:
             "seconds": round(result.seconds, 3),
         },
         "keys": [result.estimates[i].key for i in drawn],
-        "mean": [math.log(one.value) if logarithmic[i] else one.value for i, one in enumerate(result.estimates) if i in drawn],
+        "mean": [math.log(result.estimates[i].value) if logarithmic[i] else result.estimates[i].value for i in drawn],
         "covariance": covariance[np.ix_(drawn, drawn)].tolist(),
         "logarithmic": [logarithmic[i] for i in drawn],
     }  # fmt: skip

@@ -29,9 +29,8 @@ FEW = 4000
 
 def not_finite(raw: Array) -> int | None:
     """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
-    numbers = raw.ravel()
-    if len(numbers) <= FEW and numbers @ numbers <= FASTEST**2:
-        # All are: of a few rows that is quickly seen; of many, BLAS would wake its threads.
+    # No number is larger than the root of this sum: of a few rows that is quickly seen; of many, BLAS would wake its threads.
+    if raw.size <= FEW and np.vdot(raw, raw) <= FASTEST**2:
         return None
     velocity = raw[:, :, COLUMN["engine_velocity"]]
     with np.errstate(all="ignore"):
