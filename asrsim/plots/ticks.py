@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+from matplotlib.axis import Axis
 from matplotlib.ticker import ScalarFormatter
 
 SMALL, LARGE = 1e-3, 1e5
@@ -20,8 +21,10 @@ class Plain(ScalarFormatter):
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         """The label of a tick."""
-        largest = 1.0 if self.axis is None else max(abs(end) for end in self.axis.get_view_interval())
-        if self.axis is None or SMALL <= largest < LARGE:
+        if not isinstance(self.axis, Axis):
+            return str(super().__call__(x, pos))
+        largest = max(abs(end) for end in self.axis.get_view_interval())
+        if SMALL <= largest < LARGE:
             return str(super().__call__(x, pos))
         # As many digits as tell one tick from the next.
         step = min((abs(b - a) for a, b in pairwise(self.axis.get_majorticklocs())), default=largest) or largest
