@@ -119,6 +119,7 @@ def files_below(folder: str) -> list[Path]:
     return [path for path in found if path.suffix not in (".nbi", ".nbc")]
 
 
+@pytest.mark.once
 def test_the_wheel_holds_the_package_and_its_data(distributions):
     (wheel,) = distributions.glob("*.whl")
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
