@@ -114,6 +114,7 @@ def test_equal_bits_of_every_actuator_in_every_mode(tmp_path: Path) -> None:
     assert_equal(*both(robot, replace(scenario, references=references, modes=modes)))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(("stepping", "mode"), [("leapfrog", 6), ("euler", 3)])
 def test_equal_bits_with_damping_limits_and_motor_substeps(tmp_path: Path, mode: int, stepping: str) -> None:
     robot = make_robot(tmp_path, ("qbmove", "sea"), mode, damping=0.05, effort=0.1)
@@ -249,6 +250,7 @@ def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.Mon
     assert_equal(*both(robot, scenario))
 
 
+@pytest.mark.once
 def test_what_a_process_has_loaded_it_loads_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = make_robot(tmp_path, ("sea",), 3)
     scenario = replace(make_scenario(robot, 3), compiled=True)

@@ -363,6 +363,7 @@ def test_a_study_stopped_and_resumed_ten_times_has_the_rows_of_an_unbroken_one(t
     assert rest.equals(whole)
 
 
+@pytest.mark.once
 def test_failures_are_rows_with_their_reason(tmp_path):
     over = {"parameters.*.spring_a_1": [8.0, -1.0], "initial.joint_1": [0.0, "nonsense"]}
     table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)

@@ -191,9 +191,7 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to know more:", "bold")
     for text in (*(f"  {text}" for text in told), *said):
         say(text)
-    say(
-        f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike",
-        "dim",
-    )
+    starts = "1 start" if result.attempts == 1 else f"{result.attempts} starts, {result.successes} ended alike"
+    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
     if files:
         say(f"wrote {files[0].parent}{os.sep}: {', '.join(path.name for path in files)}")

@@ -98,12 +98,10 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             )  # fmt: skip
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
-                if not followed(residuals, best.x):
+                if not followed(residuals, best.x, setup.tracks):
                     break
                 best.x = solve(residuals, best.x, loss="linear", rounds=20)
-            best.substeps = refined(residuals, best.x)
-            if best.substeps:
-                best.x = solve(residuals, best.x, loss="linear", rounds=20)
+            best.x, best.substeps = refined(residuals, best.x, setup.tracks)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
         except Stopped:
@@ -226,6 +224,7 @@ def _judged(
     if (
         status == "complete"
         and not whole
+        and not all(one.explained_whole for one in fits)
         and any(0.0 < e < t.data.duration for t, e in zip(setup.tracks, setup.ends, strict=True))
     ):
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
