@@ -14,6 +14,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty, whitened
+from asrsim.identification.inverse import unbiased
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
@@ -211,7 +212,7 @@ def _judged(
     if misfit:
         teller.stage("what may be missing")
     causes = [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, trained, start))] if misfit else []
-    x = _whole(setup, residuals, trained) if status == "complete" else trained
+    x = unbiased(residuals, _whole(setup, residuals, trained)) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
     if status == "complete":
         there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
