@@ -203,7 +203,7 @@ def _learn(
     from asrsim.learning.plant import make_plant
     from asrsim.learning.session import run_session
 
-    if with_transfer and not scenario.learning.get("transfer"):
+    if with_transfer and (scenario.learning is None or scenario.learning.transfer is None):
         message = "--transfer needs the block `ilc.transfer`: what differs, and by how much"
         raise ScenarioError(message, file=scenario.path, key="ilc.transfer", code="no-transfer")
     table = TrialTable()
