@@ -58,7 +58,7 @@ class Drive:
     def _pull(self, preset: float) -> float:
         """What the springs ask of the motors at rest, as a share of their largest torque."""
         values = self.block.values()
-        law = tuple(values[parameter.name] for parameter in self.actuator.parameters)
+        law = self.actuator.law_values(values)
         torques = self.actuator.elastic_torques(0.0, *self.actuator.motor_references(0.0, preset), law)
         limits = (values[f"motor_{i}_max_torque"] for i in range(1, self.actuator.motors + 1))
         return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
