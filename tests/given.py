@@ -20,6 +20,8 @@ import pytest
 from matplotlib.figure import Figure
 from seen import _extent, figure_lines, page_lines
 
+import asrsim
+
 WORDS = 60
 """Of a value or a file, which are kept."""
 DRAWN = 12
@@ -65,6 +67,8 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
         yield value.name
     elif depth > 5:
         yield "..."
+    elif getattr(value, "samples", None) is not None:
+        yield from _words(value.samples, detail, depth)
     elif is_dataclass(value):
         yield type(value).__name__
         for field in fields(value):
@@ -94,8 +98,24 @@ def listen_to(module: ModuleType, heard: list[str]) -> None:
     for name, function in list(vars(module).items()):
         if isfunction(function) and function.__module__.startswith("asrsim") and not hasattr(function, "__wrapped__"):
             setattr(module, name, _listened(name, function, heard))
+        elif function is asrsim:
+            setattr(module, name, _Listened(function, heard))
         elif hasattr(function, "cache_info") and function.__module__ == module.__name__:
             setattr(module, name, _unheard(function, heard))
+
+
+class _Listened:
+    """The package itself, as a test knows it."""
+
+    def __init__(self, package: ModuleType, heard: list[str]) -> None:
+        self._package, self._own = package, heard
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._package, name)
+        return _listened(name, found, self._own) if isfunction(found) else found
+
+    def __dir__(self) -> list[str]:
+        return dir(self._package)
 
 
 def _listened(name: str, function: Callable[..., Any], heard: list[str]) -> Callable[..., Any]:
@@ -142,7 +162,7 @@ def watch_files(monkeypatch: pytest.MonkeyPatch, heard: list[str]) -> None:
 def _file_lines(path: Path) -> list[str]:
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".json":
-        return [value_line(f"{path.name}:", json.loads(text))]
+        return [value_line(f"{path.name}:", json.loads(text), Detail(words=3 * WORDS))]
     if path.suffix == ".csv":
         rows = list(csv.reader(io.StringIO(text)))
         return [f"{path.name} {len(rows)}: {','.join(row)}" for row in (*rows[:2], *rows[2 :: max(len(rows) // 3, 1)])]

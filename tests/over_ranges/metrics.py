@@ -13,10 +13,9 @@ def measures() -> Asked:
 
     for name in sorted(MEASURES.names()):
         needs = MEASURES.get(name).needs
-        for time in (T, UNEVEN):
+        # Delays are looked for at many lags, of uneven series at very many.
+        for time in (T,) if name == "delay" else (T, UNEVEN):
             made = shapes(time)
-            if name == "delay":  # they are looked for at many lags, which takes its time
-                made = {one: made[one] for one in ("ring", "line")}
             if needs == "poses":
                 asked = [(name, time, np.column_stack([made["ring"], made["swing"], made[one]])) for one in ("line", "rest")]
             else:
