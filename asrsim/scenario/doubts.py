@@ -24,6 +24,8 @@ LOUDEST = {"commands": 5.0, "sensors": 1.0}
 FARTHEST = 1.0
 """rad or m in a step."""
 MOST_RATIO = 100.0
+STEPS = (1e-6, 0.05)
+"""s: of a motor's electronics, and what no controller of a robot takes."""
 HANDFUL = 5
 """Samples between which a log shows nothing."""
 LOOSE, FAR = 100.0, 1e6
@@ -130,7 +132,10 @@ def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _samples(scenario: Scenario) -> Iterator[Problem]:
-    """A log that shows next to nothing of the run."""
+    """Steps that are no steps of a robot's controllers, and a log that shows next to nothing of the run."""
+    if not STEPS[0] <= scenario.step <= STEPS[1]:
+        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
     apart = scenario.log_every * scenario.step
     if scenario.log_every > 1 and scenario.duration < HANDFUL * apart:
         message = f"leaves {int(scenario.duration / apart + 1e-9) + 1} samples of a run of {scenario.duration:g} s"
