@@ -69,10 +69,6 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 def link_poses(robot: Robot) -> dict[str, Pose]:
     """Pose of every link in the root's frame at the zero pose, parents before children."""
     poses = {robot.root.name: HERE}
-    waiting = [robot.root.name]
-    while waiting:
-        name = waiting.pop()
-        for joint in robot.carried.get(name, ()):
-            poses[joint.child] = poses[name].then(joint.origin, joint.rpy)
-            waiting.append(joint.child)
+    for joint in robot.outward_joints:
+        poses[joint.child] = poses[joint.parent].then(joint.origin, joint.rpy)
     return poses
