@@ -28,6 +28,7 @@ from asrsim.simulation.evaluation import EXTERNAL
 CUTOFF = 50.0
 """Hz of the low-pass filter, forwards and backwards, on motion and torque alike; less where the sampling is slow."""
 ORDER = 4
+"""Of the Butterworth filter."""
 STANDS = 5.0
 """Deviations of a place's noise below which a joint that has not moved further may stand."""
 NEAR, THROUGH = 1.0, 0.5
