@@ -70,14 +70,9 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> dict[str, Pose]:
     """Pose of every link in the root's frame, parents before children; positions: rad or m of joints that are not at zero."""
     poses = {robot.root.name: HERE}
-    waiting = [robot.root.name]
-    while waiting:
-        name = waiting.pop()
-        for joint in robot.carried.get(name, ()):
-            poses[joint.child] = _moved(
-                poses[name].then(joint.origin, joint.rpy), joint, (positions or {}).get(joint.name, 0.0)
-            )
-            waiting.append(joint.child)
+    for joint in robot.outward_joints:
+        own = poses[joint.parent].then(joint.origin, joint.rpy)
+        poses[joint.child] = _moved(own, joint, (positions or {}).get(joint.name, 0.0))
     return poses
 
 

@@ -46,9 +46,10 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
         )  # fmt: skip
     for link in robot.links:
         _check_body(findings, link, size, moves=link is not robot.root)
+    bounds = most_damping(robot)
     for joint in robot.moving_joints:
         _check_limits(findings, joint)
-        bound = most_damping(robot, joint)
+        bound = bounds[joint.name]
         for name, value in (("damping", joint.damping), ("friction", joint.friction)):
             if 0.0 < bound < value:
                 message = f"so much {name} holds the joint still, whatever drives it"
@@ -79,10 +80,10 @@ def own_weight(robot: Robot) -> tuple[float, float]:
     return force, force * max(_size(robot, poses), reach)
 
 
-def most_damping(robot: Robot, joint: Joint) -> float:
-    """N m s/rad (N s/m) beyond which a joint does not move; 0 where nothing is known of the arm's weight."""
+def most_damping(robot: Robot) -> dict[str, float]:
+    """N m s/rad (N s/m) beyond which each moving joint does not move; 0 where nothing is known of the arm's weight."""
     force, moment = own_weight(robot)
-    return STUCK * (force if joint.kind == "prismatic" else moment)
+    return {joint.name: STUCK * (force if joint.kind == "prismatic" else moment) for joint in robot.moving_joints}
 
 
 def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:

@@ -7,6 +7,9 @@ like them. A user's own actuator has its parameters' own names as tags.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
+
 from asrsim.actuators import Actuator
 
 SPRING_TAGS: dict[str, dict[str, str]] = {
@@ -75,7 +78,8 @@ FOREIGN_QBMOVE_TAGS = ("command_topic", "pos_topic")
 """Tags that give away the older plugin of the same file name (l1va/qbmove_ros)."""
 
 
-def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
+@cache
+def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:
     """Parameter name -> tag, for every parameter of the actuator, in the order of `all_parameters`."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
@@ -94,7 +98,8 @@ def _motion_tag(name: str, motors: int) -> str:
     return f"{prefix}_{table[rest]}" if motors == 1 else f"{prefix}_{index}_{table[rest]}"
 
 
-def tag_parameters(actuator: type[Actuator]) -> dict[str, str]:
+@cache
+def tag_parameters(actuator: type[Actuator]) -> Mapping[str, str]:
     """Tag -> parameter name: :func:`parameter_tags` turned round.
 
     A user's own `max_deflection` is also found under the toolbox's `max_def`.

@@ -125,8 +125,8 @@ def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         elif damping.ratio > MOST_RATIO:
             message = "is no damping ratio; at 1 nothing swings"
             yield Problem(message, key=f"{key}.ratio", value=damping.ratio, code="large-damping")
-        bounds = [most_damping(robot, joint) for joint in robot.moving_joints if name in (joint.name, "*")]
-        if 0.0 < min(bounds, default=0.0) < damping.constant:
+        bounds = most_damping(robot)
+        if 0.0 < min((bounds[joint] for joint in bounds if name in (joint, "*")), default=0.0) < damping.constant:
             message = "so much damping holds the link still, whatever drives it"
             yield Problem(message, key=f"{key}.constant", value=damping.constant, code="large-damping")
 

@@ -74,13 +74,7 @@ def _signals(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
 
 def _wanted(scenario: Scenario) -> dict[str, Mapping[str, Signal]]:
     """Link positions that are wanted or prescribed, by section and joint."""
-    learned = scenario.learning
-    return {
-        "desired": scenario.desired,
-        "motion": scenario.motion,
-        "ilc.trajectory": learned.get("trajectory", {}),
-        **{f"ilc.trajectories.{name}": table for name, table in learned.get("trajectories", {}).items()},
-    }
+    return {"desired": scenario.desired, "motion": scenario.motion, **scenario.trajectories}
 
 
 def _wrenches(scenario: Scenario) -> Iterator[tuple[str, Signal, str]]:
