@@ -24,8 +24,8 @@ SIGNALS = {
     "pulse_train": {"low": -0.1, "high": 0.4, "width": 0.11, "period": 0.37, "start": 0.13},
     "waypoints": {"points": [[0.0, 0.1], [0.5, -0.2], [1.2, 0.3]], "interpolation": "cubic"},
     "sum": [0.1, {"step": {"at": 0.3, "to": 1.0}}, {"ramp": {"duration": 1.0, "to": 0.5}}],
-    "scale": {"by": -2.0, "signal": {"step": {"at": 0.3, "to": 1.0}}},
-    "delay": {"by": 0.35, "signal": {"pulse_train": {"high": 1.0, "width": 0.2, "period": 0.5}}},
+    "scale": {"by": -2.0, "of": {"step": {"at": 0.3, "to": 1.0}}},
+    "delay": {"by": 0.35, "of": {"pulse_train": {"high": 1.0, "width": 0.2, "period": 0.5}}},
 }
 
 
