@@ -95,7 +95,7 @@ def _links(scenario: Scenario, robot: Robot) -> Iterator[Body]:
     poses = link_poses(robot, start)
     base = Pose(position=np.array(scenario.base_position), rotation=rotation_matrix(scenario.base_rpy))
     moving = {joint.child for joint in robot.moving_joints}
-    for joint in robot.joints:
+    for joint in robot.outward_joints:
         moving |= {joint.child} if joint.parent in moving else set()
     for link in robot.links:
         for shape in link.collisions:
