@@ -11,7 +11,6 @@ from asrsim.render.draw import Image, Painter
 from asrsim.render.frames import rpy_frame
 from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
-from asrsim.robot import engine_urdf
 from asrsim.samples import Array
 from asrsim.simulation.simulation import Simulation
 
@@ -27,9 +26,8 @@ class Picture:
         """size: pixels of an edge."""
         self._simulation, self._size = simulation, size
         scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
-        text, _ = engine_urdf(robot, visuals=True, package_paths=scenario.package_paths)
-        base = rpy_frame(np.array(scenario.base_position), np.array(scenario.base_rpy))
-        self._scene = Scene(drawable(text).urdf, base, scenario.world)
+        base = rpy_frame(scenario.base_position, scenario.base_rpy)
+        self._scene = Scene(drawable(robot, scenario.package_paths).robot, base, scenario.world)
         self._painter = Painter(self._scene)
         joints = [drive.joint for drive in simulation.prepared.drives]
         ranges = {

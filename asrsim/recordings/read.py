@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError, similar_file
-from asrsim.quantities import QUANTITIES
+from asrsim.quantities import QUANTITIES, unit_of
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.build import build
 from asrsim.recordings.data import Raw, RawSeries, Recording
@@ -116,8 +116,16 @@ def _own_log(path: Path) -> Raw:
         log = read_log(path)
     except LogError as error:
         raise RecordingError(error.problems) from None
+    slides = {info.name for info in log.info.joints if info.prismatic}
     series = [
-        RawSeries(name=f"{joint}.{quantity}", time=log.samples.time, values=values, joint=joint, quantity=quantity)
+        RawSeries(
+            name=f"{joint}.{quantity}",
+            time=log.samples.time,
+            values=values,
+            joint=joint,
+            quantity=quantity,
+            unit=unit_of(quantity, prismatic=joint in slides),
+        )
         for joint in log.samples.joints
         for quantity, values in log.samples.joint(joint).items()
         if quantity in QUANTITIES

@@ -32,8 +32,8 @@ def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] 
     return {
         "parts": [_part(part, share) for part in scene.parts],
         "joints": [
-            {"name": j.name, "kind": j.kind, "parent": j.parent, "child": j.child, "origin": _matrix(j.origin),
-             "axis": _rounded(j.axis)}
+            {"name": j.name, "kind": j.kind, "parent": j.parent, "child": j.child, "origin": _matrix(scene.origins[j.name]),
+             "axis": _rounded(np.array(j.axis))}
             for j in scene.joints
         ],
         "root": scene.root,

@@ -71,8 +71,7 @@ def toolbox_constants(actuator: type[Actuator], values: Mapping[str, float], mod
     """Constants of :func:`make_toolbox_advance` for a step of `step` s."""
     if mode.number == 1:
         return (values["controller_1_proportional"], values["controller_1_integral"], values["controller_1_derivative"], step)
-    elastic = tuple(values[parameter.name] for parameter in actuator.parameters)
-    return (elastic, step, motor_constants(actuator, values, 1), motor_constants(actuator, values, 2))
+    return (actuator.law_values(values), step, motor_constants(actuator, values, 1), motor_constants(actuator, values, 2))
 
 
 def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> tuple[Advance, tuple[float, ...]]:
