@@ -117,6 +117,7 @@ def test_understood(tmp_path: Path, kind: str) -> None:
         ("[deg] q1", "q1", "deg"), ("velocity[0]:deg/sec", "velocity[0]", "deg/s"), ("T1:N.m", "T1", "N.m"),
         ("cmd_1-º", "cmd_1", "°"), ("pos 1-turns", "pos 1", "turns"), ("q1 [°] (measured)", "q1 (measured)", "°"),
         ("q_deg[1]", "q[1]", "deg"), ("Axis 1 Position/turns", "Axis 1 Position", "turns"), ("w1[U/min]", "w1", "rpm"),
+        ("v[0]/dps", "v[0]", "dps"), ("Torque:N m", "Torque", "Nm"),
         ("M1 in newton-metres", "M1", "Nm"), ("tau (ozf.in)", "tau", "ozin"), ("effort[0]:kNm", "effort[0]", "kNm"),
     ],
 )  # fmt: skip

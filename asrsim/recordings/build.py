@@ -118,7 +118,10 @@ def _columns(
     plain = [split_header(re.sub(r"#\d+$", "", series.name))[0] for series in raw.series]
     counted = joint_numbers(plain)
     motors = theta_is_motor(tokens_of(name) for name in plain)
-    named = tuple(dict.fromkeys(series.joint for series in raw.series if series.joint is not None))
+    # elbow.link_position and the like say whose they are.
+    spelled = [(series.joint or name.rpartition(".")[0]) for series, name in zip(raw.series, plain, strict=True)
+               if series.joint is not None or ("." in name and name.rpartition(".")[2] in _KNOWN)]  # fmt: skip
+    named = tuple(dict.fromkeys(spelled))
     known = tuple(joints) if joints is not None else named
     behind = one_behind(plain, known)
     if behind:

@@ -107,7 +107,9 @@ def theta_is_motor(listed: Iterable[Sequence[str]]) -> bool:
     found: set[tuple[bool, bool]] = set()
     for words in map(set, listed):
         velocity, theta = bool(words & _VELOCITY), bool(words & _THETA)
-        if not words & (_REFERENCE | {"d", "set"}) and (velocity or theta or words & {"q", "qpos", "link", "pos", "position"}):
+        if not words & (_REFERENCE | _MOTOR | {"d", "set"}) and (
+            velocity or theta or words & {"q", "qpos", "link", "pos", "position"}
+        ):
             found.add((velocity, theta))
     return any({(velocity, True), (velocity, False)} <= found for velocity in (True, False))
 

@@ -38,10 +38,10 @@ def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
                 Problem(f"{len(glitches)} single samples stand far from both neighbours (glitches?), at t = {places} s",
                         file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
             )  # fmt: skip
-        if column.unit == "rad" and len(places := wraps(values)):
-            times = ", ".join(f"{column.time[~missing][i]:.6g}" for i in places[:4]) + (", ..." if len(places) > 4 else "")
+        if column.unit == "rad" and len(turns := wraps(values)):
+            times = ", ".join(f"{t:.6g}" for t in column.time[~missing][turns[:4]]) + (", ..." if len(turns) > 4 else "")
             found.append(
-                Problem(f"jumps by a whole turn {len(places)} times, at t = {times} s: does its encoder begin anew there?",
+                Problem(f"jumps by a whole turn {len(turns)} times, at t = {times} s: does its encoder begin anew there?",
                         file=path, key=column.source, code="wrapped",
                         hint=f"Let it go on: --map '{column.source}={column.joint}.{column.quantity} unwrapped'")
             )  # fmt: skip

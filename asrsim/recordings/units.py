@@ -112,10 +112,11 @@ _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
 _BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
-_BEHIND = re.compile(r"(?<=[\w\])])\s*(?P<sign>[-:,.])\s*")
-"""`q1: deg`, `q1-deg`, `Position, deg`: what may stand between a name and its unit without brackets."""
+_COLON = re.compile(r"(?<=[\w\])])\s*[:,]\s*")
+_DASH = re.compile(r"(?<=[\w\])])[-.]")
+"""`q1: deg`, `Position, deg` and `q1-deg`: what may stand between a name and its unit without brackets."""
 _SLASH = re.compile(r"^.*?\S(?P<sign>\s+(?:/|in)\s+)(?=\S)")
-_TIGHT = re.compile(r"^[^/\[(<{]*[^/\s\[(<{]/(?=[^/]+(?:/s)?$)")
+_TIGHT = re.compile(r"^(?:[^/\[(<{]|[\[(<{]\w*[\])>}])*(?<!\s)/(?=[^/]+(?:/s)?$)")
 _PLACE = re.compile(r"(?P<array>.*\S)(?P<place>[\[(]\d+[\])])")
 _SINGLE = re.compile("[A-Za-z]")
 _AMONG = re.compile(
@@ -171,12 +172,12 @@ def parse_unit(text: str) -> Unit:
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
     text = header.strip().strip("\"'").strip()
-    for match in reversed([*_BRACKETED.finditer(text)]):
-        last = match.end() == len(text)
-        name = " ".join(filter(None, (text[: match.start()].strip(), text[match.end() :].strip()))).rstrip("_")
-        if match["unit"].isdigit() and not (last and text[match.start() - 1].isspace()):
+    for inner in reversed([*_BRACKETED.finditer(text)]):
+        last = inner.end() == len(text)
+        name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
+        if inner["unit"].isdigit() and not (last and text[inner.start() - 1].isspace()):
             continue  # q[1] is the second of an array, q [1] without dimension
-        unit = find_unit(match["unit"]) or _several(match["unit"])
+        unit = find_unit(inner["unit"]) or _several(inner["unit"])
         if name and unit is not None and (last or not _SINGLE.fullmatch(unit.symbol)):
             return name, unit
     if (array := _PLACE.fullmatch(text)) is not None:
@@ -184,6 +185,8 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         return (name + array["place"], unit) if unit is not None else (text, None)
     if (match := _SLASH.match(text)) and (unit := find_unit(text[match.end() :])) is not None:
         return text[: match.start("sign")], unit
+    if (behind := _behind(text, _COLON)) is not None:
+        return behind
     tokens = re.split(r"[_\s]+", text)
     for count in (3, 2, 1):
         if len(tokens) <= count:
@@ -195,17 +198,24 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
         return name, found
-    for match in _BEHIND.finditer(text):
-        unit = find_unit(text[match.end() :])
-        foreign = ("counts", "1", "s" if match["sign"] in ".-" else "")
-        if unit is not None and unit.si not in foreign and not _SINGLE.fullmatch(unit.symbol):
-            return text[: match.start()], unit
+    if (behind := _behind(text, _DASH)) is not None:
+        return behind
     if (match := _TIGHT.match(text)) and (unit := find_unit(text[match.end() :])) is not None:
         return text[: match.end() - 1], unit
     if (among := _AMONG.search(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
         rest = (text[: among.start()] + " " + text[among.end() :]).strip(" _-.")
         return (rest, found) if rest else (text, None)
     return text, None
+
+
+def _behind(text: str, sign: re.Pattern[str]) -> tuple[str, Unit] | None:
+    """Name and unit without brackets behind one of these signs: not of `x.m`, `stamp.sec` or `q-1`."""
+    foreign = ("counts", "1", "s") if sign is _DASH else ("counts", "1")
+    for match in sign.finditer(text):
+        unit = find_unit(text[match.end() :])
+        if unit is not None and unit.si not in foreign and not _SINGLE.fullmatch(unit.symbol):
+            return text[: match.start()], unit
+    return None
 
 
 def unknown_unit(header: str) -> str | None:
