@@ -71,8 +71,8 @@ def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> di
     """Pose of every link in the root's frame, parents before children; positions: rad or m of joints that are not at zero."""
     poses = {robot.root.name: HERE}
     for joint in robot.outward_joints:
-        own = poses[joint.parent].then(joint.origin, joint.rpy)
-        poses[joint.child] = _moved(own, joint, (positions or {}).get(joint.name, 0.0))
+        frame = poses[joint.parent].then(joint.origin, joint.rpy)
+        poses[joint.child] = _moved(frame, joint, (positions or {}).get(joint.name, 0.0))
     return poses
 
 
