@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import IO, Any, cast
 
 from asrsim.errors import AsrsimError, InputError, Problem, printable
@@ -109,6 +110,13 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int
     say(" " * indent + "  ".join(rule * width for width in widths), "dim")
     for cells in zip(*(cells for _, cells, _ in columns), strict=True):
         say(row(cells))
+
+
+def say_written(paths: Sequence[Path], remark: str = "") -> None:
+    """The files that a command wrote: their common folder, and their names in it."""
+    if paths:
+        folder = Path(os.path.commonpath([path.parent for path in paths]))
+        say(f"wrote {folder}{os.sep}: {', '.join(str(path.relative_to(folder)) for path in paths)}{remark}")
 
 
 def say_problems(problems: Sequence[Problem], word: str, style: str) -> None:

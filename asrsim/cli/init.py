@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.completion import mountings
-from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, load_plugins, pairs
 
 if TYPE_CHECKING:
     from asrsim.runs.from_recording import Written
@@ -35,11 +35,8 @@ def init(
         Path | None,
         typer.Option("--experiment", "-e", metavar="FILE", help="Play this recording's commands, compare with its motion."),
     ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
+    mapping: ColumnMap = None,
+    rate: Rate = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
     schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
     plugin: Plugins = None,

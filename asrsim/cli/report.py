@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.cli.console import complain, say, say_problems, say_table, styled
+from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
 from asrsim.summary.data import RunSummary
 from asrsim.summary.table import headline, joint_columns, limit_note
 
@@ -114,8 +113,4 @@ def _print_files(summary: RunSummary) -> None:
     paths: list[Path] = []
     for entry in summary.files.values():
         paths += entry if isinstance(entry, tuple) else [entry]
-    if not paths:
-        return
-    folder = Path(os.path.commonpath([path.parent for path in paths]))
-    names = [str(path.relative_to(folder)) for path in paths]
-    say(f"wrote {folder}{os.sep}: {', '.join(names)}")
+    say_written(paths)

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
 
 import numpy as np
 
 from asrsim.samples import Array
+from asrsim.scenario.learning_keys import Distribution, PlantSet
 
 ADDED = ("delay", "added_friction", "added_damping")
 """Factors that are added, from 0 on, and do not scale: s, N m, N m s/rad."""
 CONFIDENCE = 0.95
-Distribution = Literal["uniform", "normal"]
+"""Probability that an interval of a correlation holds it."""
 Draw = Mapping[str, float]
 """Factor -> relative change (0.1: a tenth more) or, for `delay`, seconds."""
 
@@ -32,24 +32,21 @@ class Spread:
     distribution: Distribution = "uniform"
 
     @classmethod
-    def of(cls, block: Mapping[str, Any], joints: Sequence[str]) -> Spread:
-        """From the `spread` and `distribution` of a scenario's `transfer:` or `plants:` block.
+    def of(cls, plants: PlantSet, joints: Sequence[str]) -> Spread:
+        """That of a scenario's `transfer:` or `plants:`.
 
         Actuator parameters vary independently in each joint, as `parameters.<joint>.<name>`; mass, damping, friction, and what
         is added to the latter, in each joint too, as `<what>.<joint>`; the delay is common to all.
         """
-        spread = block["spread"]
+        spread = plants.spread
         factors: dict[str, float] = {}
         for joint in joints:
-            for name, amount in spread.get("parameters", {}).items():
-                factors[f"parameters.{joint}.{name}"] = float(amount)
+            for name, amount in spread.parameters.items():
+                factors[f"parameters.{joint}.{name}"] = amount
             for what in ("mass", "damping", "friction", *ADDED[1:]):
-                factors[f"{what}.{joint}"] = float(spread.get(what, 0.0))
-        factors["delay"] = float(spread.get("delay", 0.0))
-        return cls(
-            factors={name: amount for name, amount in factors.items() if amount > 0.0},
-            distribution=block.get("distribution", "uniform"),
-        )
+                factors[f"{what}.{joint}"] = getattr(spread, what)
+        factors["delay"] = spread.delay
+        return cls(factors={name: amount for name, amount in factors.items() if amount > 0.0}, distribution=plants.distribution)
 
 
 @dataclass(frozen=True, kw_only=True)

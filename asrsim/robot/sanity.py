@@ -15,6 +15,7 @@ from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
 
 GRAVITY = 9.81
+"""m/s^2, for judgements of what a robot weighs."""
 HEAVY = 50.0
 """kg: a link of an arm below 0.8 m is not that heavy; beyond, the bound grows with the cube of the arm's size."""
 DENSITY = 100.0
@@ -25,6 +26,8 @@ DEGREES = (20.0, 720.0)
 """Limits of revolute joints in this range are turns of several, or degrees."""
 STUCK = 1000.0
 """s/rad (s/m) and more: damping and friction, over the moment (or force) of the arm's own weight, that no joint has."""
+DENSEST = 1e8
+"""kg/m^3 of the ball that has a link's mass and largest moment; osmium has 2.3e4, stand-ins in files of robots up to 1e7."""
 WIDE = 100.0
 """m from one end of a robot to the other."""
 UNUSUAL = 1e4
@@ -62,6 +65,11 @@ def _size(robot: Robot, poses: Mapping[str, Pose]) -> float:
     """m: the largest distance of frames and shapes from each other along an axis, at the zero pose."""
     points = np.array([point for link in robot.links for point in _points(link, poses[link.name])])
     return float(np.ptp(points, axis=0).max())
+
+
+def beyond_reach(robot: Robot) -> float:
+    """m from a link's frame, beyond which nothing of the robot is."""
+    return AWAY + 2.0 * _size(robot, link_poses(robot))
 
 
 def own_weight(robot: Robot) -> tuple[float, float]:
@@ -108,6 +116,12 @@ def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> 
         findings.warn(
             f"the inertia is that of a body far larger than {what} (in kg m^2)", code="large-inertia", line=link.line,
             key=link.name, value=f"radius of gyration {gyration:.4g} m",
+        )  # fmt: skip
+    # The ball's radius: r^2 = 5/2 of the radius of gyration's square.
+    elif moves and link.mass is not None and 0.0 < DENSEST * 4.0 / 3.0 * math.pi * (2.5**0.5 * gyration) ** 3 < link.mass:
+        findings.warn(
+            "the inertia is that of a point: no body has so much mass in so little space (in kg m^2)", code="tiny-inertia",
+            line=link.line, key=link.name, value=f"radius of gyration {gyration:.4g} m",
         )  # fmt: skip
 
 

@@ -74,7 +74,7 @@ def largest_stiffness(actuator: type[Actuator], parameters: Mapping[str, float],
     Deflections go up to the limit; where motors have dynamics (`motors`), up to twice their largest torque, which a
     sudden load can bring them to.
     """
-    values = tuple(parameters[parameter.name] for parameter in actuator.parameters)
+    values = actuator.law_values(parameters)
     bounds = (
         2.0 * parameters["motor_1_max_torque"] if motors else math.inf,
         2.0 * parameters["motor_2_max_torque"] if motors and actuator.motors == 2 else math.inf,
@@ -127,8 +127,8 @@ def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: fl
         if mode.spring:
             stiffness = largest_stiffness(actuator, values, motors=mode.motor)
             unloaded = actuator.motor_references(0.0, actuator.typical_preset)
-            law = tuple(values[parameter.name] for parameter in actuator.parameters)
-            natural = math.sqrt(max(actuator.stiffness(0.0, *unloaded, law), 0.0) * mobility) / math.tau
+            stiffness_at_rest = actuator.stiffness(0.0, *unloaded, actuator.law_values(values))
+            natural = math.sqrt(max(stiffness_at_rest, 0.0) * mobility) / math.tau
         elif mode.controller:
             link_gain = step * (values["controller_1_derivative"] + joint.damping) * mobility
         if mode.motor:

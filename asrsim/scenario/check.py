@@ -89,9 +89,8 @@ def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         ("effects.sensors", scenario.sensor_effects, actuated),
         ("link_damping", scenario.link_damping, actuated),
         ("motion", scenario.motion, moving),
-        ("ilc.trajectory", scenario.learning.get("trajectory", {}), actuated),
-        *((f"ilc.trajectories.{name}", each, actuated) for name, each in scenario.learning.get("trajectories", {}).items()),
-        ("ilc.joint_gains", scenario.learning.get("joint_gains", {}), actuated),
+        *((section, table, actuated) for section, table in scenario.trajectories.items()),
+        ("ilc.joint_gains", scenario.learning.joint_gains if scenario.learning else (), actuated),
         ("task.preset", scenario.task.preset if scenario.task else (), actuated),
     )
     for section, names, known in by_joint:
@@ -246,8 +245,7 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def made_elsewhere(scenario: Scenario, joint: str) -> bool:
     """Whether a Cartesian task, or learning, makes the joint's reference."""
-    learned = (scenario.learning.get("trajectory", {}), *scenario.learning.get("trajectories", {}).values())
-    if any(joint in trajectory or "*" in trajectory for trajectory in learned):
+    if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 

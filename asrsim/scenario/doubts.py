@@ -24,6 +24,9 @@ LOUDEST = {"commands": 5.0, "sensors": 1.0}
 FARTHEST = 1.0
 """rad or m in a step."""
 MOST_RATIO = 100.0
+"""Damping ratio of a link beyond which it is doubted: 1 is critical."""
+STEPS = (1e-6, 0.05)
+"""s: of a motor's electronics, and what no controller of a robot takes."""
 HANDFUL = 5
 """Samples between which a log shows nothing."""
 LOOSE, FAR = 100.0, 1e6
@@ -130,7 +133,10 @@ def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _samples(scenario: Scenario) -> Iterator[Problem]:
-    """A log that shows next to nothing of the run."""
+    """Steps that are no steps of a robot's controllers, and a log that shows next to nothing of the run."""
+    if not STEPS[0] <= scenario.step <= STEPS[1]:
+        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
     apart = scenario.log_every * scenario.step
     if scenario.log_every > 1 and scenario.duration < HANDFUL * apart:
         message = f"leaves {int(scenario.duration / apart + 1e-9) + 1} samples of a run of {scenario.duration:g} s"
