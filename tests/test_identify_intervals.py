@@ -126,9 +126,8 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     free = ["motor.damping", "motor.friction", "carriage.izz", "motor.stribeck_friction=0.03", "motor.stribeck_velocity=0.1"]
     maps = ["tau [N m]=motor.reference_1 [N m]", "q [rad]=motor.link_position [rad]"]
     found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps, workers=1)
-    values = {one.key: one.value for one in found.estimates}
-    assert values["carriage.izz"] == pytest.approx(inertia, rel=0.01)
-    assert values["motor.friction"] == pytest.approx(friction, rel=0.03)
-    # Without where it stands, and with Stribeck's part of the torque, these are told; they had no effect before.
-    assert values["motor.stribeck_friction"] == pytest.approx(static, rel=0.15)
-    assert values["motor.stribeck_velocity"] == pytest.approx(fade, rel=0.15)
+    # Standing, it is held by any friction; noise of the place, twice differentiated, makes an inertia seem less.
+    true = (damping, friction, inertia, static, fade)
+    for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
+        assert one.value == pytest.approx(value, rel=near)
+        assert abs(one.value - value) < 0.75 * (one.high - one.low)

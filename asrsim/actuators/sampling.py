@@ -11,7 +11,9 @@ from asrsim.actuators import Actuator
 FREE_RANGE = 0.5
 """rad, deflections sampled for an actuator without a `max_deflection`."""
 SAMPLES = 200
+"""Points at which each law of an actuator is tried, for every set of parameters."""
 PARAMETER_SETS = 6
+"""Sets of parameters with which the laws are tried: the defaults, and others within their bounds."""
 
 
 @dataclass(frozen=True)

@@ -190,8 +190,6 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to know more:", "bold")
     for text in (*(f"  {text}" for text in told), *said):
         say(text)
-    say(
-        f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike",
-        "dim",
-    )
+    starts = f"{result.attempts} starts, {result.successes} ended alike" if result.attempts > 1 else "1 start"
+    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
     say_written(files)

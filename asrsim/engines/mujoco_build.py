@@ -18,6 +18,7 @@ GROUND_HALF = 50.0
 ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot meets the world, the world also itself."""
 IMPEDANCE_RATIO = 1000.0
+"""Times as hard against slip as against penetration that contacts are: MuJoCo's `impratio`."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: as hard as MuJoCo takes it."""
 

@@ -10,10 +10,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.errors import RobotError
 from asrsim.identification.data import Channel, Data
 from asrsim.identification.noise import fine_noise
+from asrsim.identification.residuals import Residuals
+from asrsim.identification.solver import solve
 from asrsim.identification.static import StaticTrack, is_static
 from asrsim.identification.track import Track, numbers_of, physical
 from asrsim.robot.model import Joint, Robot
@@ -25,10 +28,17 @@ from asrsim.simulation.evaluation import EXTERNAL
 CUTOFF = 50.0
 """Hz of the low-pass filter, forwards and backwards, on motion and torque alike; less where the sampling is slow."""
 ORDER = 4
+"""Of the Butterworth filter."""
 STANDS = 5.0
-"""Deviations of a velocity's noise below which a joint may stand."""
+"""Deviations of a place's noise below which a joint that has not moved further may stand."""
+NEAR, THROUGH = 1.0, 0.5
+"""Periods of the filter's cutoff: as near to a joint that stands its filtered friction tells nothing; time in which it may turn
+back without.
+"""
 EDGE = 0.1
 """s at both ends that the filter spoils."""
+DRAWS = 4
+"""Pairs of draws of noise from which its bias is told."""
 
 
 def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool:
@@ -64,15 +74,12 @@ class InverseTrack(Track):
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows
-        self._places, self._moving = [places[joint] for joint in joints], list[Array]()
+        self._places, self._moving = [places[joint] for joint in joints], list[NDArray[np.bool_]]()
         self._follow([channel.values for channel in self._places])
         self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
-        # A joint that stands may be held by any friction up to its level: these samples tell nothing.
-        draws = np.random.default_rng(0).normal(size=len(self._grid))
-        shaky = float(np.std(np.gradient(self._filtered(draws), step)))
         channels = []
         for j, joint in enumerate(joints):
-            self._moving.append(np.abs(self._motion[1][:, j]) > STANDS * shaky * places[joint].noise)
+            self._moving.append(self._surely_moves(j)[rows])
             values = self._torques[f"{joint}.reference_1"][self._moving[j]]
             unit = "N" if self.prepared.robot.joint(joint).kind == "prismatic" else "N m"
             channels.append(
@@ -89,7 +96,8 @@ class InverseTrack(Track):
         """Take the joints' motion from places as they were recorded."""
         step = float(self._grid[1] - self._grid[0])
         series = zip(self._places, places, strict=True)
-        smooth = [self._filtered(np.interp(self._grid, channel.time, values)) for channel, values in series]
+        self._recorded = [np.interp(self._grid, channel.time, values) for channel, values in series]
+        smooth = [self._filtered(one) for one in self._recorded]
         self._speeds = [np.gradient(q, step) for q in smooth]
         rates = [np.gradient(v, step) for v in self._speeds]
         self._signs = np.column_stack([self._filtered(np.sign(v)) for v in self._speeds])[self._rows]
@@ -97,13 +105,32 @@ class InverseTrack(Track):
         self._motion = tuple(np.column_stack(part)[self._rows] for part in (smooth, self._speeds, rates))
         self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
 
+    def _surely_moves(self, j: int) -> NDArray[np.bool_]:
+        """(n,) of the grid: false around where joint j stands, held by any friction up to its level."""
+        period = 1.0 / (self._cutoff * float(self._grid[1] - self._grid[0]))
+        near, beside = round(NEAR * period), max(1, round(0.25 * period))
+        moved = np.zeros(len(self._grid))
+        moved[beside:-beside] = self._recorded[j][2 * beside :] - self._recorded[j][: -2 * beside]
+        still = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
+        surely: NDArray[np.bool_] = ~still
+        edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
+        for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            turns = first > 0 and end < len(moved) and moved[first - 1] * moved[end] < 0.0
+            if not (turns and end - first < THROUGH * period):
+                surely[max(first - near, 0) : end + near] = False
+        return surely
+
+    def shake(self, draw: int, size: float) -> None:
+        """Follow places with as much noise again, `size` times a draw of it; 0: those that were recorded."""
+        generator = np.random.default_rng(draw)
+        self._follow([one.values + size * one.noise * generator.normal(size=len(one.values)) for one in self._places])
+
     def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
         """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
-        generator = np.random.default_rng(0)
         before = self.predict(values)
-        self._follow([one.values + one.noise * generator.normal(size=len(one.values)) for one in self._places])
+        self.shake(0, 1.0)
         after = self.predict(values)
-        self._follow([one.values for one in self._places])
+        self.shake(0, 0.0)
         return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
@@ -172,6 +199,23 @@ class InverseTrack(Track):
             assert model is not None  # joints in mode 0 have dynamics
             self._bases[mark] = np.array([model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
         return self._bases[mark].copy()
+
+
+def unbiased(residuals: Residuals, x: Array) -> Array:
+    """x without what the noise of places makes of it on average (errors in variables): what as much of it once more does.
+
+    Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, of which what is odd cancels.
+    """
+    driven = [track for track in residuals.tracks if isinstance(track, InverseTrack)]
+    moved = np.zeros(len(x))
+    for draw in range(DRAWS if driven else 0):
+        for sign in (1.0, -1.0):
+            for i, track in enumerate(driven):
+                track.shake(DRAWS * i + draw, sign)
+            moved += solve(residuals, x, loss="linear", rounds=10) - x
+    for track in driven:
+        track.shake(0, 0.0)
+    return np.clip(x - 0.5 * moved / DRAWS, *residuals.layout.bounds)
 
 
 def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot, free: Collection[str]) -> Track:

@@ -14,6 +14,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty, whitened
+from asrsim.identification.inverse import unbiased
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import lag_correlation
@@ -98,12 +99,10 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             )  # fmt: skip
             teller.stage("substeps of what was found")
             for _ in range(ROUNDS):
-                if not followed(residuals, best.x):
+                if not followed(residuals, best.x, setup.tracks):
                     break
                 best.x = solve(residuals, best.x, loss="linear", rounds=20)
-            best.substeps = refined(residuals, best.x)
-            if best.substeps:
-                best.x = solve(residuals, best.x, loss="linear", rounds=20)
+            best.x, best.substeps = refined(residuals, best.x, setup.tracks)
             teller.stage("weights from what is left")
             best.x = _reweighted(residuals, best.x, task)
         except Stopped:
@@ -213,7 +212,7 @@ def _judged(
     if misfit:
         teller.stage("what may be missing")
     causes = [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, trained, start))] if misfit else []
-    x = _whole(setup, residuals, trained) if status == "complete" else trained
+    x = unbiased(residuals, _whole(setup, residuals, trained)) if status == "complete" else trained
     found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
     if status == "complete":
         there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
@@ -226,6 +225,7 @@ def _judged(
     if (
         status == "complete"
         and not whole
+        and not all(one.explained_whole for one in fits)
         and any(0.0 < e < t.data.duration for t, e in zip(setup.tracks, setup.ends, strict=True))
     ):
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")

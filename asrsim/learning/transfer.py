@@ -18,6 +18,7 @@ from asrsim.scenario.learning_keys import Distribution, PlantSet
 ADDED = ("delay", "added_friction", "added_damping")
 """Factors that are added, from 0 on, and do not scale: s, N m, N m s/rad."""
 CONFIDENCE = 0.95
+"""Probability that an interval of a correlation holds it."""
 Draw = Mapping[str, float]
 """Factor -> relative change (0.1: a tenth more) or, for `delay`, seconds."""
 

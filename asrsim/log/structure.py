@@ -21,6 +21,7 @@ from asrsim.log.storage import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
 _FOOTER_SIZE = 29
+"""Bytes of MCAP's footer record (MCAP specification, record 0x02)."""
 CHUNK_HEAD = struct.Struct("<QQQI")
 """Start and end time, uncompressed size and its CRC: what a chunk record begins with."""
 

@@ -22,6 +22,7 @@ _BLOCKS = 20
 _CHANCE = 1e-3
 """Probability up to which a correlation is no chance."""
 _STRETCHES = (0.72, 0.76, 0.8, 0.84, 0.88, 0.92, 1.08, 1.13, 1.18, 1.24, 1.3, 1.36)
+"""Factors on the time of a record that make others of its kind of it: how these correlate is chance."""
 _STRETCHED = 20_000
 """Samples that stretched series are correlated with at most."""
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.detailed_motor import electric_of
@@ -73,11 +74,17 @@ def largest_stiffness(actuator: type[Actuator], parameters: Mapping[str, float],
     sudden load can bring them to.
     """
     values = actuator.law_values(parameters)
-    limit = parameters.get("max_deflection", FREE_RANGE)
     bounds = (
         2.0 * parameters["motor_1_max_torque"] if motors else math.inf,
         2.0 * parameters["motor_2_max_torque"] if motors and actuator.motors == 2 else math.inf,
     )
+    kind: Any = actuator  # For mypy a class of classes cannot be hashed.
+    return _largest_within(kind, values, parameters.get("max_deflection", FREE_RANGE), bounds)
+
+
+@lru_cache
+def _largest_within(actuator: Any, values: tuple[float, ...], limit: float, bounds: tuple[float, float]) -> float:
+    """limit: rad of deflection; bounds: N m of each motor. The joints of a robot often have the same springs."""
     sides = (-1.0, 0.0, 1.0)
     rays = [(x, y) for x in sides for y in (sides if actuator.motors == 2 else (0.0,))]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.detailed_motor import electric_of
 from asrsim.document.yaml_reader import plain_scalar
-from asrsim.quantities import PRISMATIC_UNITS
+from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot
 
 STEP = 0.3
@@ -92,7 +92,7 @@ class StarterJoint:
         before, after = self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset)
         for (name, unit, low), (_, _, high) in zip(before, after, strict=True):
             if self.joint.kind == "prismatic":
-                unit = PRISMATIC_UNITS.get(unit, unit)
+                unit = linear_unit(unit)
             yield name, unit, number(low) if low == high else _step(low, high)
 
 
@@ -252,15 +252,17 @@ def _differs(drive: StarterJoint, reference: str) -> bool:
 
 def _further(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     joint = word(drives[0].joint.name) if drives else "joint"
+    force, there = ("N", PRISMATIC_STEP) if drives and drives[0].joint.kind == "prismatic" else ("N m", STEP)
     parameter = drives[0].actuator.parameters[0].name if drives else None
     yield "# More that a scenario can say:"
     if parameter is not None:
         value = number(drives[0].block.values()[parameter])
         yield f"# parameters: {{{joint}: {{{parameter}: {value}}}}}  # replaces the robot file's value"
-    yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # N m"
+    yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # {force}"
     yield '# effects: {commands: {"*": {delay: 0.005, rate: 200}}}  # s, Hz'
     yield "# expect:"
-    yield f"#   - {{joint: {joint}, quantity: link_position, measure: steady_state, value: 0.3, tolerance: 0.05}}"
+    claim = f"measure: steady_state, value: {there:g}, tolerance: {there / 6:.1g}"
+    yield f"#   - {{joint: {joint}, quantity: link_position, {claim}}}"
 
 
 def _step(before: float, after: float) -> str:

@@ -22,6 +22,8 @@ STEP = 0.001
 """s."""
 SHARE = 0.1
 """Of the recorded range: the limit of a claim before the first comparison."""
+EXACT = 1e-6
+"""Of the recorded range: the least RMSE that is claimed; of a simulation's own log less would be the machine's rounding."""
 UNKNOWN = "Limits of motors are wide open, their constants, if any, 1: write what is known."
 
 STILL = 0.02
@@ -261,6 +263,7 @@ def first_claims(plan: Plan, measured: Mapping[tuple[str, str], First]) -> list[
             said = f"{rmse:.3g} in the first comparison, {100 * first.nrmse:.3g} % of the recorded range"
             active = not first.doubt
             said += "" if active else f": {first.doubt}"
-            claim = Claim(joint=claim.joint, quantity=claim.quantity, limit=_rounded(1.2 * rmse), said=said, active=active)
+            limit = _rounded(1.2 * rmse * max(1.0, EXACT / first.nrmse))
+            claim = Claim(joint=claim.joint, quantity=claim.quantity, limit=limit, said=said, active=active)
         claims.append(claim)
     return claims
