@@ -51,11 +51,10 @@ def limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
     return FREE_RANGE
 
 
-def sample_points(actuator: type[Actuator], reach: float = 0.98, *, defaults: bool = False) -> Iterator[Point]:
+def sample_points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Point]:
     """Points with deflections up to `reach` times the limit."""
     source = random.Random(2)
-    sets = parameter_sets(actuator)[: 1 if defaults else None]
-    for parameters in sets:
+    for parameters in parameter_sets(actuator):
         limit = reach * limit_of(actuator, parameters)
         for _ in range(SAMPLES):
             q = source.uniform(-2.0, 2.0)

@@ -78,8 +78,9 @@ def read_structure(path: Path) -> Structure:
     return structure
 
 
-def split_records(data: bytes, position: int = 0) -> Iterator[tuple[int, int, int]]:
+def split_records(data: bytes) -> Iterator[tuple[int, int, int]]:
     """(opcode, offset of the content, length) of the records in `data`; raises ValueError where they do not fit."""
+    position = 0
     while position < len(data):
         opcode, length = struct.unpack_from("<BQ", data, position)
         position += 9

@@ -47,8 +47,8 @@ class Lag:
     """Probability that unrelated series of the same kind correlate as well at some lag within the limit."""
 
     @property
-    def told(self) -> bool:
-        """Whether the lag says something: no product of chance, and a peak, not the edge of the search."""
+    def is_significant(self) -> bool:
+        """Whether it is no product of chance, and a peak, not the edge of the search."""
         return self.chance < _CHANCE and self.correlation > 0 and not self.at_limit
 
     @property
