@@ -73,7 +73,7 @@ class InverseTrack(Track):
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows
-        self._places, self._moving = [places[joint] for joint in joints], list[Array]()
+        self._places, self._moving = [places[joint] for joint in joints], list[NDArray[np.bool_]]()
         self._follow([channel.values for channel in self._places])
         self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
         channels = []
@@ -110,7 +110,7 @@ class InverseTrack(Track):
         near, beside = round(NEAR * period), max(1, round(0.25 * period))
         moved = np.zeros(len(self._grid))
         moved[beside:-beside] = self._recorded[j][2 * beside :] - self._recorded[j][: -2 * beside]
-        still = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
+        still: NDArray[np.bool_] = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
         surely = ~still
         edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
         for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
