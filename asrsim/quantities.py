@@ -83,11 +83,17 @@ LIMITS = {
 }
 """Limits whose substeps a run counts, of each joint -> heading of their column."""
 
-PRISMATIC_UNITS = {"rad": "m", "rad/s": "m/s", "N m": "N", "N m/rad": "N/m"}
-"""Unit of a prismatic joint by that of a revolute one, where they differ."""
+
+def linear_unit(unit: str) -> str:
+    """Unit of a prismatic joint, by that of a revolute one."""
+    return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
+
+
+PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "N m/rad")}
+"""Of what recordings and references have: unit of a prismatic joint by that of a revolute one."""
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
     """SI unit of a quantity, recorded or derived; "" where it follows from the operation mode."""
     unit = (QUANTITIES | DERIVED)[name].unit
-    return PRISMATIC_UNITS.get(unit, unit) if prismatic else unit
+    return linear_unit(unit) if prismatic else unit

@@ -121,3 +121,9 @@ class RunInfo:
 
     def __repr__(self) -> str:
         return f"RunInfo({self.robot}, variant {self.variant}, {len(self.joints)} joints, {self.scenario_path})"
+
+
+def picking(rows: list[int]) -> Any:
+    """What picks rows of an array: a slice where they are neighbours, which saves a copy."""
+    neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
+    return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)

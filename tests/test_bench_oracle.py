@@ -48,6 +48,7 @@ def run_case(folder: Path, case: dict, table: np.ndarray, columns: list[str]) ->
     return dict(zip(rows[0], values.T, strict=True))
 
 
+@pytest.mark.once
 @pytest.mark.skipif(not CASES, reason="recorded outputs of the released toolbox are not here")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["key"])
 def test_toolbox_stepping_gives_the_released_codes_numbers(case: dict, tmp_path: Path) -> None:

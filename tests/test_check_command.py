@@ -34,6 +34,18 @@ def good(tmp_path: Path) -> Path:
     return path
 
 
+def test_a_prismatic_joint_has_units_of_its_own(runner: CliRunner, good: Path) -> None:
+    turning = runner.invoke(app, ["check", str(good)]).stdout
+    sliding = good.with_name("slide.urdf")
+    sliding.write_text(GOOD.replace("revolute", "prismatic"))
+    found = runner.invoke(app, ["check", str(sliding)]).stdout
+    units = ("N m/rad", "N m s/rad", "kg m^2", "kg m²", "rad/s", "N m/(rad s)")
+    assert all(f" {unit} " in turning for unit in units)
+    assert not any(f" {unit} " in found for unit in units)
+    for unit in ("N/m", "N s/m", "kg", "m/s", "N/(m s)"):
+        assert f" {unit} " in found
+
+
 def test_table_shows_values_units_and_origins(runner: CliRunner, good: Path) -> None:
     result = runner.invoke(app, ["check", str(good)])
     assert result.exit_code == 0

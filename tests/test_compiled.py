@@ -114,6 +114,7 @@ def test_equal_bits_of_every_actuator_in_every_mode(tmp_path: Path) -> None:
     assert_equal(*both(robot, replace(scenario, references=references, modes=modes)))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(("stepping", "mode"), [("leapfrog", 6), ("euler", 3)])
 def test_equal_bits_with_damping_limits_and_motor_substeps(tmp_path: Path, mode: int, stepping: str) -> None:
     robot = make_robot(tmp_path, ("qbmove", "sea"), mode, damping=0.05, effort=0.1)
@@ -135,6 +136,7 @@ def test_equal_bits_across_blocks(tmp_path: Path) -> None:
     assert_equal(*both(robot, make_scenario(robot, 6, duration=3.2)))
 
 
+@pytest.mark.once
 def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plugin = tmp_path / "tabled.py"
     plugin.write_text(PLAIN_PYTHON)
@@ -168,12 +170,14 @@ def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, mon
         simulate(replace(scenario, compiled=True), robot)
 
 
+@pytest.mark.once
 def test_equal_bits_on_the_bench(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("qbmove",), 6)
     motion = {"j0": Sinusoid(amplitude=0.2, frequency=3.0)}
     assert_equal(*both(robot, make_scenario(robot, 6, engine="bench", motion=motion)))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("mode", range(7))
 def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
     robot = make_robot(tmp_path, ("qbmove", "sea"), mode)
@@ -184,6 +188,7 @@ def kernels() -> list[Path]:
     return sorted(Path(os.environ["XDG_CACHE_HOME"]).glob("asrsim/kernels/*.py"))
 
 
+@pytest.mark.once
 def test_kernels_are_kept_and_parameters_need_no_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     robot = make_robot(tmp_path, ("sea",), 6)
@@ -196,6 +201,7 @@ def test_kernels_are_kept_and_parameters_need_no_new_one(tmp_path: Path, monkeyp
     assert len(kernels()) == 2
 
 
+@pytest.mark.once
 def test_a_changed_law_gets_a_kernel_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     robot = make_robot(tmp_path, ("sea",), 3)
@@ -208,6 +214,7 @@ def test_a_changed_law_gets_a_kernel_of_its_own(tmp_path: Path, monkeypatch: pyt
     assert not np.array_equal(first.samples.values["link_position"], second.samples.values["link_position"])  # type: ignore[union-attr]
 
 
+@pytest.mark.once
 @pytest.mark.skipif(os.name != "posix", reason="permissions")
 @pytest.mark.parametrize("hindrance", ["file", "read-only"])
 def test_a_cache_that_cannot_be_written_is_done_without(
@@ -228,6 +235,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(
             place.chmod(stat.S_IRWXU)
 
 
+@pytest.mark.once
 def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     robot = make_robot(tmp_path, ("sea",), 3)
@@ -242,6 +250,7 @@ def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.Mon
     assert_equal(*both(robot, scenario))
 
 
+@pytest.mark.once
 def test_what_a_process_has_loaded_it_loads_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = make_robot(tmp_path, ("sea",), 3)
     scenario = replace(make_scenario(robot, 3), compiled=True)

@@ -68,6 +68,7 @@ def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: f
     }
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("integral", [0.0, 30.0])

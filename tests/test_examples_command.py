@@ -88,6 +88,7 @@ def test_a_file_in_place_of_the_folder_is_one_clear_error(tmp_path):
         copy_examples(tmp_path / "examples")
 
 
+@pytest.mark.once
 def test_the_recorded_sample_is_made_by_its_script(tmp_path):
     shutil.copytree(ROOT / "examples" / "urdf", tmp_path / "urdf")
     place = tmp_path / "recordings"

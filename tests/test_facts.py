@@ -63,6 +63,7 @@ def test_ci_fails_where_a_test_is_skipped_that_should_not_be(tmp_path: Path) -> 
     assert unexpected(["PyBullet has no wheel here"], wheels=True, shared=True) != []
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(("reason", "code"), [("no chromium", 0), ("somebody was lazy", 1)])
 def test_the_whole_run_fails(tmp_path: Path, reason: str, code: int) -> None:
     folder = Path(__file__).parent

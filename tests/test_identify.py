@@ -144,6 +144,22 @@ def test_an_inertia_that_the_recording_has_not_is_said_to_vanish(tmp_path):
     assert "would do without it" in izz.reason
 
 
+STEPS = "{waypoints: {points: [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.25]], interpolation: hold}}"
+
+
+@pytest.mark.parametrize(("reference", "substeps"), [(STEPS, 1), (CHIRP, 40)])
+def test_a_simulation_s_own_log_is_explained_whole(tmp_path, reference, substeps):
+    """It has no noise. The very substeps that it was made with explain it to the last digits, though finer ones would be
+    nearer the truth; what the input does between samples, or was made with finer ones, is no fault of the model.
+    """
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {reference}}}")
+    log = asrsim.run(true, out=tmp_path / "made", overrides=[f"substeps={substeps}"]).log
+    result = identify(write(tmp_path, "lab", GUESS), [log], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert result.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-9 if substeps == 1 else 2e-4)
+    assert result.fits, result.misfit
+    assert bool(result.substeps) == (substeps > 1)
+
+
 def test_delay_and_offset_are_found(tmp_path):
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     record(true, tmp_path / "a.csv", offset=0.005, late=6)

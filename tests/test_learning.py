@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,9 @@ from asrsim.errors import InputError, ScenarioError
 from asrsim.learning import LearningProblem, LearningSettings, learn, parse_settings, updated, write_inputs, zero_phase
 from asrsim.learning.law import FixedGain
 from asrsim.learning.trial import Trial
+from asrsim.scenario.learning_keys import Filter, Learning
 from asrsim.signals import parse_signal
+from asrsim.signals.constant import Constant
 
 STEP = 1e-3
 TIME = np.arange(2001) * STEP
@@ -214,22 +217,16 @@ def test_the_learned_input_plays_back_with_the_same_bits(tmp_path):
 
 
 def test_settings_come_from_the_scenario_s_block():
-    block = {
-        "law": "paper",
-        "gain": 0.4,
-        "joint_gains": {"two": "model"},
-        "gain_decay": None,
-        "filter": {"cutoff": 5.0, "order": 3},
-        "tolerance": 0.05,
-        "first_guess": "gravity",
-        "keep_logs": "none",
-    }
-    parsed = parse_settings(block, ("one", "two"), (9.0, 0.7))
+    learning = Learning(
+        trajectory={"one": Constant(value=0.1)}, law="paper", gain=0.4, joint_gains={"two": "model"}, gain_decay=None,
+        filter=Filter(cutoff=5.0, order=3), tolerance=0.05, first_guess="gravity", keep_logs="none",
+    )  # fmt: skip
+    parsed = parse_settings(learning, ("one", "two"), (9.0, 0.7))
     assert parsed == LearningSettings(
         gains=(0.4, 0.7), gain_decay=None, filter_cutoff=5.0, filter_order=3, tolerance=0.05, first_guess="gravity"
     )
     with pytest.raises(ScenarioError, match="does not learn"):
-        parse_settings({"joint_gains": {"three": 1.0}}, ("one", "two"))
+        parse_settings(replace(learning, joint_gains={"three": 1.0}), ("one", "two"))
 
 
 def test_a_creeping_error_is_no_reason_to_stop():

@@ -177,6 +177,7 @@ def test_a_safe_filter_lets_no_error_grow(damping, gain):
         assert (zero_phase_amplitude(FREQUENCIES, float(higher[0]), 2) * amplification).max() > max(0.95, amplification[0])
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("seed", [5, 6])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input, on arms of both kinds, without friction: what it does to the motion, within 3 %."""

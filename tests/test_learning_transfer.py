@@ -7,6 +7,7 @@ import pytest
 
 from asrsim.learning import Spread, draw_plants, transfer
 from asrsim.learning.transfer import correlation_interval
+from asrsim.scenario.learning_keys import PlantSet, PlantSpread
 
 REFERENCE = np.linspace(0.0, 1.0, 11)[:, None]
 SPREAD = Spread(factors={"gain": 0.1, "idle": 0.2, "delay": 0.01})
@@ -66,14 +67,10 @@ def test_a_diverged_draw_is_outside_and_named_infinite():
 
 
 def test_the_scenario_s_block_spreads_every_joint_on_its_own():
-    block = {
-        "draws": 10, "seed": 0, "distribution": "normal",
-        "spread": {
-            "parameters": {"spring_k_1": 0.1}, "mass": 0.05, "damping": 0.0, "friction": 0.5, "delay": 0.002,
-            "added_friction": 0.03, "added_damping": 0.04,
-        },
-    }  # fmt: skip
-    spread = Spread.of(block, ("one", "two"))
+    differences = PlantSpread(
+        parameters={"spring_k_1": 0.1}, mass=0.05, friction=0.5, delay=0.002, added_friction=0.03, added_damping=0.04
+    )
+    spread = Spread.of(PlantSet(distribution="normal", spread=differences), ("one", "two"))
     assert spread.distribution == "normal"
     assert spread.factors == {
         "parameters.one.spring_k_1": 0.1,

@@ -204,11 +204,13 @@ def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
         read_recording(path)
 
 
-def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("prismatic", "unit"), [(False, "rad"), (True, "m")])
+def test_own_logs_are_recordings_too(tmp_path: Path, prismatic: bool, unit: str) -> None:
     from asrsim.log import LogWriter
     from asrsim.samples import JointInfo, RunInfo, Samples
 
-    joint = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "reference_1"))
+    quantities = ("link_position", "reference_1")
+    joint = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=quantities, prismatic=prismatic)
     values = {"link_position": Q[:1].T, "reference_1": Q[1:].T}
     with LogWriter(tmp_path / "run.mcap", RunInfo(robot="arm", joints=(joint,), step=0.01)) as log:
         log.write(Samples(time=TIME, joints=("elbow",), values=values))
@@ -216,6 +218,7 @@ def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
     assert recording.format == "asrsim"
     np.testing.assert_array_equal(recording.time, TIME)
     np.testing.assert_array_equal(recording.column("elbow", "link_position").values, Q[0])
+    assert recording.column("elbow", "link_position").unit == unit
 
 
 def write_many(path: Path, *, bad: int | None = None, restart: bool = False) -> Path:

@@ -23,12 +23,13 @@ FACTORS = {
     "N m/rad": {"Nm/rad": 1, "mNm/rad": 1e-3, "Nm/deg": 360 / TURN, "Nm/°": 360 / TURN},
     "N": {"N": 1, "kN": 1e3, "mN": 1e-3},
     "m": {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": FOOT / 12},
-    "m/s": {"m/s": 1, "mm/s": 1e-3},
+    "m/s": {"m/s": 1, "cm/s": 1e-2, "mm/s": 1e-3},
+    "N/m": {"N/m": 1, "kN/m": 1e3, "N/mm": 1e3},
     "m/s^2": {"m/s2": 1},
     "s": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60, "h": 3600, "days": 86400},
     "A": {"A": 1, "mA": 1e-3},
     "V": {"V": 1, "mV": 1e-3},
-    "J": {"J": 1}, "W": {"W": 1}, "Hz": {"Hz": 1}, "degC": {"°C": 1},
+    "J": {"J": 1}, "W": {"W": 1}, "Hz": {"Hz": 1, "kHz": 1e3}, "degC": {"°C": 1},
     "1": {"1": 1, "-": 1, "%": 1e-2, "percent": 1e-2},
     "counts": {"counts": 1, "ticks": 1, "raw": 1},
 }  # fmt: skip
@@ -42,8 +43,10 @@ ALIKE = {
 def test_every_factor_is_that_of_the_definition() -> None:
     wanted = {spelling: (si, factor) for si, spellings in FACTORS.items() for spelling, factor in spellings.items()}
     for spelling, (si, factor) in wanted.items():
-        assert UNITS[spelling].si == si
-        assert UNITS[spelling].factor == pytest.approx(factor, rel=1e-8)
+        found = find_unit(spelling)
+        assert found is not None
+        assert found.si == si
+        assert found.factor == pytest.approx(factor, rel=1e-8)
     # Whatever else is understood is another spelling of one of these.
     known = {(si, f"{factor:.6g}") for si, factor in wanted.values()}
     assert {(unit.si, f"{unit.factor:.6g}") for unit in UNITS.values()} <= known

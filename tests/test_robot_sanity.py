@@ -70,6 +70,9 @@ def test_what_other_programs_add_is_no_slip(tiny) -> None:
 # -- numbers -----------------------------------------------------------------------------------------------------------
 
 
+INERTIA = 'ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "code"),
     [
@@ -88,6 +91,7 @@ def test_what_other_programs_add_is_no_slip(tiny) -> None:
         ('velocity="100"', 'velocity="0"', "zero-velocity-limit"),
         ("<axis ", '<origin xyz="0 0 101"/><axis ', "wide-robot"),
         ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="2.1" iyz="0" izz="2.1"', "large-inertia"),
+        (INERTIA, 'ixx="1e-12" ixy="0" ixz="0" iyy="1e-12" iyz="0" izz="1e-12"', "tiny-inertia"),
         ("<spring_k>10<", "<spring_k>1.1e5<", "unusual-value"),
         ("<spring_k>10<", "<spring_k>0.9e-3<", "unusual-value"),
         ("<spring_k>", "<mot_J>1e6</mot_J><spring_k>", "unusual-value"),
@@ -119,7 +123,7 @@ def test_sound_robots_are_not_doubted() -> None:
     """Nothing improbable in the examples, nor wheels that turn for ever."""
     doubted = {
         "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain",
-        "stuck-joint", "stuck-motor", "zero-velocity-limit", "wide-robot", "large-inertia", "unusual-value",
+        "stuck-joint", "stuck-motor", "zero-velocity-limit", "wide-robot", "large-inertia", "tiny-inertia", "unusual-value",
     }  # fmt: skip
     for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         assert not codes(load_robot(path).warnings) & doubted, path
@@ -127,8 +131,7 @@ def test_sound_robots_are_not_doubted() -> None:
 
 def test_an_inertia_that_is_rounding_is_zero(tiny) -> None:
     """iCub's links have moments of -5e-20 kg m^2, as CAD wrote them; -1e-3 is a mistake (tests of bad input)."""
-    old = 'ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"'
-    robot = changed(tiny, (old, 'ixx="-5.4e-20" ixy="0" ixz="0" iyy="1e-18" iyz="0" izz="0"'))
+    robot = changed(tiny, (INERTIA, 'ixx="-5.4e-20" ixy="0" ixz="0" iyy="1e-18" iyz="0" izz="0"'))
     assert (0.0,) * 6 in [link.inertia for link in robot.links]
     assert "zero-inertia" in codes(robot.warnings)
 
@@ -300,15 +303,24 @@ SCENARIOS = {
     "aliased at millions": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 1e9}}}",
     "large-friction": "world: {ground: {friction: 21}}",
     "far-off": "base: {position: [0, 10001, 0]}",
+    "far-off wrench": "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -2.1]}]",
+    "odd-step": "step: 0.06",
+    "odd-step of less than a microsecond": "step: 0.75e-6",
+    "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
+    "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
+    "reference-limits of a torque's range": "modes: 4\nreferences: {elbow: {motor_1_torque: 0}}\n"
+    "reference_ranges: {'*': {motor_1_torque: [-6.1, 6]}}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
 
 def warned(tiny, more: str) -> set[str]:
     """Codes of the warnings about the tiny scenario with more keys, none of them errors."""
-    base = "" if "references:" in more else tiny.scenario.read_text().split("duration: 1.5\n")[1]
+    text = tiny.scenario.read_text()
+    base = "" if "references:" in more else text.split("duration: 1.5\n")[1]
     tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{more}\n")
     (scenario,) = load_scenario(tiny.scenario)
+    tiny.scenario.write_text(text)
     errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
     assert not errors
     assert all(problem.line for problem in warnings if problem.key is not None and not problem.key.startswith("elbow"))
@@ -333,6 +345,9 @@ def test_what_a_scenario_hardly_means_is_told_of(case: str, tiny) -> None:
         "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
         "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
         "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
+        "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", "step: 1e-6",
+        "modes: 4\nreferences: {elbow: {motor_1_torque: -6}}\nreference_ranges: {elbow: {motor_1_torque: [-6, 6]}}",
+        "modes: 0\nreferences: {elbow: {link_torque: 49}}\nreference_ranges: {elbow: {link_torque: [-50, 50]}}",
     ],
 )  # fmt: skip
 def test_what_is_meant_is_not_doubted(more: str, tiny) -> None:
@@ -399,6 +414,61 @@ def test_objects_that_are_hardly_meant_are_told_of(case: str, tiny) -> None:
     place = "" if "position" in case else ", position: [9, 9, 900]"
     found = warned(tiny, f"world: {{ground: true, objects: {{a: {{shape: {case}{place}}}}}}}")
     assert found == ({OBJECTS[case]} if OBJECTS[case] else set())
+
+
+PAIRS = {
+    "sphere, size: .1": ("sphere, size: .1", 0.18),
+    "box, size: [.2, 1, 1]": ("sphere, size: .1", 0.18),
+    "box, size: [.2, .2, 1], rpy: [0, 0, 0.785398]": ("sphere, size: .1", 0.09 * (1.0 + math.sqrt(2.0))),
+    "cylinder, size: [.1, 1]": ("box, size: [.2, 1, 1]", 0.18),
+    "cylinder, size: [1, .2], rpy: [0, 1.570796, 0]": ("sphere, size: .1", 0.18),
+    "cylinder, size: [.1, .4], rpy: [1.570796, 0, 1.570796]": ("cylinder, size: [.1, .4]", 0.27),
+}
+
+
+@pytest.mark.parametrize("case", PAIRS)
+def test_objects_that_begin_inside_each_other_are_told_of(case: str, tiny) -> None:
+    """Nine tenths of both meet up to some distance; what stands still by itself may stand in another."""
+    other, apart = PAIRS[case]
+
+    def overlap(distance: float, mass: float) -> bool:
+        placed = f"position: [{9 + distance}, 9, 9], mass: {mass}"
+        objects = f"a: {{shape: {other}, position: [9, 9, 9]}}, b: {{shape: {case}, {placed}}}"
+        return "overlap" in warned(tiny, f"world: {{objects: {{{objects}}}}}")
+
+    assert overlap(apart - 1e-3, 1.0)
+    assert not overlap(apart + 1e-3, 1.0)
+    assert not overlap(apart - 1e-3, 0.0)
+
+
+@pytest.mark.parametrize(
+    "shape", ['box size="0.1 0.1 0.4"', 'cylinder radius="0.05" length="0.4"', 'capsule radius="0.05" length="0.3"']
+)
+@pytest.mark.parametrize("link", ["arm", "world"])
+def test_objects_that_begin_inside_the_robot_are_told_of(link: str, shape: str, tiny) -> None:
+    """Where the start's positions put it; a pedestal may enclose a base that stands still."""
+    body = f'<collision><origin xyz="0 0 -0.2"/><geometry><{shape}/></geometry></collision>'
+    text = tiny.robot.read_text().replace('<link name="world"/>', '<link name="world"></link>')
+    tiny.robot.write_text(text.replace(f'<link name="{link}">', f'<link name="{link}">{body}'))
+
+    def overlap(more: str, mass: float = 0.0, place: str = "[-0.25, 1, 2]") -> bool:
+        ball = f"world: {{objects: {{a: {{shape: sphere, size: 0.04, mass: {mass}, position: {place}}}}}}}"
+        return "overlap" in warned(tiny, f"{ball}\nbase: {{position: [0, 1, 2]}}\n{more}")
+
+    turned, straight = "initial: {elbow: 1.5708}", "[0, 1, 1.75]"
+    assert overlap(turned) == (link == "arm")
+    assert not overlap("")
+    assert not overlap(turned, place=straight)
+    assert overlap("", place=straight) == (link == "arm")
+    assert overlap("", place=straight, mass=0.1)
+    assert not overlap("", mass=0.1, place="[0.09, 1, 1.75]")
+
+
+@pytest.mark.parametrize(("moment", "told"), [(2.3e-7, False), (2.2e-7, True)])
+def test_an_inertia_of_a_point_is_told_of(moment: float, told: bool, tiny) -> None:
+    """The ball of 0.5 kg with that moment has 1e8 kg/m^3 at 2.25e-7 kg m^2."""
+    robot = changed(tiny, (INERTIA, f'ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"'))
+    assert ("tiny-inertia" in codes(robot.warnings)) == told
 
 
 @pytest.mark.parametrize(("height", "told"), [(0.19, False), (0.21, True)])

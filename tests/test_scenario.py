@@ -136,9 +136,10 @@ expect:
     assert scenario.world.objects[2].mesh == tmp_path / "hand.stl"
     assert scenario.task is not None
     assert scenario.task.preset == {"*": 0.3}
-    assert scenario.learning["gain"] == "model"
-    assert scenario.learning["gain_decay"] == 10.0
-    assert scenario.learning["trajectory"]["a"].kind == "minimum_jerk"
+    assert scenario.learning is not None
+    assert scenario.learning.gain == "model"
+    assert scenario.learning.gain_decay == 10.0
+    assert scenario.learning.trajectory["a"].kind == "minimum_jerk"
     assert [claim.line for claim in scenario.expect] == [35, 36]
     assert set(scenario.attachments) == {"manager.yaml", "hand.stl"}
 

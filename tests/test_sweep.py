@@ -257,6 +257,7 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
     runner.close()
 
 
+@pytest.mark.once
 def test_runs_that_are_looked_at_together_have_the_rows_of_runs_alone(monkeypatch):
     over = {"parameters.*.spring_a_1": [6.0, 7.0, -1.0, 9.0], "joint_1.damping": [0.0, 0.01], "link_1.mass": [0.3, 0.4]}
     payload = make_payload(study_of(over, signals=["joint_2.link_position", "joint_1.deflection"], rate=200.0))
@@ -331,6 +332,7 @@ def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
         assert table["joint_1.peak_deflection"][run] == joint.measures.peak_deflection
 
 
+@pytest.mark.once
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
         {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"]
@@ -361,6 +363,7 @@ def test_a_study_stopped_and_resumed_ten_times_has_the_rows_of_an_unbroken_one(t
     assert rest.equals(whole)
 
 
+@pytest.mark.once
 def test_failures_are_rows_with_their_reason(tmp_path):
     over = {"parameters.*.spring_a_1": [8.0, -1.0], "initial.joint_1": [0.0, "nonsense"]}
     table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)
@@ -373,6 +376,7 @@ def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
         asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
 
 
+@pytest.mark.once
 def test_signals_are_kept_at_their_rate(tmp_path):
     study = study_of(
         {"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_position"], rate=200.0, overrides=["duration=0.2", "engine=mujoco"]
@@ -383,6 +387,7 @@ def test_signals_are_kept_at_their_rate(tmp_path):
     assert not np.array_equal(kept[0], kept[1])
 
 
+@pytest.mark.once
 def test_results_have_units_in_rad_or_m(tmp_path):
     table = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_torque"]), out=tmp_path / "s", workers=1)
     units = {"steady_state": "rad", "settling": "s", "frequency": "Hz", "overshoot": ""}
@@ -390,6 +395,7 @@ def test_results_have_units_in_rad_or_m(tmp_path):
     assert table.unit("signal:joint_1.link_torque") == "N m"
 
 
+@pytest.mark.once
 def test_logs_on_request_give_the_same_rows(tmp_path):
     plain = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}), out=tmp_path / "a", workers=1)
     logged = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}, logs=True), out=tmp_path / "b", workers=1)
@@ -430,6 +436,7 @@ def test_twenty_killed_workers_in_a_study_of_500():
     assert_survives(kill_study(500), 20)
 
 
+@pytest.mark.once
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     payload = kill_study(5)
     code = (
@@ -462,6 +469,7 @@ def test_a_study_that_cannot_be_sent_is_refused():
         next(Processes(1).results(Runner(payload), [0, 1]))
 
 
+@pytest.mark.once
 def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
     study = study_of({"link_1.mass": [0.3, 0.4]})
     asrsim.sweep(study, out=tmp_path / "s", workers=1)
@@ -492,6 +500,7 @@ SMALL = {
 }  # fmt: skip
 
 
+@pytest.mark.once
 def test_a_study_that_broke_or_was_edited_is_told_of_by_file(tmp_path):
     """Its files, changed anywhere: the rows that were written, or an error in words that names the file."""
     store = open_store(tmp_path, SMALL["columns"], 3, SMALL, resume=False, overwrite=False)

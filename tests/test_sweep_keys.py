@@ -146,6 +146,7 @@ BAD = {
 }
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("key", BAD)
 def test_a_value_that_no_run_takes_is_a_row_with_the_run_s_reason(key):
     good, bad, word = BAD[key]

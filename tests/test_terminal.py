@@ -123,7 +123,7 @@ def test_a_run_s_bar_shows_simulated_seconds_a_second(monkeypatch):
 
     told = []
     monkeypatch.setattr(progress.clock, "perf_counter", lambda: 10.0)
-    bar = progress.RunProgress("a", 5.0, show=True)
+    bar = progress.RunBar("a", 5.0, show=True)
     bar.start()
     bar._show, bar._bar = True, SimpleNamespace(update=lambda task, **fields: told.append(fields), stop=lambda: None)
     monkeypatch.setattr(progress.clock, "perf_counter", lambda: 14.0)

@@ -20,6 +20,7 @@ INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).availabl
 STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("mode", [5, 6])
 @pytest.mark.parametrize("omega", [1.0, 1.6, 2.0])
 def test_stiff_springs_with_motors_are_not_stopped(mode: int, omega: float) -> None:

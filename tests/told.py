@@ -1,4 +1,5 @@
-"""What tests are told, held against what it was when somebody last read it: every problem and every output of a command.
+"""What tests are told, held against what it was when somebody last read it: every problem and every output of a command,
+what the functions that a test calls give, the files and the pictures.
 
 A test asks for a word of a message; this asks for all of it, its place, its cure, its numbers, and that nothing else is said.
 A test without a record is not compared. `ASRSIM_RECORD=1 python -m pytest tests/test_scenario.py` records modules that have a
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from given import listen_to, watch_files
 from seen import differences, steady
 
 from asrsim.errors import Problem
@@ -32,7 +34,12 @@ LONGEST = 240
 """Characters of a line that are kept."""
 MOST = 40
 """Lines of a test that are kept."""
+GIVEN = 14
+"""Lines of a test about what it was given."""
+MARK = "> "
+"""Before these; a record from before they were kept has none, and asks for none."""
 _heard: list[str] = []
+_given: list[str] = []
 
 
 def hear(text: str) -> None:
@@ -54,9 +61,16 @@ def _recorded(module: str) -> dict[str, list[str]]:
     return found
 
 
+def _lines(heard: list[str], folder: Path) -> list[str]:
+    """Different lines, without the places of one run."""
+    text = CALLED.sub("asrsim", "\n".join(heard).replace(str(ROOT), "ROOT").replace(str(folder), "FOLDER"))
+    return list(dict.fromkeys(line for line in steady(PASSING.sub("PLACE", text), folder) if line.strip()))
+
+
 def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A fixture's body: the test, and then the comparison."""
     _heard.clear()
+    _given.clear()
     module, name = request.path.stem, request.node.name.encode("unicode_escape").decode()
     recorded = _recorded(module).get(name)
     # Hypothesis draws other examples every time.
@@ -79,11 +93,13 @@ def listening(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
         _heard.append(listed)
 
     monkeypatch.setattr(Problem, "__init__", told)
+    listen_to(request.module, _given)
+    watch_files(monkeypatch, _given)
     yield
-    text = CALLED.sub("asrsim", "\n".join(_heard).replace(str(ROOT), "ROOT").replace(str(folder), "FOLDER"))
-    lines = [line[:LONGEST] for line in steady(PASSING.sub("PLACE", text), folder)]
-    lines = list(dict.fromkeys(line for line in lines if line.strip()))[:MOST]
-    if anew and SHARED not in text:
+    lines = [line[:LONGEST] for line in _lines(_heard, folder)][:MOST]
+    if anew or any(line.startswith(MARK) for line in recorded or []):
+        lines += [MARK + line for line in _lines(_given, folder)[:GIVEN]]
+    if anew and not any(SHARED in line for line in (*_heard, *_given)):
         _recorded(module)[name] = lines
         parts = ["\n".join([f"\n== {test}", *said]) for test, said in _recorded(module).items()]
         _path(module).write_text("".join(parts) + "\n", encoding="utf-8")

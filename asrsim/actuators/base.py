@@ -19,6 +19,7 @@ loop with equal bits. `parameters` reaches a law as a tuple of floats, in the or
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, controller_parameters, motor_parameters
@@ -85,6 +86,11 @@ class Actuator:
             *(parameter for index in indices for parameter in motor_parameters(index)),
             *(parameter for index in indices for parameter in controller_parameters(index)),
         )
+
+    @classmethod
+    def law_values(cls, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Values of the springs' own parameters, in the order in which the laws take them."""
+        return tuple(values[parameter.name] for parameter in cls.parameters)
 
 
 def saturate(value: float, limit: float) -> float:

@@ -37,7 +37,7 @@ class Drive:
     @cached_property
     def elastic(self) -> tuple[float, ...]:
         """Parameters of the spring in the order of its laws."""
-        return tuple(self.values[parameter.name] for parameter in self.actuator.parameters)
+        return self.actuator.law_values(self.values)
 
     @property
     def max_deflection(self) -> float:

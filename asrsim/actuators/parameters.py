@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 TOOLBOX = "released toolbox, code default"
 STRIBECK = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994)"
@@ -52,6 +53,7 @@ class Parameter:
         return None
 
 
+@cache
 def motor_parameters(index: int) -> tuple[Parameter, ...]:
     """The DC motor of the paper's section 3.1.1, number `index` (1 or 2)."""
     motor = f"motor_{index}"
@@ -138,6 +140,7 @@ HYSTERESIS_PARAMETERS = (
 """Dahl's element beside each spring (:mod:`asrsim.actuators.hysteresis`)."""
 
 
+@cache
 def controller_parameters(index: int) -> tuple[Parameter, ...]:
     """The PID controller of the paper's section 3.1.2 on motor `index` (mode 1: on the link, with other defaults)."""
     controller = f"controller_{index}"

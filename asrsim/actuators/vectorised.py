@@ -116,7 +116,7 @@ def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array],
 
 
 def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], Array]:
-    """The position at which an unloaded link rests, of motor positions (n,)."""
+    """The positions at which unloaded links rest, of motor positions, arrays of equal shape."""
     law = actuator.equilibrium_position
 
     def evaluate(first: Array, second: Array) -> Array:
@@ -124,7 +124,8 @@ def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array]
             # Plain arithmetic, as in all our actuators, works on arrays as on numbers.
             result = np.asarray(law(first, second), dtype=np.float64)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            return np.array([law(a, b) for a, b in zip(first.tolist(), second.tolist(), strict=True)], dtype=np.float64)
+            pairs = zip(first.ravel().tolist(), second.ravel().tolist(), strict=True)
+            return np.array([law(a, b) for a, b in pairs], dtype=np.float64).reshape(first.shape)
         return np.broadcast_to(result, first.shape)
 
     return evaluate

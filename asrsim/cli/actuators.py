@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.completion import actuators as names
-from asrsim.cli.options import Plugins, load_plugins
+from asrsim.cli.options import Json, Plugins, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.actuators import Actuator
@@ -21,7 +21,7 @@ def actuators(
     ] = None,
     mode: Annotated[int, typer.Option("--mode", min=0, max=8, help="Operation mode of the block.")] = 6,
     plugin: Plugins = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
+    json: Json = False,
 ) -> None:
     """List the actuators, or show one: laws, parameters with units, defaults, URDF tags and sources.
 

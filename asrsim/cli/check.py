@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
+from asrsim.cli.options import Arguments, Json, Packages, Plugins, folders, load_plugins, pairs
 
 if TYPE_CHECKING:
     from asrsim.cli.findings import FileReport
 
 DEFAULT_STEP = 1e-3
+"""s, of the figures about a robot alone, which has no scenario."""
 SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
 """Of files that are scenarios, or robots; of others their first sign tells."""
 
@@ -29,7 +30,7 @@ def check(
     second_reader: Annotated[
         bool, typer.Option("--second-reader", help="Read robots with yourdfpy too, and compare: links, masses, poses.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
+    json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print problems only, no tables.")] = False,
 ) -> None:
     """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.

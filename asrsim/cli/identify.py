@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task
@@ -77,7 +76,7 @@ def identify(
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Fit parameters of a robot to recordings: what they are, how sure that is, and what cannot be known.
 
@@ -133,15 +132,15 @@ def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
 def _run(
     task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, workers: int | None
 ) -> tuple[Result, int]:
-    from asrsim.cli.identify_progress import IdentifyProgress
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
+    from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
     from asrsim.identification.write import begin_of
 
     begin = begin_of(folder) if resume else {}
     with (
         Interruption("asrsim: stopping; the best so far is judged and kept (Ctrl-C again to abort)") as interruption,
-        IdentifyProgress(task.name, show=not quiet) as progress,
+        FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
             task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled, workers=workers
@@ -175,7 +174,7 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.cli.console import say, say_table
+    from asrsim.cli.console import say, say_table, say_written
     from asrsim.identification.show import advice, columns, errors, judgement, remarks
 
     say_table(columns(result))
@@ -191,9 +190,6 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to know more:", "bold")
     for text in (*(f"  {text}" for text in told), *said):
         say(text)
-    say(
-        f"{result.evaluations} evaluations, {result.seconds:.1f} s, {result.attempts} starts, {result.successes} ended alike",
-        "dim",
-    )
-    if files:
-        say(f"wrote {files[0].parent}{os.sep}: {', '.join(path.name for path in files)}")
+    starts = f"{result.attempts} starts, {result.successes} ended alike" if result.attempts > 1 else "1 start"
+    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
+    say_written(files)

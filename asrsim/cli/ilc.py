@@ -10,7 +10,7 @@ import typer
 
 from asrsim.cli.completion import variants
 from asrsim.cli.ilc_table import TrialTable, reach_of, report
-from asrsim.cli.options import Overrides, Plugins, lag_of, load_plugins, mapping_of
+from asrsim.cli.options import Align, ColumnMap, Json, Overrides, Plugins, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
     from asrsim.learning.session import Session
@@ -47,13 +47,8 @@ def ilc(
             "--next", metavar="RECORDING", help="Learn on the robot: from this trial on it to its next input (next.csv)."
         ),
     ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
-    ] = None,
-    align: Annotated[
-        str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
-    ] = "off",
+    mapping: ColumnMap = None,
+    align: Align = "off",
     resume: Annotated[bool, typer.Option("--resume", help="Go on after an interruption, exactly where it was.")] = False,
     transfer: Annotated[
         bool, typer.Option("--transfer", help="Play what was learned to plants that differ, as `ilc.transfer` says.")
@@ -67,7 +62,7 @@ def ilc(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what another scenario learned there too.")] = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print the outcome only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Learn the inputs that make the joints follow `ilc.trajectory`, trial by trial (paper section 4.3).
 
@@ -163,7 +158,7 @@ def _next(
     last = step.trials[-1]
     if not silent:
         say_columns(step.recording)
-        say_problems(step.findings, "note", "yellow")
+        say_problems(step.findings, "note")
         table = TrialTable()
         table.headings(step.prepared)
         for trial in step.trials:
@@ -184,15 +179,10 @@ def _next(
 
 
 def _choose(path: Path, variant: str | None, overrides: list[str], plugins: list[Path]) -> Scenario:
-    from asrsim.errors import ScenarioError
-    from asrsim.scenario import load_scenario
+    from asrsim.scenario import load_scenario, only_variant
 
     load_plugins(plugins)
-    scenarios = load_scenario(path, variant=variant, overrides=overrides)
-    if len(scenarios) > 1:
-        names = tuple(scenario.variant for scenario in scenarios)
-        raise ScenarioError("has several variants: choose one with --variant", file=path, choices=names, code="variants")
-    return scenarios[0]
+    return only_variant(load_scenario(path, variant=variant, overrides=overrides))
 
 
 def _learn(
@@ -203,7 +193,7 @@ def _learn(
     from asrsim.learning.plant import make_plant
     from asrsim.learning.session import run_session
 
-    if with_transfer and not scenario.learning.get("transfer"):
+    if with_transfer and (scenario.learning is None or scenario.learning.transfer is None):
         message = "--transfer needs the block `ilc.transfer`: what differs, and by how much"
         raise ScenarioError(message, file=scenario.path, key="ilc.transfer", code="no-transfer")
     table = TrialTable()

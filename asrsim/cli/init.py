@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.completion import mountings
-from asrsim.cli.options import Arguments, Packages, Plugins, folders, load_plugins, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, load_plugins, pairs
 
 if TYPE_CHECKING:
     from asrsim.runs.from_recording import Written
@@ -35,11 +35,8 @@ def init(
         Path | None,
         typer.Option("--experiment", "-e", metavar="FILE", help="Play this recording's commands, compare with its motion."),
     ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
+    mapping: ColumnMap = None,
+    rate: Rate = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
     schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
     plugin: Plugins = None,
@@ -77,7 +74,7 @@ def init(
     if not quiet:
         from asrsim.cli.console import say, say_problems
 
-        say_problems(notes, "warning", "yellow")
+        say_problems(notes, "warning")
         say(f"wrote {', '.join(map(str, written))}; run it: asrsim run {shlex.quote(str(out))}")
 
 
@@ -87,7 +84,7 @@ def _print(made: Written, out: Path) -> None:
 
     say(f"{made.recording.path}: {made.recording.format}, {len(made.recording.time)} samples", "bold")
     say_columns(made.recording)
-    say_problems(made.recording.findings, "note", "yellow")
+    say_problems(made.recording.findings, "note")
     for text in (*made.remarks, *([made.message] if made.message else [])):
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asrsim.cli.completion import variants
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
 
 
 def live(
@@ -39,7 +39,7 @@ def live(
     plugin: Plugins = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Run a scenario in real time; references come from its signals until a topic overrides them.
 

@@ -23,6 +23,15 @@ Packages = Annotated[
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
 ]
+ColumnMap = Annotated[
+    list[str] | None,
+    typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
+]
+Rate = Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")]
+Align = Annotated[
+    str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")]
 Start = Annotated[float | None, typer.Option(help="s, where the pictures begin.", show_default="the log's start")]
 End = Annotated[float | None, typer.Option(help="s, where they end.", show_default="the log's end")]
 

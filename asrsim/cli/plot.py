@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.completion import logged
-from asrsim.cli.options import End, Plugins, Start, check_window, lag_of, load_plugins, mapping_of
+from asrsim.cli.options import Align, ColumnMap, End, Json, Plugins, Rate, Start, check_window, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
@@ -18,9 +18,12 @@ if TYPE_CHECKING:
 
 def plot(
     logs: Annotated[
-        list[Path],
-        typer.Argument(help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour."),
-    ],
+        list[Path] | None,
+        typer.Argument(
+            help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour. None: Bode plots of "
+            "recordings alone."
+        ),
+    ] = None,
     experiment: Annotated[
         list[str] | None,
         typer.Option(
@@ -30,19 +33,14 @@ def plot(
             help="Recording to lay over (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
         ),
     ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
-    ] = None,
+    mapping: ColumnMap = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.", autocompletion=logged)] = None,
     quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity; may be repeated.")] = None,
-    align: Annotated[
-        str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
-    ] = "auto",
+    align: Align = "auto",
     max_lag: Annotated[
         float | None, typer.Option(help="s, largest lag that auto may find.", show_default="a quarter of the record")
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")] = None,
+    rate: Rate = None,
     layout: Annotated[
         str, typer.Option(metavar="overlay|side|both", help="Simulation and experiment on top of or beside each other.")
     ] = "overlay",
@@ -66,7 +64,7 @@ def plot(
     formats: Annotated[list[str] | None, typer.Option("--format", metavar="png|pdf|svg", help="May be repeated.")] = None,
     plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failed claims and problems only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Draw runs, alone or beside experiments, and judge them by what their scenario expects.
 
@@ -76,12 +74,14 @@ def plot(
 
     Example: asrsim plot out/step_2dof/soft --bode --input equilibrium_position --output link_position
 
+    Example: asrsim plot --experiment examples/recordings/two_joints.csv --bode --input joint_1.reference_1
+
     Example: asrsim plot out/lab/default/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
     """  # fmt: skip
     from asrsim.cli.console import json_errors, say_json
 
     with json_errors(json):
-        from asrsim.cli.fraction import FractionProgress
+        from asrsim.cli.progress import FractionBar
         from asrsim.plots.job import PlotJob
         from asrsim.plots.job import plot as draw
         from asrsim.runs.folder import find_logs
@@ -90,10 +90,10 @@ def plot(
         check_window(start, end)
         if (given or output) and not bode:
             raise typer.BadParameter("goes with --bode", param_hint="--input" if given else "--output")
-        logs = [log for place in logs for log in find_logs(place)]
+        logs = [log for place in logs or () for log in find_logs(place)]
         job = PlotJob(
             logs=tuple(logs),
-            folder=out or _folder(logs, alone=not experiment and not bode),
+            folder=out or _folder(logs, experiment or [], alone=not experiment and not bode),
             experiments=tuple(experiment or ()),
             mapping=mapping_of(mapping),
             rate=rate,
@@ -110,7 +110,7 @@ def plot(
             start=start,
             end=end,
         )
-        with FractionProgress(show=not quiet and not json) as progress:
+        with FractionBar(show=not quiet and not json) as progress:
             result = draw(job, progress.update)
     if json:
         say_json(result.as_dict())
@@ -120,8 +120,10 @@ def plot(
         raise typer.Exit(1)
 
 
-def _folder(logs: list[Path], *, alone: bool) -> Path:
-    """Where the pictures go by default: beside the one log, else in a folder of their own beside all."""
+def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
+    """Where the pictures go by default: beside the one log, else in a folder of their own beside all; recordings' in `out`."""
+    if not logs:
+        return Path("out") / Path(experiments[0] if experiments else "").stem
     if len(logs) == 1:
         return logs[0].parent if alone else logs[0].parent / "compared"
     beside = Path(os.path.commonpath([path.absolute().parent for path in logs]))
@@ -131,13 +133,13 @@ def _folder(logs: list[Path], *, alone: bool) -> Path:
 
 
 def _print(result: PlotResult, *, quiet: bool) -> None:
-    from asrsim.cli.console import complain, say, say_problems, styled
+    from asrsim.cli.console import complain, say, say_problems, say_written, styled
 
     if not quiet:
         _print_experiments(result)
         if result.rows:
             _print_rows(result)
-    say_problems(result.findings, "note", "yellow")
+    say_problems(result.findings, "note")
     for label, claim in result.claims:
         who = f"{label}: " if len(result.runs) > 1 else ""
         if not claim.holds:
@@ -148,10 +150,8 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
         if run.status != "complete":
             said = "" if run.status == "truncated" else "; its claims are not judged"
             complain(f"{run.path}: the run is {run.status}, drawn as far as it goes{said}", "yellow")
-    if not quiet and result.files:
-        folder = result.files[0].parent
-        replaced = f" ({result.replaced} replaced)" if result.replaced else ""
-        say(f"wrote {folder}{os.sep}: {', '.join(path.name for path in result.files)}{replaced}")
+    if not quiet:
+        say_written(result.files, f" ({result.replaced} replaced)" if result.replaced else "")
 
 
 def _print_experiments(result: PlotResult) -> None:
@@ -161,7 +161,7 @@ def _print_experiments(result: PlotResult) -> None:
 
     shown: Recording | None = None
     for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
-        whose = "" if len(result.runs) == 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
+        whose = "" if len(result.runs) <= 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
         say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
         if shown is not None and guess_rows(shown) == guess_rows(recording):
             say("  columns as above", "dim")

@@ -1,25 +1,75 @@
-"""A run's progress on the terminal: simulated time, speed, remaining time."""
+"""Progress on the terminal: bars on stderr, only where somebody watches, and only in what takes a while."""
 
 from __future__ import annotations
 
+import math
+import sys
 import time as clock
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
-from asrsim.cli.bar import Bar
-from asrsim.cli.console import shown
+from asrsim.cli.console import is_terminal, shown
+
+if TYPE_CHECKING:
+    from asrsim.identification import Progress as FitProgress
+    from asrsim.sweeps.run import Progress as SweepProgress
 
 PATIENCE = 0.4
-"""s before a bar is shown: short runs end without one, and without the import."""
+"""s before a bar is shown: what is short ends without one, and without the import of rich."""
 
 
-class RunProgress(Bar):
-    """Progress of one run; shows nothing where nobody watches.
+class Bar:
+    """A context that takes its bar away at its end. The bar goes to stderr, so that stdout stays clean."""
 
-    Used as a context; `start` begins the clock, `update` is told the simulated time.
-    """
+    def __init__(self, title: str = "", *, show: bool) -> None:
+        self._title = shown(title)
+        self._show = show and is_terminal(sys.stderr)
+        self._began = clock.perf_counter()
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    def _is_due(self) -> bool:
+        """Whether somebody watches, and has waited long enough."""
+        return self._show and (self._bar is not None or clock.perf_counter() - self._began >= PATIENCE)
+
+    def _open(self, *columns: Any, total: float | None, **fields: str) -> None:
+        """Show the bar. columns: of rich, or texts with the task's fields; fields: their first values."""
+        from rich.console import Console
+        from rich.progress import Progress, TextColumn
+
+        placed = [TextColumn(column, markup=False) if isinstance(column, str) else column for column in columns]
+        self._bar = Progress(*placed, console=Console(stderr=True), transient=True)
+        self._task = self._bar.add_task(self._title, total=total, **fields)
+        self._bar.start()
+
+
+class FractionBar(Bar):
+    """Of work whose fraction is known."""
+
+    def update(self, what: str, fraction: float) -> None:
+        """`what` is done to `fraction`, 0 to 1."""
+        if not self._is_due():
+            return
+        if self._bar is None:
+            from rich.progress import BarColumn, TimeRemainingColumn
+
+            self._open("{task.description}", BarColumn(), "{task.percentage:3.0f} %", TimeRemainingColumn(), total=1.0)
+        self._bar.update(self._task, description=what, completed=fraction)
+
+
+class RunBar(Bar):
+    """Of a run: simulated time, speed, remaining time."""
 
     def __init__(self, title: str, duration: float, *, show: bool) -> None:
-        super().__init__(show=show)
-        self._title = shown(title)
+        super().__init__(title, show=show)
         self._duration = duration
         self._part = ""
 
@@ -29,14 +79,16 @@ class RunProgress(Bar):
 
     def update(self, simulated: float) -> None:
         """The run has reached `simulated` s."""
-        if not self._show:
+        if not self._is_due():
             return
-        elapsed = clock.perf_counter() - self._began
         if self._bar is None:
-            if elapsed < PATIENCE:
-                return
-            self._open()
-        speed = simulated / elapsed if elapsed > 0 else 0.0
+            from rich.progress import BarColumn, TimeRemainingColumn
+
+            self._open(
+                "{task.description}", BarColumn(), "{task.completed:.2f} of {task.total:g} s", "{task.fields[speed]}",
+                TimeRemainingColumn(), "left", total=self._duration, speed="",
+            )  # fmt: skip
+        speed = simulated / max(clock.perf_counter() - self._began, 1e-9)
         self._bar.update(self._task, completed=simulated, speed=f"{speed:.3g} x real time")
 
     def update_part(self, part: str, simulated: float) -> None:
@@ -48,19 +100,40 @@ class RunProgress(Bar):
                 self._bar.update(self._task, description=f"{self._title}, {part}")
         self.update(simulated)
 
-    def _open(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-        self._bar = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn("{task.completed:.2f} of {task.total:g} s"),
-            TextColumn("{task.fields[speed]}"),
-            TimeRemainingColumn(),
-            TextColumn("left"),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self._task = self._bar.add_task(self._title, total=self._duration, speed="")
-        self._bar.start()
+class FitBar(Bar):
+    """Of a fit: what it does, cost, evaluations, time."""
+
+    def update(self, progress: FitProgress) -> None:
+        """The search goes on."""
+        if not self._is_due():
+            return
+        if self._bar is None:
+            from rich.progress import SpinnerColumn, TimeElapsedColumn
+
+            self._open(
+                SpinnerColumn(), "{task.description}: {task.fields[stage]}", "{task.fields[cost]}", "{task.fields[count]}",
+                TimeElapsedColumn(), "{task.fields[left]}", total=None, stage="", cost="", count="", left="",
+            )  # fmt: skip
+        cost = f"cost {progress.cost:.4g}" if math.isfinite(progress.cost) else ""
+        left = f"about {progress.remaining:.0f} s left of this start" if math.isfinite(progress.remaining) else ""
+        self._bar.update(self._task, stage=progress.stage, cost=cost, count=f"{progress.evaluations} evaluations", left=left)
+
+
+class SweepBar(Bar):
+    """Of a study: runs done, rate, remaining time, and what did not end well."""
+
+    def update(self, progress: SweepProgress) -> None:
+        """Rows have come."""
+        if not self._is_due():
+            return
+        if self._bar is None:
+            from rich.progress import BarColumn, MofNCompleteColumn, TimeRemainingColumn
+
+            self._open(
+                "{task.description}", BarColumn(), MofNCompleteColumn(), "{task.fields[rate]}", TimeRemainingColumn(),
+                "left {task.fields[bad]}", total=progress.total, rate="", bad="",
+            )  # fmt: skip
+        from asrsim.sweeps.table import shares
+
+        self._bar.update(self._task, completed=progress.done, rate=f"{progress.rate:.3g} runs/s", bad=shares(progress.statuses))

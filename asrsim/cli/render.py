@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.options import End, Start, check_window
+from asrsim.cli.options import End, Json, Start, check_window
 
 SIZE = 360
 """Pixels, root of the area of a picture."""
@@ -34,7 +34,7 @@ def render(
         Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Draw the logged motion: a film strip, a GIF, a video. Needs no display, and nothing but the log.
 
@@ -43,7 +43,7 @@ def render(
     from asrsim.cli.console import json_errors, say, say_json
 
     with json_errors(json):
-        from asrsim.cli.fraction import FractionProgress
+        from asrsim.cli.progress import FractionBar
         from asrsim.outfile import make_folder
         from asrsim.render import Film, share_view, write_gif, write_mp4, write_strip
         from asrsim.runs.folder import find_logs
@@ -52,7 +52,7 @@ def render(
         logs = find_logs(log)
         files: list[Path] = []
         rates = {} if fps is None else {"fps": fps}
-        with FractionProgress(show=not quiet and not json) as progress:
+        with FractionBar(show=not quiet and not json) as progress:
             films = [Film(path, size=size, start=start, end=end) for path in logs]
             share_view(films)
             for path, film in zip(logs, films, strict=True):

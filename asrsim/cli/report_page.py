@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.options import Plugins, load_plugins
+from asrsim.cli.options import Json, Plugins, load_plugins
 
 
 def report(
@@ -18,7 +18,7 @@ def report(
     film: Annotated[bool, typer.Option("--film/--no-film", help="Draw film strips too.")] = True,
     plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Write one HTML page about runs: interactive plots, measures, parameters with their sources. It needs no network.
 
@@ -29,11 +29,11 @@ def report(
     from asrsim.cli.console import json_errors, say, say_json
 
     with json_errors(json):
-        from asrsim.cli.fraction import FractionProgress
+        from asrsim.cli.progress import FractionBar
         from asrsim.report import write_report
 
         load_plugins(plugin)
-        with FractionProgress(show=not quiet and not json) as progress:
+        with FractionBar(show=not quiet and not json) as progress:
             page = write_report(folder, out, film=film, progress=progress.update)
     if json:
         say_json({"ok": True, "report": str(page), "bytes": page.stat().st_size})

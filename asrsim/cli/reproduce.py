@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.options import Json
+
 if TYPE_CHECKING:
     from asrsim.reproduce import Reproduction
 
@@ -18,7 +20,7 @@ def reproduce(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path("out/reproduce"),
     processes: Annotated[int, typer.Option(min=1, help="Figures that run at once.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print claims that do not hold only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Run the paper's experiments again: every figure with its claims, measured numbers and verdicts on one page.
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asrsim.cli.options import Json
+
 if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
 
@@ -28,7 +30,7 @@ def rerun(
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another run in --out.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print differences only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Repeat a run from its log alone and compare every sample, bit for bit.
 
@@ -41,7 +43,7 @@ def rerun(
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
 
     with json_errors(json):
-        from asrsim.cli.progress import RunProgress
+        from asrsim.cli.progress import RunBar
         from asrsim.log import open_log
         from asrsim.runs.folder import find_logs
         from asrsim.runs.repeat import repeat
@@ -50,7 +52,7 @@ def rerun(
         with Interruption() as interruption:
             for one in logs:
                 place = out if out is None or len(logs) == 1 else out / one.parent.name
-                with RunProgress(one.name, open_log(one).duration, show=not quiet and not json) as progress:
+                with RunBar(one.name, open_log(one).duration, show=not quiet and not json) as progress:
                     repetitions.append(
                         repeat(
                             one, out=place, plugins=plugin or [], trust_plugins=trust_plugins, overwrite=overwrite,

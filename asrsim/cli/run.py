@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.completion import engines, variants
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
@@ -46,7 +46,7 @@ def run(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every warning on its own line.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Simulate a scenario: a log, a summary and plots of every variant; checks what the scenario expects.
 
@@ -88,7 +88,7 @@ def _run(
     load_plugins(plugins)
     scenarios = [with_plugins(one, plugins) for one in load_scenario(path, variant=variant, overrides=overrides)]
     done: list[Executed] = []
-    told: set[str] = set()
+    printed: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
     with Interruption() as interruption:
         for one in scenarios:
@@ -96,10 +96,10 @@ def _run(
             title = f"{one.name} / {one.variant}"
             before = len(done)
             try:
-                from asrsim.cli.progress import RunProgress
+                from asrsim.cli.progress import RunBar
 
                 with owned(folder):
-                    with RunProgress(title, one.duration, show=not quiet) as progress:
+                    with RunBar(title, one.duration, show=not quiet) as progress:
                         executed = execute(
                             one, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
                             started=progress.start, progress=progress.update, stop=interruption.stop,
@@ -116,12 +116,10 @@ def _run(
                 # Nothing of this variant could be built or written: the others would most likely fail alike.
                 failure = (title, error)
             if len(done) > before:
-                print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, told=told)
+                print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, printed=printed)
                 # Whoever reads along sees it now, and is missed at once when he goes.
                 sys.stdout.flush()
-            if failure is not None:
-                break
-            if interruption.requested:
+            if failure is not None or interruption.requested:
                 break
     if json:
         errors = [] if failure is None else [{"variant": failure[0], **error_as_dict(failure[1])}]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.sweeps import Table
@@ -64,7 +63,7 @@ def sweep(
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")] = False,
+    json: Json = False,
 ) -> None:
     """Vary anything of a scenario, run all of it on every core, and keep a row a run: what moves what, and how sure it is.
 
@@ -119,7 +118,7 @@ def _swept(
 ) -> tuple[Table, int]:  # fmt: skip
     from asrsim.cli.console import complain
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
-    from asrsim.cli.sweep_progress import SweepProgress
+    from asrsim.cli.progress import SweepBar
     from asrsim.sweeps import make_study, read_study, sweep
     from asrsim.sweeps.read import is_study
 
@@ -136,7 +135,7 @@ def _swept(
         complain(f"warning the fit does not say how to draw {', '.join(study.joint.left_out)}: as the scenario has them")
     folder = out or Path("out") / study.name / "sweep"
     message = "asrsim: stopping; rows that have come are kept (Ctrl-C again to abort)"
-    with Interruption(message) as interruption, SweepProgress(study.name, show=not quiet) as progress:
+    with Interruption(message) as interruption, SweepBar(study.name, show=not quiet) as progress:
         table = sweep(
             study, workers=workers, cluster=cluster, out=folder, resume=resume, overwrite=overwrite,
             progress=progress.update, stop=interruption.stop,
@@ -153,12 +152,12 @@ def _opened(folder: Path, run: int | None, out: Path | None, *, quiet: bool) -> 
     if run is None:
         return table
     summary = run_again(table, run, out or folder / f"run_{run:06d}")
-    print_run(summary, quiet=quiet, silent=quiet, verbose=False, told=set())
+    print_run(summary, quiet=quiet, silent=quiet)
     return None
 
 
 def _show(table: Table, results: list[str], *, plot: bool, report: bool, quiet: bool, json: bool) -> None:
-    from asrsim.cli.console import say, say_json
+    from asrsim.cli.console import say, say_json, say_written
     from asrsim.sweeps.show import as_dict, say_summary
 
     files: list[Path] = []
@@ -176,8 +175,6 @@ def _show(table: Table, results: list[str], *, plot: bool, report: bool, quiet: 
     elif not quiet:
         for line in say_summary(table):
             say(line)
-        written = (*table.files[:1], *files)
-        if written:
-            say(f"wrote {written[0].parent}{os.sep}: {', '.join(path.name for path in written)}")
+        say_written([*table.files[:1], *files])
         if table.missing:
             say(f"{table.missing} runs are missing; --resume does them")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 from rich import markup
 from rich.box import SIMPLE_HEAD
@@ -15,6 +15,7 @@ from asrsim.actuators.checker import CheckReport
 from asrsim.cli.console import SHOWN, problem_lines, shown
 from asrsim.cli.findings import FileReport
 from asrsim.errors import Problem
+from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
 from asrsim.robot.tags import parameter_tags
 
@@ -31,11 +32,12 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
         if not quiet:
             _print_head(console, report)
             if report.robot is not None:
-                for blocks in _alike(report.robot.actuators):
-                    _print_blocks(console, blocks)
+                slides = {joint.name for joint in report.robot.moving_joints if joint.kind == "prismatic"}
+                for blocks in _alike(report.robot.actuators, slides):
+                    _print_blocks(console, blocks, slides)
                 _print_passive(console, report.robot)
                 if report.step is not None:
-                    _print_figures(console, report.figures, report.step)
+                    _print_figures(console, report.figures, report.step, slides)
         print_problems(console, report.errors, "error", "bold red")
         print_problems(console, report.warnings, "warning", "yellow")
     if quiet:
@@ -89,17 +91,20 @@ def _undriven(robot: Robot) -> list[str]:
     return [joint.name for joint in robot.moving_joints if joint.name not in driven]
 
 
-def _alike(blocks: Iterable[ActuatorBlock]) -> list[list[ActuatorBlock]]:
-    """Blocks with equal actuator, mode and parameters together, so that a robot of many arms fits a screen."""
+def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:
+    """Blocks with equal actuator, mode and parameters together, so that a robot of many arms fits a screen; prismatic joints,
+    `slides`, have units of their own.
+    """
     groups: dict[tuple[object, ...], list[ActuatorBlock]] = {}
     for block in blocks:
         values = tuple((name, value.value, value.origin) for name, value in block.parameters.items())
-        groups.setdefault((block.actuator, block.mode, values), []).append(block)
+        groups.setdefault((block.actuator, block.mode, block.joint in slides, values), []).append(block)
     return list(groups.values())
 
 
-def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
+def _print_blocks(console: Console, blocks: list[ActuatorBlock], slides: Container[str]) -> None:
     first = blocks[0]
+    unit_of = linear_unit if first.joint in slides else str
     mode, actuator = MODES[first.mode], ACTUATORS.get(first.actuator)
     console.print()
     console.print(
@@ -125,7 +130,9 @@ def _print_blocks(console: Console, blocks: list[ActuatorBlock]) -> None:
         used = _is_used(part, value.name, mode)
         name = value.name if used else f"{value.name} *"
         style = "" if value.origin != "default" else "dim"
-        table.add_row(escape(name), f"{value.value:.6g}", value.unit, _origin(value, blocks), style=style if used else "dim")
+        table.add_row(
+            escape(name), f"{value.value:.6g}", unit_of(value.unit), _origin(value, blocks), style=style if used else "dim"
+        )
     console.print(table)
     if mode.motor and mode.controller and any(values[f"motor_{i}_torque_constant"] for i in range(1, actuator.motors + 1)):
         console.print(
@@ -168,23 +175,27 @@ def _plain(text: str) -> bool:
     return True
 
 
-def _print_figures(console: Console, figures: Sequence[StepFigures], step: float) -> None:
+def _print_figures(console: Console, figures: Sequence[StepFigures], step: float, slides: Container[str]) -> None:
     if not figures:
         return
     console.print()
     console.print(f"At a step of {step * 1e3:g} ms [dim](estimates at the zero pose, base fixed)[/]")
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("joint")
+    inertia, stiffness = (
+        "\nor ".join(dict.fromkeys(linear_unit(unit) if entry.joint in slides else unit for entry in figures))
+        for unit in ("kg m^2", "N m/rad")
+    )
     for heading in (
-        "inertia\nkg m²",
+        f"inertia\n{inertia.replace('^2', '²')}",
         "at rest\nHz",
-        "stiffness\nN m/rad",
+        f"stiffness\n{stiffness}",
         "ω h\n< 2",
         "sub-\nsteps",
         "c h/I\n< 2",
         "gains\n< 2",
     ):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for entry in figures:
         gain = max(entry.link_gain, entry.motor_gain)
         table.add_row(

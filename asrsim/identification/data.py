@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.modes import Mode
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.computed import computed_columns
 from asrsim.identification.noise import fine_noise, glitches, quantum_of
@@ -23,6 +24,7 @@ from asrsim.scenario.starter_playback import Plan, make_plan
 from asrsim.simulation.evaluation import DERIVED, DIRECT, EXTERNAL
 
 COMPARABLE = (*DIRECT, *DERIVED)
+CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"
 PLAYED = 2
 """Mode in which motors stand at their references."""
 
@@ -204,30 +206,35 @@ def _channels(
         )  # fmt: skip
         raise RecordingError(problem)
     computed = computed_columns(plan.recording, [column for _, column in possible.values()])
+    left_out: dict[str, list[str]] = {}
     acting = {block.joint: MODES[modes.get(block.joint, block.mode)] for block in plan.robot.actuators}
     for key, (joint, column) in possible.items():
         quantity = str(column.quantity)
         if wanted and key not in wanted:
             continue
-        mode = acting.get(joint)
-        if mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")) and key not in wanted:
-            remarks.append(f"{key} is not compared: in this mode motors stand at their references")
+        reason = None if key in wanted else _left_out(quantity, acting.get(joint), column.source in computed)
+        if reason is not None:
+            of = f" (of {computed[column.source]})" if reason == CIRCULAR else ""
+            left_out.setdefault(reason, []).append(f"{key}{of}")
             continue
-        if mode and not mode.spring and quantity.startswith(("elastic", "deflection")) and key not in wanted:
-            remarks.append(f"{key} is not compared: mode {mode.number} ({mode.name}) has no spring")
-            continue
-        if column.source in computed and key not in wanted:
-            remarks.append(
-                f"{key} is not compared: column '{column.source}' was computed from {computed[column.source]}, not measured; "
-                "a fit to it would be circular"
-            )
-            continue
-        channel = _channel(task, joint, column, lag, remarks)
+        channel = _channel(task, joint, column, lag, remarks, prismatic=plan.robot.joint(joint).kind == "prismatic")
         if channel is not None:
             yield channel
+    remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 
 
-def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[str]) -> Channel | None:
+def _left_out(quantity: str, mode: Mode | None, computed: bool) -> str | None:
+    """Why a quantity is not compared unasked; None: it is."""
+    if mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")):
+        return f"motors stand at their references in mode {mode.number} ({mode.name})"
+    if mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
+        return f"mode {mode.number} ({mode.name}) has no spring"
+    return CIRCULAR if computed else None
+
+
+def _channel(
+    task: Task, joint: str, column: Column, lag: float, remarks: list[str], *, prismatic: bool
+) -> Channel | None:  # fmt: skip
     quantity = str(column.quantity)
     key = f"{joint}.{quantity}"
     good = np.isfinite(column.values) & (column.time - lag >= -1e-9)
@@ -241,7 +248,8 @@ def _channel(task: Task, joint: str, column: Column, lag: float, remarks: list[s
         return None
     quantum = quantum_of(values)
     noise = task.noise.get(key) or fine_noise(values, quantum)
+    unit = unit_of(quantity, prismatic=prismatic) or column.unit
     return Channel(
-        joint=joint, quantity=quantity, unit=column.unit or unit_of(quantity), time=time, values=values, noise=noise,
+        joint=joint, quantity=quantity, unit=unit, time=time, values=values, noise=noise,
         given=key in task.noise, quantum=quantum,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from asrsim.identification.noise import lag_correlation, size_of, swings
+from asrsim.identification.noise import is_nothing, lag_correlation, size_of, swings
 from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import ROUNDS, cost_of, solve
@@ -223,6 +223,8 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
         if raw is None:
             return False
         for channel, left in zip(one.channels, raw, strict=True):
+            if is_nothing(size_of(left), channel.noise):
+                continue
             # Steps of an encoder swing with the motion.
             ringing = not channel.quantum and swings(left)
             if ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from asrsim.identification.fit import WHITE, is_loud
-from asrsim.identification.noise import lag_correlation, swings
+from asrsim.identification.noise import is_nothing, lag_correlation, swings
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 SMALL = 1e-2
+"""Part of a standard deviation by which estimates are moved to see what that does; correlations below it are not told."""
 HELD_OUT = 1.3
 """Held-out error in training errors beyond which a model does not fit."""
 
@@ -23,6 +24,10 @@ SHAKEN = 2.0
 """Deviations of what the commands' noise and the estimates' uncertainty make of a prediction."""
 EXPLAINED = 0.5
 """Share of a channel's variance from which on a fit explains it, more or less."""
+EXACT = 1e-4
+"""Share of a channel's deviation that no sensor tells: what simulations without noise differ by, whose inputs between samples
+are not known.
+"""
 HELD = "the held-out error is"
 
 
@@ -55,6 +60,12 @@ class ChannelFit:
     """Part of the correlation that noise as that of the recorded commands makes."""
     unsure: float = 0.0
     """RMS there of what the estimates' deviations make of it."""
+
+    @property
+    def explained_whole(self) -> bool:
+        """Whether nothing that counts is left: less than the noise, as of a simulation without any, or than a sensor tells."""
+        left = float(np.nanmax([self.after, self.held_after, 0.0]))
+        return is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -122,7 +133,7 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
     """Why the model does not fit; empty where it does."""
     reasons = []
     trained = {one.key: one.after for one in fits if not np.isnan(one.after)}
-    for key in dict.fromkeys(one.key for one in fits):
+    for key in dict.fromkeys(one.key for one in fits if not one.explained_whole):
         mine = [one for one in fits if one.key == key]
         train = [one.after for one in mine if not np.isnan(one.after)]
         held = [one.held_after for one in mine if not np.isnan(one.held_after)]

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
-from asrsim.quantities import PRISMATIC_UNITS
+from asrsim.quantities import linear_unit
 from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
@@ -22,8 +22,6 @@ TYPICAL = {
     "kg": 0.1, "kg m^2": 1e-3,
 }  # fmt: skip
 """Unit -> size of a number that says nothing of its own size, being 0."""
-LINEAR_UNITS = {**PRISMATIC_UNITS, "N m s/rad": "N s/m", "kg m^2": "kg", "N m/(rad s)": "N/(m s)", "1/rad": "1/m"}
-"""Unit of an actuator's parameter -> the same on a prismatic joint."""
 FACTOR = 1e6
 """A positive parameter may become so much smaller or larger."""
 
@@ -65,7 +63,7 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
             logarithmic = low >= 0.0 and start > 0.0 and math.isfinite(start) and not loss
             if logarithmic:
                 low, high = max(low, start / FACTOR), min(high, start * FACTOR)
-            unit = LINEAR_UNITS.get(one.unit, one.unit) if prismatic else one.unit
+            unit = linear_unit(one.unit) if prismatic else one.unit
             yield Parameter(
                 key=f"{block.joint}.{one.name}", unit=unit, start=start, low=low, high=high, logarithmic=logarithmic
             )

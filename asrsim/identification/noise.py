@@ -9,6 +9,8 @@ from asrsim.samples import Array
 
 ORDER = 12
 """Largest order of the autoregressive models."""
+NOTHING = 0.5
+"""Share of what was taken for noise below which nothing is left of it: white noise leaves all, correlated noise more."""
 CLIPPED = 4.0
 """Deviations, by the median of sizes, beyond which a residual counts as so large."""
 AROUND = 25
@@ -60,6 +62,11 @@ def size_of(residuals: Array) -> float:
     """Root mean square of residuals (n,), of which single outliers count little and a stretch that is off counts much."""
     typical = float(np.median(np.abs(residuals))) / 0.6745
     return float(np.sqrt(np.mean(np.minimum(np.abs(residuals), CLIPPED * typical) ** 2)))
+
+
+def is_nothing(size: float, noise: float) -> bool:
+    """Whether residuals of a root mean square are so few that what was taken for noise is explained, too: there is none."""
+    return size < NOTHING * noise
 
 
 def swings(residuals: Array, share: float = 0.0) -> bool:

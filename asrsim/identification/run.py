@@ -99,13 +99,14 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
                 residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt
             )  # fmt: skip
             teller.stage("substeps and weights of what was found")
-            _settle(residuals, best, task)
+            _settle(residuals, best, setup)
             layout, x = with_bristles(residuals, best.x, setup.robot)
             if len(x) > len(best.x):
                 teller.stage("bristles of the friction")
                 setup.layout, residuals.layout, best.x = layout, layout, x
+                followed(residuals, x, setup.tracks)
                 best.x = solve(residuals, x, loss=task.loss)
-                _settle(residuals, best, task)
+                _settle(residuals, best, setup)
         except Stopped:
             status = "interrupted"
             residuals.share = 1.0
@@ -116,16 +117,14 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
 
 
-def _settle(residuals: Residuals, best: Best, task: Task) -> None:
+def _settle(residuals: Residuals, best: Best, setup: Setup) -> None:
     """With the substeps of a run with these numbers, or as fine ones as the recordings ask for, and weights of what is left."""
     for _ in range(ROUNDS):
-        if not followed(residuals, best.x):
+        if not followed(residuals, best.x, setup.tracks):
             break
         best.x = solve(residuals, best.x, loss="linear", rounds=20)
-    best.substeps = refined(residuals, best.x)
-    if best.substeps:
-        best.x = solve(residuals, best.x, loss="linear", rounds=20)
-    best.x = _reweighted(residuals, best.x, task)
+    best.x, best.substeps = refined(residuals, best.x, setup.tracks)
+    best.x = _reweighted(residuals, best.x, setup.task)
 
 
 APART = 10.0
@@ -239,6 +238,7 @@ def _judged(
     if (
         status == "complete"
         and not whole
+        and not all(one.explained_whole for one in fits)
         and any(0.0 < e < t.data.duration for t, e in zip(setup.tracks, setup.ends, strict=True))
     ):
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")

@@ -4,7 +4,7 @@ much still finer ones would make the estimates others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -12,7 +12,9 @@ import numpy as np
 from asrsim.errors import RobotError, UnresolvedSpringError
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.residuals import Residuals
+from asrsim.identification.solver import solve
 from asrsim.identification.told import percent
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 ROUNDS = 3
@@ -21,14 +23,18 @@ FINER = 4
 """Times as many substeps, against which an estimate is held: where joints stick, errors are nearer to first order."""
 COARSE, FINEST = 0.3, 8
 """Share of what is left of a channel that substeps may be, and how many times as many there are for that, at most."""
+WORSE = 1.5
+"""Times what is left otherwise, as a mean square, from which on finer substeps explain a recording less."""
 SAID = 2.0
 """Deviations from which on it is said what substeps do to an estimate."""
 
 
-def followed(residuals: Residuals, x: Array) -> bool:
-    """Give each recording the substeps that a run with x's numbers takes; whether any are others than before."""
+def followed(residuals: Residuals, x: Array, tracks: Sequence[Track]) -> bool:
+    """Give each recording, those that are only compared too, the substeps that a run with x's numbers takes; whether any are
+    others than before.
+    """
     changed = False
-    for number, track in enumerate(residuals.tracks):
+    for number, track in enumerate(tracks):
         resolution = track.prepared.resolution
         try:
             wanted = track.resolution(residuals.layout.table(x, number))
@@ -40,13 +46,30 @@ def followed(residuals: Residuals, x: Array) -> bool:
     return changed
 
 
-def refined(residuals: Residuals, x: Array) -> dict[str, int]:
-    """Give all recordings the substeps that the most exact one asks for: these, as a scenario has them, or nothing
-    where those of runs will do, or the scenario gives its own.
+def refined(residuals: Residuals, x: Array, tracks: Sequence[Track]) -> tuple[Array, dict[str, int]]:
+    """Give all recordings the substeps that the most exact one asks for; the estimate with them, and them as a scenario has
+    them. x and nothing where those of runs will do, the scenario gives its own, or finer ones explain less: the recording is
+    a simulation's, made with these.
     """
+    factor = 1 if tracks[0].prepared.stepping.released or tracks[0].given_substeps else _finer_times(residuals, x)
+    if factor == 1:
+        return x, {}
+    coarse = [(track, track.prepared.resolution) for track in tracks]
+    left = float(np.mean(residuals(x) ** 2))
+    for track, resolution in coarse:
+        track.resolve(factor * resolution.substeps, resolution.motor_substeps)
+    there = solve(residuals, x, loss="linear", rounds=20)
+    if float(np.mean(residuals(there) ** 2)) > WORSE * left:
+        for track, resolution in coarse:
+            track.resolve(resolution.substeps, resolution.motor_substeps)
+        return x, {}
+    found = max((track.prepared.resolution for track in tracks), key=lambda one: one.substeps)
+    return there, {"substeps": found.substeps, "motor_substeps": found.motor_substeps}
+
+
+def _finer_times(residuals: Residuals, x: Array) -> int:
+    """How many times as many substeps leave errors of theirs well below what is left over otherwise."""
     tracks, worst = residuals.tracks, 0.0
-    if tracks[0].prepared.stepping.released or tracks[0].given_substeps:
-        return {}
     before = [residuals.raw(x, number) for number in range(len(tracks))]
     with _finer(residuals):
         after = [residuals.raw(x, number) for number in range(len(tracks))]
@@ -57,12 +80,7 @@ def refined(residuals: Residuals, x: Array) -> dict[str, int]:
     factor = 1
     while worst / factor > COARSE and factor < FINEST:
         factor *= 2
-    if factor == 1:
-        return {}
-    for track in tracks:
-        track.resolve(factor * track.prepared.resolution.substeps, track.prepared.resolution.motor_substeps)
-    found = max((track.prepared.resolution for track in tracks), key=lambda one: one.substeps)
-    return {"substeps": found.substeps, "motor_substeps": found.motor_substeps}
+    return factor
 
 
 @contextmanager

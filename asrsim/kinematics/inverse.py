@@ -16,7 +16,7 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.desired import DesiredMotion, knot_distance
 from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
 from asrsim.kinematics.model import DynamicModel
-from asrsim.quantities import PRISMATIC_UNITS
+from asrsim.quantities import linear_unit
 from asrsim.samples import Array
 from asrsim.scenario.data import LinkDamping
 
@@ -33,7 +33,7 @@ class Losses:
     """What brakes a link beside its drive, and what its joint bears."""
 
     prismatic: bool = False
-    """Units are then those of PRISMATIC_UNITS."""
+    """Units are then m and N in place of rad and N m."""
     damping: float = 0.0
     """N m s/rad."""
     friction: float = 0.0
@@ -180,7 +180,6 @@ def demands_of(
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     found: list[Demand] = []
-    units = PRISMATIC_UNITS if loss.prismatic else {}
 
     def add(what: str, needed: Array, limit: Array | float, unit: str, motor: int = 0) -> None:
         limits = np.broadcast_to(np.abs(limit), needed.shape)
@@ -189,7 +188,7 @@ def demands_of(
         worst = int(np.argmax(share))
         found.append(
             Demand(joint=drive.joint, what=what, needed=float(needed[worst]), limit=float(limits[worst]),
-                   unit=units.get(unit, unit),
+                   unit=linear_unit(unit) if loss.prismatic else unit,
                    time=float(time[worst]), motor=motor)
         )  # fmt: skip
 
@@ -211,6 +210,6 @@ def demands_of(
         # The way beyond the stop is what counts, whatever its sign.
         found.append(
             Demand(joint=drive.joint, what="joint stop", needed=float(position[worst]), limit=float(limit),
-                   unit=units.get("rad", "rad"), time=float(time[worst]))
+                   unit="m" if loss.prismatic else "rad", time=float(time[worst]))
         )  # fmt: skip
     return found

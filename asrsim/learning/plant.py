@@ -15,7 +15,7 @@ from asrsim.errors import DivergenceError, Problem, ScenarioError
 from asrsim.kinematics.soft_arm import INVERTED_MODES
 from asrsim.robot import drive_of
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.data import Learning, Scenario, for_joint
 from asrsim.signals.constant import Constant
 from asrsim.signals.sampled import Sampled
 
@@ -37,6 +37,8 @@ class Plant:
     scenario: Scenario
     robot: Robot = field(repr=False)
     """As its file says; the scenario's modes and parameters are applied at each run."""
+    learning: Learning = field(repr=False)
+    """The scenario's block `ilc`."""
     joints: tuple[str, ...]
     time: Array = field(repr=False)
     """(n,) s, the steps of the simulation."""
@@ -98,12 +100,12 @@ class Plant:
         references = dict(self.scenario.references)
         for joint, signals in self._played(inputs).items():
             references[joint] = {**self.scenario.references_of(joint), **signals}
-        trajectory = self.scenario.learning["trajectory"]
         computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
         # The scenario's claims are about its own references, not about learned inputs.
         return replace(
-            self.scenario, references=references, inverse_dynamics=computed, desired=trajectory, expect=(), log_every=1
-        )
+            self.scenario, references=references, inverse_dynamics=computed, desired=self.learning.trajectory, expect=(),
+            log_every=1,
+        )  # fmt: skip
 
     def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
         """One run with these inputs; every sample kept."""
@@ -130,16 +132,15 @@ class Plant:
 
 def trajectories(scenario: Scenario) -> dict[str, Scenario]:
     """The scenario for each of its trajectories by name, ready for :func:`make_plant`; one without a name under ""."""
-    several = scenario.learning.get("trajectories") or {}
-    found = {"": scenario} if not several else {}
-    for name, one in several.items():
-        learning, plain = (
-            {key: value for key, value in block.items() if key != "trajectories"}
-            for block in (scenario.learning, scenario.resolved["ilc"])
-        )
+    learning = scenario.learning
+    if learning is None or not learning.trajectories:
+        return {"": scenario}
+    found = {}
+    for name, one in learning.trajectories.items():
+        plain = {key: value for key, value in scenario.resolved["ilc"].items() if key != "trajectories"}
         plain["trajectory"] = scenario.resolved["ilc"]["trajectories"][name]
         found[name] = replace(
-            scenario, name=f"{scenario.name}_{name}", learning={**learning, "trajectory": one},
+            scenario, name=f"{scenario.name}_{name}", learning=replace(learning, trajectory=one, trajectories={}),
             resolved={**scenario.resolved, "ilc": plain},
         )  # fmt: skip
     return found
@@ -152,15 +153,16 @@ def make_plant(scenario: Scenario) -> Plant:
     """
     from asrsim.scenario import apply_to_robot, checked_robot
 
-    if not scenario.learning:
+    learning = scenario.learning
+    if learning is None:
         hint = "Write the motion: ilc: {tolerance: 0.01, trajectory: {JOINT: {minimum_jerk: {duration: 2.0, to: 0.6}}}}"
         message = "the scenario has no block `ilc`: nothing says what to learn"
         raise ScenarioError(message, file=scenario.path, hint=hint, code="no-ilc")
     robot, _ = checked_robot(scenario)
     applied = apply_to_robot(scenario, robot)
-    trajectory = scenario.learning.get("trajectory") or {}
+    trajectory = learning.trajectory
     if not trajectory:
-        names = tuple(scenario.learning.get("trajectories") or ())
+        names = tuple(learning.trajectories)
         message = "has several trajectories: one is learned at a time"
         raise ScenarioError(message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
     blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
@@ -182,6 +184,7 @@ def make_plant(scenario: Scenario) -> Plant:
     return Plant(
         scenario=scenario,
         robot=robot,
+        learning=learning,
         joints=tuple(block.joint for block in blocks),
         time=time,
         reference=np.column_stack([signal.values(time) for signal in signals]),

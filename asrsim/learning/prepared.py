@@ -109,20 +109,20 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     Presets are chosen first, if the scenario asks for it: the plant of the result has them. lawless: nothing will be learned.
     Raises ScenarioError where gravity is to be compensated and cannot be.
     """
-    block = plant.scenario.learning
+    learning = plant.learning
     inverse = model.inverse(plant.reference)
     notes: list[str] = []
-    if block.get("presets", "given") != "given":
-        chosen = choose_presets(model, inverse, block["tolerance"], block["presets"])
+    if learning.presets != "given":
+        chosen = choose_presets(model, inverse, learning.tolerance, learning.presets)
         plant = plant.with_presets(inverse.motion.time, {item.joint: item.values for item in chosen})
         model = model.of(plant)
         inverse = model.inverse(plant.reference)
         notes += [_preset_note(item) for item in chosen]
     linear = model.linear(inverse)
-    gains = choose_gains(linear)[: len(plant.joints)] if wants_model_gains(block, plant.joints) else None
-    settings = parse_settings(block, plant.joints, gains)
-    if wants_safe_filter(block, plant.joints):
-        settings = parse_settings(block, plant.joints, gains, safe_filter(linear, settings.gains, settings.filter_order))
+    gains = choose_gains(linear)[: len(plant.joints)] if wants_model_gains(learning, plant.joints) else None
+    settings = parse_settings(learning, plant.joints, gains)
+    if wants_safe_filter(learning, plant.joints):
+        settings = parse_settings(learning, plant.joints, gains, safe_filter(linear, settings.gains, settings.filter_order))
     guesses: dict[str, Callable[[], Array]] = {
         "zero": lambda: np.zeros_like(plant.reference),
         "reference": lambda: plant.reference.copy(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from asrsim.learning.trial import LearningResult, Trial, worst
 from asrsim.outfile import write_json
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
+from asrsim.scenario.learning_keys import KeepLogs, PlantSet
 from asrsim.workers import Executor, executor
 
 if TYPE_CHECKING:
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
 
 MOST_DEMANDS = 12
 """Demands of the motion that are written."""
-KeepLogs = Literal["none", "last", "all"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +92,8 @@ def run_session(
     """
     with owned(folder):
         earlier = open_folder(folder, plant.scenario, resume=resume, overwrite=overwrite)
-        block = plant.scenario.learning
-        keep = keep_logs or block.get("keep_logs", "last")
+        learning = plant.learning
+        keep = keep_logs or learning.keep_logs
         with learning_model(plant) as model, executor(processes, plugins) as workers:
             prepared = prepare_learning(plant, model)
             plant = prepared.plant
@@ -101,12 +101,11 @@ def run_session(
                 on_start(prepared)
             logger = _Logger(folder, keep == "all")
 
-            plants = block.get("plants")
-            if plants:
-                set_of = draw_plants(Spread.of(plants, plant.joints), int(plants["draws"]), int(plants["seed"]))
+            if learning.plants is not None:
+                drawn = draw_plants(Spread.of(learning.plants, plant.joints), learning.plants.draws, learning.plants.seed)
 
                 def simulate(inputs: Array) -> Array:
-                    return np.array(outputs_of(plant, inputs, set_of, workers))
+                    return np.array(outputs_of(plant, inputs, drawn, workers))
             else:
 
                 def simulate(inputs: Array) -> Array:
@@ -137,11 +136,11 @@ def run_session(
             if keep == "last":
                 logger.write(plant, result.inputs, LOG)
             report = nominal = None
-            if with_transfer and block.get("transfer"):
-                report = _transfer(plant, result, prepared, block["transfer"], draws, workers)
-                if plants:
+            if with_transfer and learning.transfer is not None:
+                report = _transfer(plant, result, prepared, learning.transfer, draws, workers)
+                if learning.plants is not None:
                     alone = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
-                    nominal = _transfer(plant, alone, prepared, block["transfer"], draws, workers)
+                    nominal = _transfer(plant, alone, prepared, learning.transfer, draws, workers)
         session = Session(
             prepared=prepared,
             result=result,
@@ -177,9 +176,9 @@ def session_data(session: Session) -> dict[str, Any]:
 
 
 def _transfer(
-    plant: Plant, result: LearningResult, prepared: Prepared, block: Any, draws: int | None, workers: Executor
+    plant: Plant, result: LearningResult, prepared: Prepared, others: PlantSet, draws: int | None, workers: Executor
 ) -> TransferReport:
-    plants = draw_plants(Spread.of(block, plant.joints), draws or int(block["draws"]), int(block["seed"]))
+    plants = draw_plants(Spread.of(others, plant.joints), draws or others.draws, others.seed)
     return transfer(
         plant.reference,
         plants,

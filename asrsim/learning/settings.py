@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from asrsim.errors import Problem, ScenarioError
+from asrsim.scenario.learning_keys import FirstGuess, LawName, Learning
 
-FirstGuess = Literal["zero", "reference", "gravity", "inverse_dynamics"]
-LawName = Literal["auto", "paper", "filtered"]
 MODEL = "model"
 """Word for a gain that is chosen from the linearised joint dynamics."""
 OF_FIXED_GAIN = ("gain", "gain_decay", "joint_gains", "derivative", "filter", "forgetting")
@@ -48,58 +46,59 @@ class LearningSettings:
         return tuple(gain * factor for gain in self.gains)
 
 
-def wants_model_gains(block: Mapping[str, Any], joints: Sequence[str]) -> bool:
+def wants_model_gains(learning: Learning, joints: Sequence[str]) -> bool:
     """Whether any joint's gain is to be chosen from the model."""
-    return any(_gain(block, joint) == MODEL for joint in joints)
+    return any(_gain(learning, joint) == MODEL for joint in joints)
 
 
-def wants_safe_filter(block: Mapping[str, Any], joints: Sequence[str]) -> bool:
+def wants_safe_filter(learning: Learning, joints: Sequence[str]) -> bool:
     """Whether cutoff and gains are to be made safe by the model: always but with equation 13 or a cutoff as given."""
-    law = block.get("law", "auto")
-    given = (block.get("filter") or {}).get("cutoff") is not None
-    return not given and (law == "filtered" or (law == "paper" and wants_model_gains(block, joints)))
+    if learning.filter is not None:
+        return False
+    return learning.law == "filtered" or (learning.law == "paper" and wants_model_gains(learning, joints))
 
 
 def parse_settings(
-    block: Mapping[str, Any],
+    learning: Learning,
     joints: Sequence[str],
     model_gains: Sequence[float] | None = None,
     safe: tuple[Sequence[float], float] | None = None,
 ) -> LearningSettings:
-    """Settings from a scenario's `ilc:` block (validated by asrsim.scenario; absent keys take their defaults).
+    """Settings from a scenario's `ilc:` block.
 
     model_gains: one a joint, put where the block says `model`. safe: gains and cutoff in Hz that replace both.
     Raises ScenarioError for gains of unknown joints.
     """
-    unknown = [joint for joint in block.get("joint_gains", {}) if joint not in joints]
+    unknown = [joint for joint in learning.joint_gains if joint not in joints]
     if unknown:
         raise ScenarioError(
             [Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=tuple(joints)) for joint in unknown]
         )
     gains = []
     for index, joint in enumerate(joints):
-        gain = _gain(block, joint)
+        gain = _gain(learning, joint)
         if gain == MODEL:
             if model_gains is None:
                 raise ScenarioError("a gain from the model needs a model", key="ilc.gain", code="no-model-gain")
             gain = model_gains[index]
         gains.append(float(gain))
-    filtering = block.get("filter") or {}
-    law = block.get("law", "auto")
-    return LearningSettings(
-        law=law,
-        gains=tuple(gains) if safe is None else tuple(safe[0]),
-        filter_cutoff=filtering.get("cutoff") if safe is None else safe[1],
-        filter_order=int(filtering.get("order", LearningSettings.filter_order)),
-        first_guess=block.get("first_guess") or ("inverse_dynamics" if law == "auto" else "zero"),
-        **{
-            name: block[name]
-            for name in ("gain_decay", "derivative", "forgetting", "tolerance", "max_iterations", "patience")
-            if name in block
-        },
+    settings = LearningSettings(
+        law=learning.law,
+        gains=tuple(gains),
+        gain_decay=learning.gain_decay,
+        derivative=learning.derivative,
+        forgetting=learning.forgetting,
+        first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"),
+        tolerance=learning.tolerance,
+        max_iterations=learning.max_iterations,
+        patience=learning.patience,
     )
+    if safe is not None:
+        return replace(settings, gains=tuple(safe[0]), filter_cutoff=safe[1])
+    if learning.filter is not None:
+        return replace(settings, filter_cutoff=learning.filter.cutoff, filter_order=learning.filter.order)
+    return settings
 
 
-def _gain(block: Mapping[str, Any], joint: str) -> float | str:
-    gain: float | str = block.get("joint_gains", {}).get(joint, block.get("gain", 0.5))
-    return gain
+def _gain(learning: Learning, joint: str) -> float | str:
+    return learning.joint_gains.get(joint, learning.gain)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.vectorised import equilibrium_over_arrays
-from asrsim.samples import Array, JointInfo, Samples
+from asrsim.samples import Array, JointInfo, Samples, picking
 
 _IDEAL_MOTORS = tuple(mode.number for mode in MODES.values() if mode.spring and not mode.motor)
 
@@ -19,28 +20,28 @@ def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array
     joints: those of the log (:attr:`RunInfo.joints`), matched by name. Ideal motors (modes 2, 3) that are not
     recorded stand at the references.
     """
-    result = np.full((len(samples.time), len(samples.joints)), np.nan)
-    for column, joint in _columns(samples, joints):
-        theta_1 = _column(samples, "motor_1_position", column)
-        theta_2 = _column(samples, "motor_2_position", column)
-        if np.all(np.isnan(theta_1)) and joint.mode in _IDEAL_MOTORS:
-            result[:, column] = _reference_position(samples, joint, column)
-        else:
-            result[:, column] = _mapped(joint, theta_1, theta_2)
-    return result
+    theta_1, theta_2 = _rows(samples, "motor_1_position"), _rows(samples, "motor_2_position")
+    result = np.full(theta_1.shape, np.nan)
+    for (actuator, mode), rows in _kinds(samples, joints):
+        result[rows] = _mapped(actuator, theta_1[rows], theta_2[rows])
+        if mode in _IDEAL_MOTORS:
+            unknown = np.arange(len(result))[rows][np.isnan(theta_1[rows]).all(axis=1)]
+            result[unknown] = _reference_position(samples, actuator, mode, unknown)
+    return result.T
 
 
 def deflection(samples: Samples, joints: Sequence[JointInfo]) -> Array:
     """(n, number of joints) rad: equilibrium position minus link position."""
-    return equilibrium_position(samples, joints) - _positions(samples)
+    return equilibrium_position(samples, joints) - _rows(samples, "link_position").T
 
 
 def position_error(samples: Samples, joints: Sequence[JointInfo]) -> Array:
     """(n, number of joints) rad: reference of the position minus link position; NaN in the torque modes (0, 4)."""
-    result = np.full((len(samples.time), len(samples.joints)), np.nan)
-    for column, joint in _columns(samples, joints):
-        result[:, column] = _reference_position(samples, joint, column) - _column(samples, "link_position", column)
-    return result
+    position = _rows(samples, "link_position")
+    result = np.full(position.shape, np.nan)
+    for (actuator, mode), rows in _kinds(samples, joints):
+        result[rows] = _reference_position(samples, actuator, mode, rows) - position[rows]
+    return result.T
 
 
 DERIVED_FUNCTIONS: dict[str, Callable[[Samples, Sequence[JointInfo]], Array]] = {
@@ -58,33 +59,35 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
 """Quantities to read from a log for a derived one, as far as it has them."""
 
 
-def _columns(samples: Samples, joints: Sequence[JointInfo]) -> list[tuple[int, JointInfo]]:
-    return [(samples.joints.index(joint.name), joint) for joint in joints if joint.name in samples.joints]
+def _kinds(samples: Samples, joints: Sequence[JointInfo]) -> Iterator[tuple[tuple[str, int | None], Any]]:
+    """Actuator and mode, and what picks the joints that have them from an array (joints, n)."""
+    kinds: dict[tuple[str, int | None], list[int]] = {}
+    places = {name: row for row, name in enumerate(samples.joints)}
+    for joint in joints:
+        if joint.name in places:
+            kinds.setdefault((joint.actuator, joint.mode), []).append(places[joint.name])
+    return ((kind, picking(rows)) for kind, rows in kinds.items())
 
 
-def _column(samples: Samples, quantity: str, column: int) -> Array:
+def _rows(samples: Samples, quantity: str) -> Array:
+    """(joints, n), NaN where it is not recorded."""
     values = samples.values.get(quantity)
-    return np.full(len(samples.time), np.nan) if values is None else values[:, column]
+    return np.broadcast_to(np.nan, (len(samples.joints), len(samples.time))) if values is None else values.T
 
 
-def _positions(samples: Samples) -> Array:
-    columns = [_column(samples, "link_position", column) for column in range(len(samples.joints))]
-    return np.column_stack(columns) if columns else np.empty((len(samples.time), 0))
-
-
-def _reference_position(samples: Samples, joint: JointInfo, column: int) -> Array:
-    """The link position that the references ask for; NaN where they drive the joint's motors or the link directly."""
-    reference_1 = _column(samples, "reference_1", column)
-    mode = MODES.get(joint.mode) if joint.mode is not None else None
-    if mode is None or mode.direct or "torque" in mode.references[0]:
-        return np.full(len(samples.time), np.nan)
-    if mode.mapped or not mode.spring:
+def _reference_position(samples: Samples, actuator: str, mode: int | None, rows: Any) -> Array:
+    """The link positions that the references ask for; NaN where they drive the joints' motors or links directly."""
+    reference_1: Array = _rows(samples, "reference_1")[rows]
+    meaning = MODES.get(mode) if mode is not None else None
+    if meaning is None or meaning.direct or "torque" in meaning.references[0]:
+        return np.full(reference_1.shape, np.nan)
+    if meaning.mapped or not meaning.spring:
         return reference_1
-    return _mapped(joint, reference_1, _column(samples, "reference_2", column))
+    return _mapped(actuator, reference_1, _rows(samples, "reference_2")[rows])
 
 
-def _mapped(joint: JointInfo, theta_1: Array, theta_2: Array) -> Array:
-    """Equilibrium position of two motor positions; NaN if the actuator is not registered here."""
-    if joint.actuator not in ACTUATORS:
-        return np.full(len(theta_1), np.nan)
-    return equilibrium_over_arrays(ACTUATORS.get(joint.actuator))(theta_1, theta_2)
+def _mapped(actuator: str, theta_1: Array, theta_2: Array) -> Array:
+    """Equilibrium positions of two motor positions; NaN if the actuator is not registered here."""
+    if actuator not in ACTUATORS:
+        return np.full(theta_1.shape, np.nan)
+    return equilibrium_over_arrays(ACTUATORS.get(actuator))(theta_1, theta_2)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.plots.curves import KNOWN
+from asrsim.quantities import linear_unit
 from asrsim.samples import JointInfo
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#707070", "#b8b8b8"
@@ -67,6 +68,7 @@ VARIANTS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
 """inch."""
 DPI = 150
+"""Dots per inch of a picture."""
 LIMIT = "#c2185b"
 """Limits of joints, torques and deflections."""
 WIDTH = 1.25
@@ -173,7 +175,7 @@ def unit(quantity: str, joint: JointInfo | None = None) -> str:
         if has_adjuster(joint) and quantity in ("reference_2", "motor_2_position", "motor_2_velocity"):
             return ACTUATORS.get(joint.actuator).reference_2_unit + ("/s" if quantity == "motor_2_velocity" else "")
         if joint.prismatic:
-            text = {"N m/rad": "N/m", "N m": "N", "rad": "m", "rad/s": "m/s"}.get(text, text)
+            text = linear_unit(text)
     return text.replace("N m", "N·m")
 
 

@@ -25,8 +25,8 @@ class _Step:
         self.joint = joint
         self.rotation, self.origin, self.axis = rotation_matrix(joint.rpy), np.array(joint.origin), np.array(joint.axis)
         self.cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-        """Of Rodrigues' formula, and its square."""
-        self.square = self.cross @ self.cross
+        """Matrix of the cross product with the axis, for Rodrigues' formula."""
+        self.cross_squared = self.cross @ self.cross
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +47,8 @@ class Chain:
         found: dict[str, Pose] = {self.robot.root.name: base if base is not None else fixed}
         for step in self._outwards:
             joint = step.joint
-            rotation, place = found[joint.parent]
-            turned, moved = rotation @ step.rotation, place + rotation @ step.origin
+            rotation, position = found[joint.parent]
+            turned, moved = rotation @ step.rotation, position + rotation @ step.origin
             value = positions.get(joint.name)
             if joint.moves and value is not None:
                 if joint.kind == "prismatic":
@@ -56,20 +56,14 @@ class Chain:
                 else:
                     turned = turned @ (
                         np.eye(3) + np.sin(value)[:, None, None] * step.cross
-                        + (1.0 - np.cos(value))[:, None, None] * step.square
+                        + (1.0 - np.cos(value))[:, None, None] * step.cross_squared
                     )  # fmt: skip
             found[joint.child] = turned, moved
         return found
 
     @cached_property
     def _outwards(self) -> tuple[_Step, ...]:
-        """The joints from the root on, parents first."""
-        steps, waiting = [], [self.robot.root.name]
-        while waiting:
-            for joint in self.robot.carried.get(waiting.pop(), ()):
-                steps.append(_Step(joint))
-                waiting.append(joint.child)
-        return tuple(steps)
+        return tuple(map(_Step, self.robot.outward_joints))
 
     def gravity_load(self, positions: Mapping[str, Array], gravity: Vector) -> dict[str, Array]:
         """Moving joint -> (n,) torque in N m (force in N) by which gravity (m/s^2) drives it along its axis."""
@@ -77,13 +71,13 @@ class Chain:
         pull = np.array(gravity)
         masses = {link.name: link.mass or 0.0 for link in self.robot.links}
         moments = {
-            link.name: masses[link.name] * (place + rotation @ np.array(link.centre_of_mass))
+            link.name: masses[link.name] * (position + rotation @ np.array(link.centre_of_mass))
             for link in self.robot.links
-            for rotation, place in (frames[link.name],)
+            for rotation, position in (frames[link.name],)
         }
         above = {joint.child: joint for joint in self.robot.joints}
         loads: dict[str, Array] = {}
-        # Poses were found from the root outwards: from the tips inwards, masses and their moments (kg m) gather.
+        # From the tips inwards, each link adds its mass and mass moment (kg m) to its parent's.
         for name in reversed(frames):
             joint = above.get(name)
             if joint is None:
@@ -94,9 +88,8 @@ class Chain:
                 if joint.kind == "prismatic":
                     loads[joint.name] = masses[name] * (axis @ pull)
                 else:
-                    x, y, z = (moments[name] - masses[name] * origin).T
-                    turn = np.stack([y * pull[2] - z * pull[1], z * pull[0] - x * pull[2], x * pull[1] - y * pull[0]], axis=1)
-                    loads[joint.name] = np.einsum("ni,ni->n", axis, turn)
+                    torque = np.cross(moments[name] - masses[name] * origin, pull)
+                    loads[joint.name] = np.einsum("ni,ni->n", axis, torque)
             masses[joint.parent] += masses[name]
             moments[joint.parent] = moments[joint.parent] + moments[name]
         return loads

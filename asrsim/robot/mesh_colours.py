@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import RobotError
-from asrsim.robot.attributes import words
-from asrsim.robot.numbers import plain_number
-from asrsim.robot.shapes import Colour
+from asrsim.robot.shapes import Colour, colour_numbers
 from asrsim.robot.xmlfile import parse_xml, read_bytes
 
 
@@ -43,10 +41,7 @@ def mesh_colour(path: Path) -> Colour | None:
 def _diffuse(effect: Any) -> Colour | None:
     for diffuse in effect.iter("{*}diffuse"):
         for colour in diffuse.iter("{*}color"):
-            try:
-                numbers = [min(max(plain_number(word), 0.0), 1.0) for word in words(colour.text or "")]
-            except ValueError:
-                return None
+            numbers = colour_numbers(colour.text or "")
             if len(numbers) in (3, 4):
                 red, green, blue = numbers[:3]
                 # Exporters write opacity 0 where they mean none given: a mesh that nobody can see is not meant.

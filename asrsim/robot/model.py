@@ -200,6 +200,17 @@ class Robot:
             found[joint.parent] = (*found.get(joint.parent, ()), joint)
         return found
 
+    @cached_property
+    def outward_joints(self) -> tuple[Joint, ...]:
+        """All joints from the root to the tips, parents first."""
+        found: list[Joint] = []
+        waiting = [self.root.name]
+        while waiting:
+            joints = self.carried.get(waiting.pop(), ())
+            found += joints
+            waiting += [joint.child for joint in joints]
+        return tuple(found)
+
     @property
     def root(self) -> Link:
         """The link that is no joint's child."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,20 +25,14 @@ class PassiveReader(AttributeReader):
         """The joints, each with its spring. A tag that stands twice counts the last time, as in Gazebo."""
         found = {joint.name: joint for joint in joints}
         lines: dict[str, int | None] = {}
-        for gazebo in elements(root, "gazebo"):
-            name = name_of(gazebo, "reference")
-            for tag in (*elements(gazebo, STIFFNESS), *elements(gazebo, REFERENCE)):
-                joint = found.get(name)
-                if joint is None or not joint.moves:
-                    self._misplaced(tag, name, joint, tuple(joint.name for joint in joints if joint.moves))
-                    continue
-                value = self._value(tag, name)
-                if tag.tag == STIFFNESS:
-                    lines[name] = self.line(tag)
-                    found[name] = replace(joint, spring_stiffness=value)
-                else:
-                    lines.setdefault(name, self.line(tag))
-                    found[name] = replace(joint, spring_reference=value)
+        for tag, name in self._tags(root, joints, (STIFFNESS, REFERENCE), "passive spring", "misplaced-spring"):
+            value = self._value(tag, name)
+            if tag.tag == STIFFNESS:
+                lines[name] = self.line(tag)
+                found[name] = replace(found[name], spring_stiffness=value)
+            else:
+                lines.setdefault(name, self.line(tag))
+                found[name] = replace(found[name], spring_reference=value)
         for name, line in lines.items():
             self._judge(found[name], line)
         return tuple(found[joint.name] for joint in joints)
@@ -46,27 +40,20 @@ class PassiveReader(AttributeReader):
     def frictions(self, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
         """The joints, each with its friction beside the Coulomb level."""
         found = {joint.name: joint for joint in joints}
-        places: dict[str, Any] = {}
-        for gazebo in elements(root, "gazebo"):
-            name = name_of(gazebo, "reference")
-            for tag in (tag for key in FRICTION for tag in elements(gazebo, key)):
-                joint = found.get(name)
-                if joint is None or not joint.moves:
-                    moving = tuple(joint.name for joint in joints if joint.moves)
-                    self._misplaced(tag, name, joint, moving, what="friction", code="misplaced-friction")
-                    continue
-                value = self._value(tag, name)
-                if value < 0.0 or (value == 0.0 and tag.tag == PACE):
-                    self.error(
-                        f"must be {'larger than' if tag.tag == PACE else 'at least'} 0", tag, f"{name}.{tag.tag}",
-                        code="out-of-range", value=f"{value:g}",
-                        hint="It is what static friction has above the Coulomb level" if tag.tag == EXCESS else None,
-                    )  # fmt: skip
-                    continue
-                changed: dict[str, Any] = {FRICTION[tag.tag]: value}
-                found[name] = replace(joint, **changed)
-                places[name] = tag
-        for name, tag in places.items():
+        last_tags: dict[str, Any] = {}
+        for tag, name in self._tags(root, joints, FRICTION, "friction", "misplaced-friction"):
+            value = self._value(tag, name)
+            if value < 0.0 or (value == 0.0 and tag.tag == PACE):
+                self.error(
+                    f"must be {'larger than' if tag.tag == PACE else 'at least'} 0", tag, f"{name}.{tag.tag}",
+                    code="out-of-range", value=f"{value:g}",
+                    hint="It is what static friction has above the Coulomb level" if tag.tag == EXCESS else None,
+                )  # fmt: skip
+                continue
+            changed: dict[str, Any] = {FRICTION[tag.tag]: value}
+            found[name] = replace(found[name], **changed)
+            last_tags[name] = tag
+        for name, tag in last_tags.items():
             if not found[name].friction_varies:
                 self.warn(
                     f"has no effect: the joint has neither <{EXCESS}> nor <{SHARE}>", tag, f"{name}.{tag.tag}",
@@ -79,6 +66,20 @@ class PassiveReader(AttributeReader):
                 )  # fmt: skip
         return tuple(found[joint.name] for joint in joints)
 
+    def _tags(self, root: Any, joints: Sequence[Joint], tags: Iterable[str], what: str, code: str) -> Iterator[tuple[Any, str]]:
+        """Tags of these names in blocks of moving joints, with the joint's name; a warning for each of another block."""
+        kinds = {joint.name: joint.kind for joint in joints}
+        moving = tuple(joint.name for joint in joints if joint.moves)
+        for gazebo in elements(root, "gazebo"):
+            name = name_of(gazebo, "reference")
+            for tag in (tag for key in tags for tag in elements(gazebo, key)):
+                if name in moving:
+                    yield tag, name
+                    continue
+                why = f"a {kinds[name]} joint does not move" if name in kinds else "the robot has no such joint"
+                hint = None if name in kinds else did_you_mean(name, moving)
+                self.warn(f"{what} without effect: {why}", tag, f"{name}.{tag.tag}", code=code, hint=hint)
+
     def _value(self, tag: Any, name: str) -> float:
         text, place = text_of(tag), f"{name}.{tag.tag}"
         try:
@@ -87,14 +88,6 @@ class PassiveReader(AttributeReader):
             self.error(str(error), tag, place, code="not-a-number", value=text)
             return 0.0
         return self.bounded(value, text, tag, place, finite=True)
-
-    def _misplaced(
-        self, tag: Any, name: str, joint: Joint | None, moving: tuple[str, ...], *, what: str = "passive spring",
-        code: str = "misplaced-spring",
-    ) -> None:  # fmt: skip
-        why = "the robot has no such joint" if joint is None else f"a {joint.kind} joint does not move"
-        hint = did_you_mean(name, moving) if joint is None else None
-        self.warn(f"{what} without effect: {why}", tag, f"{name}.{tag.tag}", code=code, hint=hint)
 
     def _judge(self, joint: Joint, line: int | None) -> None:
         place = f"{joint.name}.{STIFFNESS}"

@@ -15,6 +15,7 @@ from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
 
 GRAVITY = 9.81
+"""m/s^2, for judgements of what a robot weighs."""
 HEAVY = 50.0
 """kg: a link of an arm below 0.8 m is not that heavy; beyond, the bound grows with the cube of the arm's size."""
 DENSITY = 100.0
@@ -25,6 +26,8 @@ DEGREES = (20.0, 720.0)
 """Limits of revolute joints in this range are turns of several, or degrees."""
 STUCK = 1000.0
 """s/rad (s/m) and more: damping and friction, over the moment (or force) of the arm's own weight, that no joint has."""
+DENSEST = 1e8
+"""kg/m^3 of the ball that has a link's mass and largest moment; osmium has 2.3e4, stand-ins in files of robots up to 1e7."""
 WIDE = 100.0
 """m from one end of a robot to the other."""
 UNUSUAL = 1e4
@@ -44,9 +47,10 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
         )  # fmt: skip
     for link in robot.links:
         _check_body(findings, link, size, moves=link is not robot.root)
+    bounds = most_damping(robot)
     for joint in robot.moving_joints:
         _check_limits(findings, joint)
-        bound = most_damping(robot, joint)
+        bound = bounds[joint.name]
         for name, value in (("damping", joint.damping), ("friction", joint.friction)):
             if 0.0 < bound < value:
                 message = f"so much {name} holds the joint still, whatever drives it"
@@ -63,6 +67,11 @@ def _size(robot: Robot, poses: Mapping[str, Pose]) -> float:
     return float(np.ptp(points, axis=0).max())
 
 
+def beyond_reach(robot: Robot) -> float:
+    """m from a link's frame, beyond which nothing of the robot is."""
+    return AWAY + 2.0 * _size(robot, link_poses(robot))
+
+
 def own_weight(robot: Robot) -> tuple[float, float]:
     """The weight of all links in N, and its moment in N m were the robot stretched out."""
     poses = link_poses(robot)
@@ -72,10 +81,10 @@ def own_weight(robot: Robot) -> tuple[float, float]:
     return force, force * max(_size(robot, poses), reach)
 
 
-def most_damping(robot: Robot, joint: Joint) -> float:
-    """N m s/rad (N s/m) beyond which a joint does not move; 0 where nothing is known of the arm's weight."""
+def most_damping(robot: Robot) -> dict[str, float]:
+    """N m s/rad (N s/m) beyond which each moving joint does not move; 0 where nothing is known of the arm's weight."""
     force, moment = own_weight(robot)
-    return STUCK * (force if joint.kind == "prismatic" else moment)
+    return {joint.name: STUCK * (force if joint.kind == "prismatic" else moment) for joint in robot.moving_joints}
 
 
 def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
@@ -107,6 +116,12 @@ def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> 
         findings.warn(
             f"the inertia is that of a body far larger than {what} (in kg m^2)", code="large-inertia", line=link.line,
             key=link.name, value=f"radius of gyration {gyration:.4g} m",
+        )  # fmt: skip
+    # The ball's radius: r^2 = 5/2 of the radius of gyration's square.
+    elif moves and link.mass is not None and 0.0 < DENSEST * 4.0 / 3.0 * math.pi * (2.5**0.5 * gyration) ** 3 < link.mass:
+        findings.warn(
+            "the inertia is that of a point: no body has so much mass in so little space (in kg m^2)", code="tiny-inertia",
+            line=link.line, key=link.name, value=f"radius of gyration {gyration:.4g} m",
         )  # fmt: skip
 
 

@@ -108,11 +108,16 @@ def _colour_of(element: Any, colours: Mapping[str, Colour]) -> Colour | None:
 def _colour(material: Any) -> Colour | None:
     """Red, green, blue, opacity; None if it says none that can be used: a colour moves nothing."""
     for colour in elements(material, "color"):
-        try:
-            numbers = [min(max(plain_number(word), 0.0), 1.0) for word in words(colour.get("rgba") or "")]
-        except ValueError:
-            return None
+        numbers = colour_numbers(colour.get("rgba") or "")
         if len(numbers) == 4:
             red, green, blue, opacity = numbers
             return red, green, blue, opacity
     return None
+
+
+def colour_numbers(text: str) -> list[float]:
+    """The numbers of a colour, each brought into 0 to 1; none where the text is not made of numbers."""
+    try:
+        return [min(max(plain_number(word), 0.0), 1.0) for word in words(text)]
+    except ValueError:
+        return []

@@ -1,8 +1,7 @@
 """What a time step means for a robot, estimated from its file: stiff springs, damping and gains past their limits.
 
-Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit
-and the motors' torque let a spring reach. The simulation itself works with
-exact mass matrices and chooses its substeps by them.
+Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit and the
+motors' torque let a spring reach. The simulation itself works with exact mass matrices and chooses its substeps by them.
 """
 
 from __future__ import annotations
@@ -10,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.detailed_motor import electric_of
@@ -73,12 +73,18 @@ def largest_stiffness(actuator: type[Actuator], parameters: Mapping[str, float],
     Deflections go up to the limit; where motors have dynamics (`motors`), up to twice their largest torque, which a
     sudden load can bring them to.
     """
-    values = tuple(parameters[parameter.name] for parameter in actuator.parameters)
-    limit = parameters.get("max_deflection", FREE_RANGE)
+    values = actuator.law_values(parameters)
     bounds = (
         2.0 * parameters["motor_1_max_torque"] if motors else math.inf,
         2.0 * parameters["motor_2_max_torque"] if motors and actuator.motors == 2 else math.inf,
     )
+    kind: Any = actuator  # For mypy a class of classes cannot be hashed.
+    return _largest_within(kind, values, parameters.get("max_deflection", FREE_RANGE), bounds)
+
+
+@lru_cache
+def _largest_within(actuator: Any, values: tuple[float, ...], limit: float, bounds: tuple[float, float]) -> float:
+    """limit: rad of deflection; bounds: N m of each motor. The joints of a robot often have the same springs."""
     sides = (-1.0, 0.0, 1.0)
     rays = [(x, y) for x in sides for y in (sides if actuator.motors == 2 else (0.0,))]
 
@@ -120,8 +126,8 @@ def _figures(joint: Joint, block: ActuatorBlock | None, inertia: float, step: fl
         if mode.spring:
             stiffness = largest_stiffness(actuator, values, motors=mode.motor)
             unloaded = actuator.motor_references(0.0, actuator.typical_preset)
-            law = tuple(values[parameter.name] for parameter in actuator.parameters)
-            natural = math.sqrt(max(actuator.stiffness(0.0, *unloaded, law), 0.0) * mobility) / math.tau
+            stiffness_at_rest = actuator.stiffness(0.0, *unloaded, actuator.law_values(values))
+            natural = math.sqrt(max(stiffness_at_rest, 0.0) * mobility) / math.tau
         elif mode.controller:
             link_gain = step * (values["controller_1_derivative"] + joint.damping) * mobility
         if mode.motor:

@@ -45,7 +45,7 @@ def law_fault(block: ActuatorBlock) -> str | None:
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     if not MODES[block.mode].spring:
         return None
-    parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    parameters = actuator.law_values(values)
     away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
     motors: tuple[float, ...] = ()
     laws: tuple[Any, ...] = actuator.elastic_torques, actuator.stiffness, actuator.elastic_energy
@@ -85,7 +85,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
 def has_spring(block: ActuatorBlock) -> bool:
     """Whether a deflection makes a torque anywhere up to its limit."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    parameters = tuple(values[parameter.name] for parameter in actuator.parameters)
+    parameters = actuator.law_values(values)
     reach = min(values.get("max_deflection", 1.0), 1.0)
     motors = actuator.motor_references(0.0, actuator.typical_preset)
     try:

@@ -27,7 +27,7 @@ from asrsim.scenario.joint_keys import (
     LinkDamping,
 )
 from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, FolderName, Vector
-from asrsim.scenario.learning_keys import LEARNING
+from asrsim.scenario.learning_keys import LEARNING, Learning
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
 from asrsim.scenario.world_keys import WORLD, WRENCHES, World, WorldObject, Wrench
@@ -39,6 +39,7 @@ __all__ = [
     "Effects",
     "Expectation",
     "GivenActuator",
+    "Learning",
     "LinkDamping",
     "Scenario",
     "Vector",
@@ -216,7 +217,7 @@ class Scenario:
     )
     world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
     task: CartesianTask | None = declare(Optional(TASK), default=None, doc="a Cartesian path, made into references")
-    learning: Mapping[str, Any] = declare(LEARNING, key="ilc", default={}, doc="iterative learning control, for `asrsim ilc`")
+    learning: Learning | None = declare(LEARNING, key="ilc", default=None, doc="iterative learning control, for `asrsim ilc`")
     expect: tuple[Expectation, ...] = declare(CLAIMS, default=(), doc="claims that the run must meet")
     path: Path | None = None
     text: str = field(default="", repr=False)
@@ -231,6 +232,14 @@ class Scenario:
     def references_of(self, joint: str) -> dict[str, Signal]:
         """Reference by name of one joint: those given for all, and its own, which win."""
         return {**self.references.get("*", {}), **self.references.get(joint, {})}
+
+    @property
+    def trajectories(self) -> dict[str, Mapping[str, Signal]]:
+        """Desired link positions that are to be learned, by joint, under the key of the scenario where they stand."""
+        if self.learning is None:
+            return {}
+        several = {f"ilc.trajectories.{name}": table for name, table in self.learning.trajectories.items()}
+        return several or {"ilc.trajectory": self.learning.trajectory}
 
 
 @overload

@@ -24,6 +24,9 @@ LOUDEST = {"commands": 5.0, "sensors": 1.0}
 FARTHEST = 1.0
 """rad or m in a step."""
 MOST_RATIO = 100.0
+"""Damping ratio of a link beyond which it is doubted: 1 is critical."""
+STEPS = (1e-6, 0.05)
+"""s: of a motor's electronics, and what no controller of a robot takes."""
 HANDFUL = 5
 """Samples between which a log shows nothing."""
 LOOSE, FAR = 100.0, 1e6
@@ -123,14 +126,17 @@ def _damping(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         elif damping.ratio > MOST_RATIO:
             message = "is no damping ratio; at 1 nothing swings"
             yield Problem(message, key=f"{key}.ratio", value=damping.ratio, code="large-damping")
-        bounds = [most_damping(robot, joint) for joint in robot.moving_joints if name in (joint.name, "*")]
-        if 0.0 < min(bounds, default=0.0) < damping.constant:
+        bounds = most_damping(robot)
+        if 0.0 < min((bounds[joint] for joint in bounds if name in (joint, "*")), default=0.0) < damping.constant:
             message = "so much damping holds the link still, whatever drives it"
             yield Problem(message, key=f"{key}.constant", value=damping.constant, code="large-damping")
 
 
 def _samples(scenario: Scenario) -> Iterator[Problem]:
-    """A log that shows next to nothing of the run."""
+    """Steps that are no steps of a robot's controllers, and a log that shows next to nothing of the run."""
+    if not STEPS[0] <= scenario.step <= STEPS[1]:
+        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
     apart = scenario.log_every * scenario.step
     if scenario.log_every > 1 and scenario.duration < HANDFUL * apart:
         message = f"leaves {int(scenario.duration / apart + 1e-9) + 1} samples of a run of {scenario.duration:g} s"

@@ -24,7 +24,7 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
     """The one that there is; raises ScenarioError if there are several."""
     if len(loaded) != 1:
         names = tuple(one.variant for one in loaded)
-        hint = "Choose one with variant=..., or run them all with asrsim.run_variants"
+        hint = "Choose one with variant=... (--variant), or run them all with asrsim.run_variants (asrsim run)"
         message = "the scenario has several variants"
         raise ScenarioError(message, file=loaded[0].path, choices=names, hint=hint, code="variant")
     return loaded[0]

@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Robot
-from asrsim.robot.sanity import own_weight
+from asrsim.robot.sanity import beyond_reach, own_weight
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.base import Signal
@@ -57,6 +57,7 @@ def signal_doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield from _fast(scenario, part, one)
     yield from _presets(scenario, robot)
     yield from _beyond_limits(scenario, robot)
+    yield from _beyond_torques(scenario, robot)
     yield from _loads(scenario, robot)
 
 
@@ -73,13 +74,7 @@ def _signals(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
 
 def _wanted(scenario: Scenario) -> dict[str, Mapping[str, Signal]]:
     """Link positions that are wanted or prescribed, by section and joint."""
-    learned = scenario.learning
-    return {
-        "desired": scenario.desired,
-        "motion": scenario.motion,
-        "ilc.trajectory": learned.get("trajectory", {}),
-        **{f"ilc.trajectories.{name}": table for name, table in learned.get("trajectories", {}).items()},
-    }
+    return {"desired": scenario.desired, "motion": scenario.motion, **scenario.trajectories}
 
 
 def _wrenches(scenario: Scenario) -> Iterator[tuple[str, Signal, str]]:
@@ -185,6 +180,26 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=key, value=value, code="reference-limits")
 
 
+def _beyond_torques(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Torques, asked for or declared as a range, that the joint's effort limit or the motor's largest torque cuts."""
+    for block in robot.actuators:
+        mode, given = MODES[block.mode], scenario.references_of(block.joint)
+        for motor, (name, unit) in enumerate(zip(mode.references, mode.units, strict=True), start=1):
+            if unit != "N m":
+                continue
+            what, limit = "the joint's effort limit", robot.joint(block.joint).effort
+            if mode.motor:
+                what, limit = f"motor {motor}'s largest torque", block.values().get(f"motor_{motor}_max_torque")
+            asked = {reference_key(scenario, block, name): _extremes(scenario, given[name])} if name in given else {}
+            for joint in ("*", block.joint):
+                if name in scenario.reference_ranges.get(joint, {}):
+                    asked[f"reference_ranges.{joint}.{name}"] = scenario.reference_ranges[joint][name]
+            for key, bounds in asked.items():
+                if limit and max(map(abs, bounds)) > limit:
+                    message = f"is cut at {what}, {limit:g} N m"
+                    yield Problem(message, key=key, value=f"{bounds[0]:g} to {bounds[1]:g} N m", code="reference-limits")
+
+
 def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float, float]]:
     """Key, joint, and the extremes of the link's positions that references ask for, and `desired` and the like."""
     time = np.linspace(0.0, scenario.duration, 501)
@@ -218,7 +233,12 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float,
 
 
 def _loads(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Loads, from outside and as references, that are out of all proportion to the arm."""
+    """Loads, from outside and as references, that are out of all proportion to the arm, or act nowhere near it."""
+    for index, wrench in enumerate(scenario.wrenches):
+        if math.hypot(*wrench.point) > beyond_reach(robot):
+            message = f"is far outside the robot (in m, in the frame of '{wrench.link}')"
+            shown = ", ".join(f"{number:g}" for number in wrench.point)
+            yield Problem(message, key=f"wrenches.{index}.point", value=shown, code="far-off")
     force, torque = own_weight(robot)
     loads = {key: (signal, kind) for key, signal, kind in _wrenches(scenario)}
     driven = [(name, f"external_torques.{name}", signal) for name, signal in scenario.external_torques.items()]

@@ -81,16 +81,16 @@ class EnergyGuard:
         by joint, in J: given: work of actuators and external torques on the links; residual: what vanished in the actuators;
         turnover: sum of the absolute flows.
         """
-        scale = FLOOR + SHARE * float(np.sum(turnover))
-        worst = int(np.argmax(np.abs(residual)))
+        scale = FLOOR + SHARE * float(turnover.sum())
+        worst = int(np.abs(residual).argmax())
         if abs(residual[worst]) > scale:
             change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
         if energy is None:
             return None
         # Energy that an actuator made (its residual) is reported above; the links are not blamed for it again.
-        created = energy - self._start - float(np.sum(given)) - float(np.sum(residual))
+        created = energy - self._start - float(given.sum()) - float(residual.sum())
         self._fastest = max(self._fastest, kinetic)
         if created > scale + SHARE * self._fastest:
-            return names[int(np.argmax(turnover))], f"the links hold {created:.3g} J that nothing gave them"
+            return names[int(turnover.argmax())], f"the links hold {created:.3g} J that nothing gave them"
         return None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import Actuator
-from asrsim.samples import Array
+from asrsim.samples import Array, picking
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.substep import RAW
 
@@ -26,7 +26,7 @@ class Group:
     """Motors with dynamics in their modes."""
     drives: tuple[SteppedJoint, ...]
     pick: Any
-    """Picks their rows of an array (joints, n), as :func:`picking` says."""
+    """Picks their rows of an array (joints, n), as :func:`asrsim.samples.picking` says."""
 
     @property
     def elastic(self) -> tuple[Any, ...]:
@@ -60,12 +60,6 @@ def spring_groups(drives: Sequence[SteppedJoint]) -> tuple[Group, ...]:
         Group(actuator=actuator, motors=motors, drives=tuple(drives[j] for j in rows), pick=picking(rows))
         for (actuator, motors), rows in members.items()
     )
-
-
-def picking(rows: list[int]) -> Any:
-    """What picks rows of an array: a slice where they are neighbours, which saves a copy."""
-    neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
-    return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)
 
 
 def _column(values: Sequence[float]) -> Any:

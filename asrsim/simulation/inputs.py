@@ -11,13 +11,12 @@ import numpy as np
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import references_over_arrays
-from asrsim.samples import Array
+from asrsim.samples import Array, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.effects import through
-from asrsim.simulation.groups import picking
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.substep import READINGS
 from asrsim.simulation.wrenches import wrench_table

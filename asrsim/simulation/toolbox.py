@@ -21,10 +21,12 @@ from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.kernels import Advance, advance_passive, advance_torque
 
 IDLE_MOTOR = (0.0, 0.0, 0.0, 0.0)
+"""State of a motor at rest."""
 
 PHANTOM_MOTOR = (0.0233, 0.2698, 6.0, -math.inf, math.inf)
 """Inertia (kg m^2), damping (N m s/rad), torque limit (N m) and position limits (rad) of the released DCMotor."""
 PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
+"""N m, N m/rad, N m/(rad s), N m s/rad of the motor that the released SEA plugin updates beside its own."""
 PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
 """The second motor of one-motor actuators: defaults of the released classes (N m; N m/rad, N m/(rad s), N m s/rad)."""
 
@@ -71,8 +73,7 @@ def toolbox_constants(actuator: type[Actuator], values: Mapping[str, float], mod
     """Constants of :func:`make_toolbox_advance` for a step of `step` s."""
     if mode.number == 1:
         return (values["controller_1_proportional"], values["controller_1_integral"], values["controller_1_derivative"], step)
-    elastic = tuple(values[parameter.name] for parameter in actuator.parameters)
-    return (elastic, step, motor_constants(actuator, values, 1), motor_constants(actuator, values, 2))
+    return (actuator.law_values(values), step, motor_constants(actuator, values, 1), motor_constants(actuator, values, 2))
 
 
 def make_toolbox_advance(actuator: type[Actuator] | None, mode: Mode | None) -> tuple[Advance, tuple[float, ...]]:
