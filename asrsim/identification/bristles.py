@@ -41,16 +41,18 @@ def with_bristles(residuals: Residuals, x: Array, robot: Robot) -> tuple[Layout,
             continue
         others = np.linalg.qr(residuals.under(layout).jacobian(x, base=base))[0]
         places = [np.append(x, move) for move in np.log(FACTORS)]
+        sizes = [(track, track.prepared.resolution) for track in residuals.tracks]
         left = [_left(wider, place, others) for place in places]
+        for track, resolution in sizes:
+            track.resolve(resolution.substeps, resolution.motor_substeps)
         if min(left) < float(base @ base) - least:
             layout, x = wider.layout, places[int(np.argmin(left))]
-        followed(residuals.under(layout), x)
     return layout, x
 
 
 def _left(residuals: Residuals, x: Array, others: Array) -> float:
     """Sum of squares that other entries, whose slopes (m, n) are orthonormal, cannot make good."""
-    followed(residuals, x)
+    followed(residuals, x, residuals.tracks)
     left = residuals(x)
     return float(np.sum((left - others @ (others.T @ left)) ** 2))
 

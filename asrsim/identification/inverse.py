@@ -111,8 +111,8 @@ class InverseTrack(Track):
         near, beside = round(NEAR * period), max(1, round(0.25 * period))
         moved = np.zeros(len(self._grid))
         moved[beside:-beside] = self._recorded[j][2 * beside :] - self._recorded[j][: -2 * beside]
-        still: NDArray[np.bool_] = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
-        surely = ~still
+        still = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
+        surely: NDArray[np.bool_] = ~still
         edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
         for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             turns = first > 0 and end < len(moved) and moved[first - 1] * moved[end] < 0.0

@@ -31,7 +31,6 @@ from asrsim.identification.steps import ROUNDS, followed, refined
 from asrsim.identification.steps import remarks as substep_remarks
 from asrsim.identification.task import Task, make_task
 from asrsim.identification.teller import Progress, Teller
-from asrsim.identification.track import Track
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
 from asrsim.workers import cores, executor
@@ -100,13 +99,14 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
                 residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt
             )  # fmt: skip
             teller.stage("substeps and weights of what was found")
-            _settle(residuals, best, task, setup.tracks)
+            _settle(residuals, best, setup)
             layout, x = with_bristles(residuals, best.x, setup.robot)
             if len(x) > len(best.x):
                 teller.stage("bristles of the friction")
                 setup.layout, residuals.layout, best.x = layout, layout, x
+                followed(residuals, x, setup.tracks)
                 best.x = solve(residuals, x, loss=task.loss)
-                _settle(residuals, best, task, setup.tracks)
+                _settle(residuals, best, setup)
         except Stopped:
             status = "interrupted"
             residuals.share = 1.0
@@ -117,15 +117,14 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
 
 
-def _settle(residuals: Residuals, best: Best, task: Task, tracks: Sequence[Track]) -> None:
+def _settle(residuals: Residuals, best: Best, setup: Setup) -> None:
     """With the substeps of a run with these numbers, or as fine ones as the recordings ask for, and weights of what is left."""
     for _ in range(ROUNDS):
-        if not followed(residuals, best.x, tracks):
+        if not followed(residuals, best.x, setup.tracks):
             break
         best.x = solve(residuals, best.x, loss="linear", rounds=20)
-    best.x, finer = refined(residuals, best.x, tracks)
-    best.substeps = finer or best.substeps
-    best.x = _reweighted(residuals, best.x, task)
+    best.x, best.substeps = refined(residuals, best.x, setup.tracks)
+    best.x = _reweighted(residuals, best.x, setup.task)
 
 
 APART = 10.0
