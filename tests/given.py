@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from seen import _extent, figure_lines, page_lines
 
 import asrsim
+from asrsim.samples import Samples
 
 WORDS = 60
 """Of a value or a file, which are kept."""
@@ -67,7 +68,7 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
         yield value.name
     elif depth > 5:
         yield "..."
-    elif getattr(value, "samples", None) is not None:
+    elif isinstance(getattr(value, "samples", None), Samples):
         yield from _words(value.samples, detail, depth)
     elif is_dataclass(value):
         yield type(value).__name__
