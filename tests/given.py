@@ -46,7 +46,7 @@ class Detail(NamedTuple):
     """Numbers below it are 0."""
 
 
-BRIEF, FULL = Detail(), Detail(elements=100, words=1500, least=0.0)
+BRIEF = Detail()
 
 
 def value_line(label: str, value: Any, detail: Detail = BRIEF) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import random
 import struct
 from pathlib import Path
@@ -294,6 +295,44 @@ def test_ticks_catch_up_and_slip():
     assert pace.slips == 1
     pace.wait(0.01)
     assert now[0] == pytest.approx(1.205)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no real-time priority")
+@pytest.mark.parametrize("granted", [True, False])
+def test_real_time_priority_is_taken_where_it_is_granted_and_left_by_a_run_that_is_too_slow(tmp_path, monkeypatch, granted):
+    policies, said = [os.SCHED_OTHER], []
+
+    def set_policy(pid, policy, parameter):
+        if not granted:
+            raise PermissionError
+        policies.append(policy)
+
+    monkeypatch.setattr(os, "sched_setscheduler", set_policy)
+    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: policies[-1])
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
+    session = Session(one, tmp_path / "run", Settings(duration=0.03), tell=said.append)
+    wait = session.pace.wait
+
+    def late(simulated):
+        session.pace.slips += session.pace.lateness.count == 9
+        return wait(simulated)
+
+    session.pace.wait = late
+    assert session.run(stop=lambda: False).ok
+    assert policies == ([os.SCHED_OTHER, os.SCHED_RR, os.SCHED_OTHER] if granted else [os.SCHED_OTHER])
+    assert [text for text in said if "too slow" in text] == [
+        "this machine is too slow for ticks at real-time priority: others come first again"
+    ] * granted
+
+
+def test_energy_from_nowhere_is_told_though_samples_are_made_later(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "asrsim.simulation.divergence.EnergyGuard.fault", lambda self, energy, **rest: ("joint_2", "it has too much")
+    )
+    _, summary = run_live(tmp_path / "run", Script([]), changes=PLAIN, duration=0.1)
+    assert summary.status == "diverged"
+    assert "joint_2" in summary.message
+    assert open_log(tmp_path / "run" / "log.mcap").status == "diverged"
 
 
 def test_quantiles_of_lateness():

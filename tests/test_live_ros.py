@@ -23,7 +23,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.live.departed import awake, farewell
 from asrsim.live.fastdds import settings
-from asrsim.live.ros import load_rclpy
+from asrsim.live.ros import RosTransport, load_rclpy
 from asrsim.log import open_log
 from asrsim.runs.repeat import repeat
 
@@ -69,6 +69,22 @@ def test_a_middleware_that_is_not_there_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
     with pytest.raises(InputError, match=r"asks for 'rmw_cyclonedds_cpp'.*env -u RMW_IMPLEMENTATION"):
         load_rclpy()
+
+
+def test_a_message_that_cannot_be_sent_is_given_up_and_said():
+    """rclpy raises where a subscriber does not keep up and Fast DDS has waited for it long enough."""
+
+    def fails(message):
+        raise RuntimeError("Failed to publish: cannot publish data")
+
+    sent = []
+    transport = object.__new__(RosTransport)
+    transport._raw, transport.wanted, transport._slow, transport._unsent = [fails, sent.append], [True, True], 0, 0
+    transport.notices = []
+    for _ in range(25):
+        transport.publish(0, [b"1", b"2"])
+    assert sent == [b"2"] * 25
+    assert [text.split()[0] for text in transport.notices] == ["1", "10"]
 
 
 PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"

@@ -148,6 +148,20 @@ def test_powers_of_ten_stand_at_the_numbers_and_not_over_the_title(tmp_path: Pat
     assert axes.yaxis.get_offset_text().get_text() == ""
 
 
+@pytest.mark.parametrize(
+    ("files", "labels"),
+    [
+        (["r1/soft/log", "r2/soft/log"], ["r1", "r2"]),
+        (["a/log", "a/other"], ["log", "other"]),
+        (["x/one/log", "x/two/deep/log"], ["one", "two/deep"]),
+        (["x/log", "x/y/log"], ["soft 1", "soft 2"]),
+    ],
+)
+def test_runs_of_one_variant_are_called_by_what_differs_in_their_paths(tmp_path: Path, files: list[str], labels: list[str]):
+    runs = [read_curves(made_up_log(tmp_path / f"{file}.mcap", joints=1, variant="soft")) for file in files]
+    assert [run.label for run in distinct_labels(runs)] == labels
+
+
 def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
     runs = distinct_labels([read_curves(made_up_log(tmp_path / v / "log.mcap", joints=2, variant=v)) for v in ("a", "b")])
     page = next(iter(run_pages(runs)))

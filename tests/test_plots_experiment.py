@@ -214,6 +214,29 @@ def test_bode_says_what_a_log_or_a_recording_has_not(tmp_path: Path):
     assert any("the recording has no motor_1_position of joint_1" in str(problem) for problem in result.findings)
 
 
+def test_a_recording_alone_has_its_frequency_response(tmp_path: Path):
+    """A chirp through a gain of 0.5 and 10 ms of delay, in degrees and mN m: the gain and the phase that it has."""
+    time = np.arange(0.0, 8.0, 0.002)
+    chirp = lambda t: np.sin(2 * np.pi * (0.5 + 0.4 * t) * t)  # noqa: E731
+    recorded = tmp_path / "lab.csv"
+    columns = np.c_[time, chirp(time), 0.5 * chirp(time - 0.01) * 180 / np.pi, 3e3 * chirp(time), 0 * time]
+    header = "t,arm.reference_1 [rad],arm.link_position [deg],arm.link_torque [mNm],leg.link_position [deg]"
+    np.savetxt(recorded, columns, delimiter=",", header=header, comments="")
+    result = plot(PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True))
+    (found,) = result.responses
+    assert (found.joint.name, found.unit, found.experiment) == ("arm", "", True)
+    np.testing.assert_allclose(found.response.gain, 0.5, rtol=0.02)
+    np.testing.assert_allclose(found.response.phase, -360 * 0.01 * found.response.frequency, atol=1.0)
+    assert any("has no reference_1 of leg" in str(problem) for problem in result.findings)
+    assert {path.name for path in result.files} == {"bode.png", "metrics.json", "metrics.csv"}
+    job = PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True, given="link_torque")
+    (found,) = plot(job).responses[:1]
+    assert found.unit == "rad/(N·m)"
+    np.testing.assert_allclose(found.response.gain, 0.5 / 3, rtol=0.02)
+    with pytest.raises(InputError, match=r"no log was named.*--experiment FILE --bode"):
+        plot(PlotJob(logs=(), folder=tmp_path, experiments=(str(recorded),)))
+
+
 def test_the_octaves_of_a_bode_plot_are_labelled():
     from asrsim.plots.bode import _label_octaves
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,9 @@ pytestmark = pytest.mark.once
 JOINTS = ("joint_1", "joint_2")
 STATED = {"rad": 1.0, "deg": DEGREES, "°": DEGREES, "mrad": 1e3, "": 1.0}
 CLOCKS = ("s", "ms", "us", "unsaid ms", "unix s", "unix ms", "unix ns", "iso", "date", "clock", "secs nsecs")
+FORMS = ("{n} [{u}]", "{n} ({u})", "{n}[{u}]", "[{u}] {n}", "{n}: {u}", "{n}-{u}", "{n} in {u}", "{n} [{u}] filtered",
+         "below", "above")  # fmt: skip
+"""Where a unit stands; the last two are rows of their own."""
 NAMES = (
     ("q1", "q2"),
     ("position_1", "position_2"),
@@ -51,6 +55,8 @@ class Draw:
             self.separator = ","
         self.index = bool(rng.random() < 0.3)
         self.names = NAMES[int(rng.integers(len(NAMES)))]
+        self.form = "{n}[{u}]" if self.separator == "  " else str(rng.choice(FORMS))
+        self.torques = bool(rng.random() < 0.4)
 
     def clocks(self) -> tuple[list[str], list[list[str]]]:
         zero = 1_714_989_600
@@ -83,17 +89,27 @@ class Draw:
 
     def text(self) -> str:
         names, columns = self.clocks()
-        unit = f" [{self.unit}]" if self.unit else ""
-        for name, values in zip(self.names, self.values, strict=True):
-            names.append(name + unit)
-            columns.append([f"{v * STATED[self.unit]:.8f}".replace(".", self.decimal) for v in values])
+        units = [""] * len(names)
+        apart = self.form in ("below", "above")
+        # People count torques from 1 though the positions are an array.
+        torques = (("tau_1", "mNm", 1e3), ("tau_2", "mNm", 1e3)) if self.torques else ()
+        for (name, unit, scale), values in zip(
+            [*((name, self.unit, STATED[self.unit]) for name in self.names), *torques], self.values * 2, strict=False
+        ):
+            names.append(name if apart or not unit else self.form.format(n=name, u=unit))
+            units.append(unit or "-")
+            columns.append([f"{v * scale:.8f}".replace(".", self.decimal) for v in values])
         if self.index:
             names.insert(0, "" if self.separator.strip() else "index")
             columns.insert(0, [str(i) for i in range(self.count)])
+            units.insert(0, "")
         rows = [self.separator.join(row) for row in zip(*columns, strict=True)]
         rows = self.damage(rows)
         head = ["# a remark", ""] if self.rng.random() < 0.3 else []
-        return "\n".join([*head, self.separator.join(names), *rows]) + "\n"
+        header = [self.separator.join(names)]
+        if apart and any(unit not in ("", "-") for unit in units):
+            header.insert(self.form == "below", self.separator.join(units))
+        return "\n".join([*head, *header, *rows]) + "\n"
 
     def damage(self, rows: list[str]) -> list[str]:
         if self.rng.random() < 0.3:
@@ -114,8 +130,9 @@ def test_time_and_unit_are_right(tmp_path: Path, seed: int) -> None:
     end = "\r\n" if seed % 3 == 0 else "\n"
     (tmp_path / "lab.csv").write_bytes(draw.text().replace("\n", end).encode(encoding))
     recording = read_recording(tmp_path / "lab.csv", joints=JOINTS)
-    for joint, values in zip(JOINTS, draw.values, strict=True):
-        column = recording.column(joint, "link_position")
+    quantities = ("link_position", "link_torque") if draw.torques else ("link_position",)
+    for (joint, values), quantity in product(zip(JOINTS, draw.values, strict=True), quantities):
+        column = recording.column(joint, quantity)
         assert len(column.time) >= draw.count - 5
         # At each sample the signal of that time, in rad: neither clock nor unit is another.
         start = draw.time[0] if draw.clock in ("s", "ms", "us", "unsaid ms") else column.time[0]
@@ -124,7 +141,7 @@ def test_time_and_unit_are_right(tmp_path: Path, seed: int) -> None:
         good = np.isfinite(column.values)
         assert good.mean() > 0.97
         np.testing.assert_allclose(column.values[good], truth[good], atol=2e-4)
-        assert column.unit == "rad"
+        assert column.unit == ("rad" if quantity == "link_position" else "N m")
 
 
 @pytest.mark.parametrize("seed", range(40))

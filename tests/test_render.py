@@ -20,6 +20,7 @@ from asrsim.render.camera import fit_camera, main_axis, viewpoint
 from asrsim.render.mesh_files import read_mesh
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
+from asrsim.robot import load_robot
 
 pytestmark = pytest.mark.once
 
@@ -63,22 +64,29 @@ def test_a_planar_robot_is_seen_along_its_axis():
     assert main_axis({**axes, "c": np.array([0.0, 0.0, 1.0])}, {"a": 1.0, "c": 0.0}) is not None
 
 
-def test_links_without_visuals_are_drawn_and_it_is_said():
-    made = drawable(
+def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path: Path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(
         """<robot name="r">
         <link name="base"/>
-        <link name="arm"><inertial><origin xyz="0 0 0.2"/><mass value="1"/></inertial></link>
-        <link name="hand"><collision><origin xyz="0 0 0.1"/><geometry><box size="1 2 3"/></geometry></collision></link>
+        <link name="arm"><inertial><origin xyz="0 0 0.2"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+        <link name="hand"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+        <collision><origin xyz="0 0 0.1"/><geometry><box size="1 2 3"/></geometry></collision></link>
         <link name="nice"><visual><geometry><sphere radius="1"/></geometry></visual></link>
         <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.5"/></joint>
         <joint name="k" type="revolute"><parent link="arm"/><child link="hand"/><origin xyz="0.3 0 0.4"/></joint>
+        <joint name="l" type="fixed"><parent link="hand"/><child link="nice"/></joint>
         </robot>"""
     )
+    made = drawable(load_robot(file))
     assert made.collisions == ("hand",)
     assert made.rods == ("base", "arm")
     assert any("hand" in note for note in made.notes)
-    assert 'box size="1 2 3"' in made.urdf.split('name="hand"')[1].split("<visual>")[1]
-    assert 'length="0.5"' in made.urdf
+    base, arm, hand, nice = (link.visuals for link in made.robot.links)
+    assert [(shape.kind, shape.size, shape.origin) for shape in hand] == [("box", (1.0, 2.0, 3.0), (0.0, 0.0, 0.1))]
+    assert [shape.kind for shape in (*base, *arm)] == ["sphere", "cylinder"] * 2
+    assert (base[1].size[1], arm[1].size[1]) == (0.5, 0.5)
+    assert len(nice) == 1
 
 
 def test_frames_show_the_motion_within_the_picture(log: Path):
@@ -177,13 +185,11 @@ def test_links_are_drawn_where_the_engine_has_them(scenario: str):
     from asrsim.kinematics.engine_model import model_of
     from asrsim.render.frames import rpy_frame
     from asrsim.render.scene import Scene
-    from asrsim.robot import engine_urdf, load_robot
     from asrsim.scenario import load_scenario
 
     loaded = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml")[0]
     robot = load_robot(loaded.robot)
-    base = rpy_frame(np.array(loaded.base_position), np.array(loaded.base_rpy))
-    scene = Scene(engine_urdf(robot, visuals=True)[0], base, loaded.world)
+    scene = Scene(drawable(robot).robot, rpy_frame(loaded.base_position, loaded.base_rpy), loaded.world)
     rng = np.random.default_rng(3)
     with model_of(loaded, robot) as model:
         positions = rng.uniform(-1.0, 1.0, size=len(model.joints))

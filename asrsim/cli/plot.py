@@ -18,9 +18,12 @@ if TYPE_CHECKING:
 
 def plot(
     logs: Annotated[
-        list[Path],
-        typer.Argument(help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour."),
-    ],
+        list[Path] | None,
+        typer.Argument(
+            help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour. None: Bode plots of "
+            "recordings alone."
+        ),
+    ] = None,
     experiment: Annotated[
         list[str] | None,
         typer.Option(
@@ -71,6 +74,8 @@ def plot(
 
     Example: asrsim plot out/step_2dof/soft --bode --input equilibrium_position --output link_position
 
+    Example: asrsim plot --experiment examples/recordings/two_joints.csv --bode --input joint_1.reference_1
+
     Example: asrsim plot out/lab/default/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
     """  # fmt: skip
     from asrsim.cli.console import json_errors, say_json
@@ -85,10 +90,10 @@ def plot(
         check_window(start, end)
         if (given or output) and not bode:
             raise typer.BadParameter("goes with --bode", param_hint="--input" if given else "--output")
-        logs = [log for place in logs for log in find_logs(place)]
+        logs = [log for place in logs or () for log in find_logs(place)]
         job = PlotJob(
             logs=tuple(logs),
-            folder=out or _folder(logs, alone=not experiment and not bode),
+            folder=out or _folder(logs, experiment or [], alone=not experiment and not bode),
             experiments=tuple(experiment or ()),
             mapping=mapping_of(mapping),
             rate=rate,
@@ -115,8 +120,10 @@ def plot(
         raise typer.Exit(1)
 
 
-def _folder(logs: list[Path], *, alone: bool) -> Path:
-    """Where the pictures go by default: beside the one log, else in a folder of their own beside all."""
+def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
+    """Where the pictures go by default: beside the one log, else in a folder of their own beside all; recordings' in `out`."""
+    if not logs:
+        return Path("out") / Path(experiments[0] if experiments else "").stem
     if len(logs) == 1:
         return logs[0].parent if alone else logs[0].parent / "compared"
     beside = Path(os.path.commonpath([path.absolute().parent for path in logs]))
@@ -132,7 +139,7 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
         _print_experiments(result)
         if result.rows:
             _print_rows(result)
-    say_problems(result.findings, "note", "yellow")
+    say_problems(result.findings, "note")
     for label, claim in result.claims:
         who = f"{label}: " if len(result.runs) > 1 else ""
         if not claim.holds:
@@ -154,7 +161,7 @@ def _print_experiments(result: PlotResult) -> None:
 
     shown: Recording | None = None
     for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
-        whose = "" if len(result.runs) == 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
+        whose = "" if len(result.runs) <= 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
         say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
         if shown is not None and guess_rows(shown) == guess_rows(recording):
             say("  columns as above", "dim")

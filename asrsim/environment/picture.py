@@ -11,13 +11,13 @@ from asrsim.render.draw import Image, Painter
 from asrsim.render.frames import rpy_frame
 from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
-from asrsim.robot import engine_urdf
 from asrsim.samples import Array
 from asrsim.simulation.simulation import Simulation
 
 LOOKS = 3
 """Positions of each joint at which the camera looks, at most for :data:`MOST` of all."""
 MOST = 81
+"""Poses of the robot that the camera looks at to find its place."""
 
 
 class Picture:
@@ -27,9 +27,8 @@ class Picture:
         """size: pixels of an edge."""
         self._simulation, self._size = simulation, size
         scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
-        text, _ = engine_urdf(robot, visuals=True, package_paths=scenario.package_paths)
-        base = rpy_frame(np.array(scenario.base_position), np.array(scenario.base_rpy))
-        self._scene = Scene(drawable(text).urdf, base, scenario.world)
+        base = rpy_frame(scenario.base_position, scenario.base_rpy)
+        self._scene = Scene(drawable(robot, scenario.package_paths).robot, base, scenario.world)
         self._painter = Painter(self._scene)
         joints = [drive.joint for drive in simulation.prepared.drives]
         ranges = {

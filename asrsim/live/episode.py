@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +19,26 @@ from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import Command, RunInfo, Samples
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.recording import Recording
 from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, make_summary
 
-CHUNK = 64
-"""Samples of a chunk of the log: a larger one takes milliseconds to compress, in which ticks come late."""
-
 
 class Episode:
-    """A sink of the simulation: samples go to the log that is open."""
+    """A sink of the simulation: samples go to the log that is open.
+
+    To make samples of what was stepped, to write them, and to close a chunk with them takes up to a millisecond each: they are
+    jobs, of which a tick that has the time does one. A thread would hold Python's lock in the midst of a tick.
+    """
 
     def __init__(self, scenario: Scenario, info: RunInfo) -> None:
         described = as_run(info, scenario)
         self._scenario, self._info = scenario, replace(described, metadata={**described.metadata, LIVE: "1"})
         self.folder = Path()
         self._writer: LogWriter | None = None
-        self._waiting: list[Samples] = []
+        self.jobs: deque[Callable[[], None]] = deque()
+        """That wait."""
         self._commands: list[tuple[Command, float]] = []
         self._files = ExitStack()
         self._earlier: tuple[Path, ...] = ()
@@ -45,33 +51,47 @@ class Episode:
             files.enter_context(owned(folder))
             self._earlier = open_folder(folder, self._scenario, overwrite=overwrite)
             path = files.enter_context(new_log(folder, self._earlier))
-            self._writer = files.enter_context(LogWriter(path, self._info, chunk_samples=CHUNK))
+            self._writer = files.enter_context(LogWriter(path, self._info))
         except BaseException:
             files.close()
             raise
         self._files = files
 
+    def attend(self, recording: Recording) -> None:
+        """Take what the recording's simulation steps."""
+        recording.taker = lambda part: self.jobs.append(partial(recording.evaluate, part))
+
     def write(self, samples: Samples) -> None:
-        """From the simulation; they are written when :meth:`work` is called."""
-        self._waiting.append(samples)
+        """From the recording."""
+        self.jobs += (partial(self._write, samples), self._flush)
 
-    @property
-    def behind(self) -> int:
-        """Batches of samples that wait."""
-        return len(self._waiting)
-
-    def work(self) -> None:
-        """Write what waits."""
-        waiting, self._waiting = self._waiting, []
+    def _write(self, samples: Samples) -> None:
         commands, self._commands = self._commands, []
         if self._writer is not None:
             for command, time in commands:
                 self._writer.aside(command_topic(), time, encoded(command, time))
-            for samples in waiting:
-                self._writer.write(samples)
+            self._writer.write(samples)
+
+    def _flush(self) -> None:
+        if self._writer is not None:
+            self._writer.flush()
+
+    def work(self) -> None:
+        """Do the next job. Raises DivergenceError where energy came from nowhere, and OutputError."""
+        self.jobs.popleft()()
+
+    def finish(self) -> DivergenceError | None:
+        """Do all jobs; returns what they found first. Raises OutputError."""
+        found = None
+        while self.jobs:
+            try:
+                self.work()
+            except DivergenceError as error:
+                found = found or error
+        return found
 
     def command(self, command: Command, time: float) -> None:
-        """Note what was set from outside at `time` s; written with the samples, since that holds a tick up."""
+        """Note what was set from outside at `time` s; written with the samples."""
         self._commands.append((command, time))
 
     def close(
@@ -81,7 +101,6 @@ class Episode:
         writer = self._writer
         if writer is None:
             raise RuntimeError("no log is open")
-        self.work()
         run = run_of(simulation, "complete" if error is None else "diverged", wall_time=wall, message=str(error or ""))
         run = replace(run, simulated_time=time, scenario=replace(run.scenario, duration=max(time, run.scenario.step)))
         writer.close(result_metadata(run, error))
@@ -101,7 +120,7 @@ class Episode:
     def abandon(self) -> None:
         """Close what is still open, after an error; what is in the log stays readable."""
         if self._writer is not None:
-            self.work()
+            self.finish()
             self._writer.close({"status": "failed"})
             self._writer = None
             self._files.close()

@@ -24,15 +24,18 @@ _PROFILES = """\
     <userTransports>{memory}<transport_id>udp</transport_id></userTransports>
     <useBuiltinTransports>false</useBuiltinTransports>
   </rtps></participant>
-  <data_writer profile_name="asrsim" is_default_profile="true"><times>
-    <heartbeat_period><sec>0</sec><nanosec>50000000</nanosec></heartbeat_period>
+  <data_writer profile_name="asrsim" is_default_profile="true"><qos><reliability>
+    <kind>RELIABLE</kind><max_blocking_time><sec>0</sec><nanosec>1000000</nanosec></max_blocking_time>
+  </reliability></qos><times>
+    <heartbeat_period><sec>0</sec><nanosec>100000000</nanosec></heartbeat_period>
     <nack_supression_duration><sec>0</sec><nanosec>20000000</nanosec></nack_supression_duration>
   </times></data_writer>
 </profiles></dds>
 """
 """Shared memory to peers of this machine and of Fast DDS's own version, UDP to others: it takes a quarter less. Publishers
-ask every 50 ms, not every 3 s, what has come, or what nobody has confirmed piles up; and they wait 20 ms before they send
-again, or every message sets a timer of its own, which wakes a thread."""
+ask every 100 ms, not every 3 s, what has come, or what nobody has confirmed piles up; they wait 20 ms before they send
+again, or every message sets a timer of its own, which wakes a thread; and where that goes on a message waits for 1 ms, not
+for 100, before it is given up."""
 _LOCAL_PEERS = (
     "<metatrafficUnicastLocatorList><locator/></metatrafficUnicastLocatorList>"
     "<initialPeersList><locator><udpv4><address>127.0.0.1</address></udpv4></locator></initialPeersList>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 import sys
@@ -23,6 +24,7 @@ MOST = 1000
 SERVICES_EVERY = 0.02
 """s between looks at services, parameters, and who listens and speaks."""
 MOST_PUBLISHERS = 1000
+"""Publishers whose numbers are kept, so that lost commands are counted."""
 _FLOAT64 = struct.Struct("<4xd")
 """Most commands, little-endian as the second byte tells: read in a fifth of what rclpy takes."""
 SLOW, SLOW_TIMES = 50e-6, 20
@@ -38,6 +40,7 @@ class RosTransport:
         self.lost = 0
         self.notices: list[str] = []
         self._slow, self._suspected = 0, 0.0
+        self._unsent = 0
         self._interface = interface
         with settings(network=access.network):
             self._context, self._node = self._begin(load_rclpy(), access)
@@ -147,9 +150,17 @@ class RosTransport:
         begun = clock.perf_counter()
         for send, message, wanted in zip(self._raw, messages, self.wanted, strict=True):
             if wanted and message:
-                send(message)
+                try:
+                    send(message)
+                except RuntimeError:  # rclpy's: it waited for a subscriber that does not keep up
+                    self._give_up_message()
         slow = clock.perf_counter() - begun > SLOW * max(sum(self.wanted), 1)
         self._slow = self._slow + 1 if slow else 0
+
+    def _give_up_message(self) -> None:
+        self._unsent += 1
+        if math.log10(self._unsent).is_integer():
+            self.notices.append(f"{self._unsent} messages given up so far: a subscriber does not keep up")
 
     def poll(self) -> Iterator[Received]:
         """See :class:`asrsim.live.transport.Transport`."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from asrsim.live.board import Board
 from asrsim.live.episode import Episode
 from asrsim.live.gate import Gate, Target
 from asrsim.live.pace import Pace
+from asrsim.live.priority import RealTime, quiet_collector
 from asrsim.live.transport import TRANSPORTS, Access, Interface, Parameter, Service, Transport
 from asrsim.samples import Command
 from asrsim.scenario.data import Scenario
@@ -27,8 +27,8 @@ TICK = 1e-3
 """s of wall time between ticks, or a step where that is longer."""
 BATCH = 0.064
 """s between samples handed to the log."""
-MOST_BEHIND = 16
-"""Batches that wait for a tick that comes in time before they go to the log."""
+MOST_BEHIND = 48
+"""Jobs of the log that wait for a tick that comes in time."""
 FASTEST, SLOWEST = 1000.0, 1e-3
 """Speeds that one may ask for."""
 FOREVER = 1e7
@@ -72,10 +72,12 @@ class Session:
             prepared, sinks=[self.episode], duration=settings.duration or FOREVER,
             chunk=max(1, round(BATCH / step)) * substeps, expected_substeps=10**6,
         )  # fmt: skip
+        self.episode.attend(self.simulation.recording)
         ranges = ranges_of(prepared)
         self.board = Board(self.simulation, prepared.info, namespace=settings.namespace)
         self.gate = Gate(prepared.info.joints, ranges, prefix=self.board.prefix)
         self.pace = Pace(settings.speed)
+        self._priority = RealTime(wanted=math.isfinite(settings.speed))
         self.paused = settings.paused
         self.transports: list[Transport] = []
         self.overtaken = 0
@@ -138,7 +140,7 @@ class Session:
         """Until `stop`, the duration, or a divergence; the last episode's summary. Raises AsrsimError; what was written
         stays readable."""
         began = clock.perf_counter()
-        with ExitStack() as stack, _quiet_collector():
+        with ExitStack() as stack, self._priority, quiet_collector():
             stack.callback(self.simulation.close)
             self.episode.open(self._folder, overwrite=self._overwrite)
             stack.callback(self.episode.abandon)
@@ -162,6 +164,7 @@ class Session:
                         self._end = self._end or stop()
             except DivergenceError as caught:
                 error = caught
+            self._priority.give_up()
             self._notices()
             return self._close(clock.perf_counter() - began, error)
 
@@ -186,11 +189,13 @@ class Session:
         left = round((self.settings.duration or FOREVER) / step) - self._steps_done
         if (steps := min(steps, left)) > 0:
             late = self.pace.wait(steps * step)
+            if self.pace.slips and self._priority.give_up():
+                self._tell("this machine is too slow for ticks at real-time priority: others come first again")
             self._listen()
-            behind = self.episode.behind
+            waiting = self.episode.jobs
+            in_time = min(len(waiting), 1) if late < 0.5 * TICK else 0
             self._advance(steps)
-            # Samples are made in one tick and written in a later one that came in time: both take milliseconds.
-            if behind and (late < 0.5 * TICK or behind > MOST_BEHIND):
+            for _ in range(max(in_time, len(waiting) - MOST_BEHIND)):
                 self.episode.work()
         self._end = self._end or steps >= left
 
@@ -249,6 +254,7 @@ class Session:
                 self.simulation.flush()
             except DivergenceError as caught:
                 error = caught
+        error = self.episode.finish() or error
         summary = self.episode.close(self.simulation, wall, self._time, error, self.figures())
         self.summaries.append(summary)
         return summary
@@ -277,14 +283,3 @@ class Session:
             "lost": sum(transport.lost for transport in self.transports),
             "transports": [transport.where for transport in self.transports],
         }
-
-
-@contextmanager
-def _quiet_collector() -> Iterator[None]:
-    """What is there already is not searched for garbage while time counts."""
-    gc.collect()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()

@@ -77,7 +77,7 @@ def _rows(samples: Samples, quantity: str) -> Array:
 
 def _reference_position(samples: Samples, actuator: str, mode: int | None, rows: Any) -> Array:
     """The link positions that the references ask for; NaN where they drive the joints' motors or links directly."""
-    reference_1 = _rows(samples, "reference_1")[rows]
+    reference_1: Array = _rows(samples, "reference_1")[rows]
     meaning = MODES.get(mode) if mode is not None else None
     if meaning is None or meaning.direct or "torque" in meaning.references[0]:
         return np.full(reference_1.shape, np.nan)

@@ -18,6 +18,7 @@ MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time: what stands before a message's data in a chunk."""
 
 _CHUNK_BYTES = 4 << 20
+"""Of rows that are held in memory at once."""
 _ROWS = (256, 2048)
 """Fewest and most rows: below, the calls cost more than the copying; above, a killed run loses more than it need."""
 
@@ -25,8 +26,8 @@ _ROWS = (256, 2048)
 class RowBuffer:
     """A chunk in the making."""
 
-    def __init__(self, topics: Sequence[tuple[int, Topic]], most: int | None = None) -> None:
-        """`topics`: channel number and topic, in the order of the messages in a row; most: rows, in place of what is usual."""
+    def __init__(self, topics: Sequence[tuple[int, Topic]]) -> None:
+        """`topics`: channel number and topic, in the order of the messages in a row."""
         self.channels = [channel for channel, _ in topics]
         self._starts: list[int] = []
         row = bytearray()
@@ -35,7 +36,7 @@ class RowBuffer:
             data = topic.template.data
             row += MESSAGE_HEADER.pack(Opcode.MESSAGE, MESSAGE_HEADER.size - 9 + len(data), channel, 0, 0, 0) + data
         self.row_size = len(row)
-        self.capacity = most or int(np.clip(_CHUNK_BYTES // self.row_size, *_ROWS))
+        self.capacity = int(np.clip(_CHUNK_BYTES // self.row_size, *_ROWS))
         self.count = 0
         self._bytes = np.tile(np.frombuffer(bytes(row), np.uint8), (self.capacity, 1))
         self._times = np.zeros(self.capacity, "<u8")

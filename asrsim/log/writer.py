@@ -21,7 +21,7 @@ class LogWriter:
     """Writes one run to one MCAP file that ROS 2 tools, viewers and :func:`asrsim.log.read_log` open.
 
     path: the file; an existing one is replaced. info: the run; its joints' `quantities` say what is recorded.
-    compression: `zstd`, `lz4`, or empty for none. chunk_samples: of a chunk, where each has to be written in no time.
+    compression: `zstd`, `lz4`, or empty for none.
 
     The file is readable at any time, up to the last whole chunk (some hundred to 2048 samples), also if the process
     is killed. Memory does not depend on the duration. Times are simulated times.
@@ -29,9 +29,7 @@ class LogWriter:
     Raises OutputError if the file cannot be written; what is in it by then stays readable.
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], info: RunInfo, *, compression: str = "zstd", chunk_samples: int | None = None
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], info: RunInfo, *, compression: str = "zstd") -> None:
         self.path = Path(path)
         self.info = info
         self.samples = 0
@@ -48,7 +46,6 @@ class LogWriter:
         self._robot_topics = robot_topics(
             info.joints, compact=compact, arrays=scenario.get("manager") is not None, external="external_torques" in scenario
         )
-        self._chunk_samples = chunk_samples
         self._layout: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self._rows = self._row_buffer()
         self._description = Topic(
@@ -71,7 +68,7 @@ class LogWriter:
             raise OutputError(f"{self.path}: the log is closed")
         layout = (tuple(samples.bodies), tuple(samples.contacts))
         if layout != self._layout:
-            self._flush()
+            self.flush()
             self._layout = layout
             self._rows = self._row_buffer()
         if not self._begun and len(samples.time):
@@ -85,7 +82,7 @@ class LogWriter:
             start += taken
             self.samples += taken
             if self._rows.count == self._rows.capacity:
-                self._flush()
+                self.flush()
 
     def aside(self, topic: Topic, time: float, data: bytes) -> None:
         """Adds a message of `topic` at `time` s that is no part of the samples; it goes to the file with those of its time."""
@@ -109,7 +106,7 @@ class LogWriter:
         self._closed = True
         try:
             if not self._failed:
-                self._flush(last=True)
+                self.flush(last=True)
             self._container.finish(RESULT_METADATA, {"status": "complete", "samples": str(self.samples), **(metadata or {})})
         finally:
             self._container.close()
@@ -127,12 +124,8 @@ class LogWriter:
         except OutputError as second:
             error.add_note(str(second))
 
-    def _row_buffer(self) -> RowBuffer:
-        bodies, contacts = self._layout
-        topics = [*self._robot_topics, *([body_topic(bodies)] if bodies else []), *map(contact_topic, contacts)]
-        return RowBuffer([(self._container.channel(topic), topic) for topic in topics], self._chunk_samples)
-
-    def _flush(self, *, last: bool = False) -> None:
+    def flush(self, *, last: bool = False) -> None:
+        """Closes the chunk with what was taken so far, however little it is; last: nothing follows."""
         if last and not self._begun:
             self._begin(0.0)
         end = self._rows.span()[1]
@@ -146,3 +139,8 @@ class LogWriter:
             raise
         self._asides = [] if last else [aside for aside in self._asides if aside[1] > end]
         self._rows.clear()
+
+    def _row_buffer(self) -> RowBuffer:
+        bodies, contacts = self._layout
+        topics = [*self._robot_topics, *([body_topic(bodies)] if bodies else []), *map(contact_topic, contacts)]
+        return RowBuffer([(self._container.channel(topic), topic) for topic in topics])

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
+_LABELS = 7
+"""Labels of frequencies that stand beside each other."""
 CERTAIN = 0.9
 """Coherence that says nothing: it is drawn where any falls below."""
 
@@ -32,6 +34,18 @@ def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
         suffix = "" if len(pages) == 1 else f" · page {number} of {len(pages)}"
         figure = bode_figure([one for one in found if one.joint.name in members], title=title + suffix)
         yield Page(name="bode" if len(pages) == 1 else f"bode_{number}", figure=figure)
+
+
+def pair_in_words(given: str | None, output: str | None) -> str:
+    """The frequency response in words."""
+    output, given = (_in_words(text) for text in (output or OUTPUT, given or "its reference"))
+    return f"{output} to {given}"
+
+
+def _in_words(series: str) -> str:
+    """`elbow_1.link_torque` as `link torque of elbow_1`."""
+    joint, _, quantity = series.rpartition(".")
+    return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
@@ -119,10 +133,12 @@ def _label_octaves(axes: Axes, start: float, end: float) -> None:
     octaves = math.log2(end / start)
     every = max(1, math.ceil(octaves / 12))
     exponents = range(math.floor(math.log2(start)), math.ceil(math.log2(end)) + 1)
-    places = [2.0**e for e in exponents if e % every == 0]
-    if octaves < 4:
-        places += [share * place for place in places for share in (1.25, 1.5, 1.75)]
-    axes.xaxis.set_major_locator(FixedLocator(sorted(place for place in places if start <= place <= end)))
+    whole = [2.0**e for e in exponents if e % every == 0]
+    between = [(1.25, 1.5, 1.75), (1.5,), ()] if every == 1 else [()]
+    ways = [
+        [place for low in whole for share in (1.0, *shares) if start <= (place := share * low) <= end] for shares in between
+    ]
+    axes.xaxis.set_major_locator(FixedLocator(next((way for way in ways if len(way) <= _LABELS), ways[-1])))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.4g}"))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -157,17 +158,25 @@ def read_curves(
 
 
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
-    """The runs with labels that tell them apart: variant, else file, else folder and file, else a number."""
-    for choose in (
-        lambda run: run.label,
-        lambda run: f"{Path(run.info.scenario_path).stem} {run.label}".strip(),
-        lambda run: run.path.stem,
-        lambda run: f"{run.path.parent.name}/{run.path.stem}",
+    """The runs with labels that tell them apart: variant, else file, else what differs in their folders, else a number."""
+    for labels in (
+        [run.label for run in runs],
+        [f"{Path(run.info.scenario_path).stem} {run.label}".strip() for run in runs],
+        [run.path.stem for run in runs],
+        _differing([run.path.resolve().with_suffix("").parts for run in runs]),
     ):
-        labels = [choose(run) for run in runs]
-        if len(set(labels)) == len(labels):
+        if all(labels) and len(set(labels)) == len(labels):
             return [replace(run, label=label) for run, label in zip(runs, labels, strict=True)]
     return [replace(run, label=f"{run.label} {number}") for number, run in enumerate(runs, 1)]
+
+
+def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
+    """Each path without the parts that all of them begin and end with."""
+    ends = []
+    for sign in (1, -1):
+        parts = zip(*(path[::sign] for path in paths), strict=False)
+        ends.append(sum(1 for _ in takewhile(lambda same: len(set(same)) == 1, parts)))
+    return ["/".join(path[ends[0] : len(path) - ends[1]]) for path in paths]
 
 
 def available(reader: LogReader) -> tuple[str, ...]:

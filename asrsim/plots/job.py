@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from asrsim import __version__
 from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
 from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
-from asrsim.outfile import make_folder, write_text
-from asrsim.plots.bode import bode_pages
+from asrsim.outfile import make_folder
+from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import LAYOUTS, comparison_pages
 from asrsim.plots.pairing import RunComparison, assign, compare_run
-from asrsim.plots.responses import OUTPUT, Experiment, Response, responses
+from asrsim.plots.recorded import RECORDED, write_recorded
+from asrsim.plots.responses import Experiment, Response, recorded_responses, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
-
-RECORDED = "recorded.json"
-"""The recorded curves of a comparison."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +125,7 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
         return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
 
     if not job.logs:
-        raise InputError("no log was named", key="logs", code="no-log")
+        return _written(job, _recordings_alone(job), formats)
     alone = not job.experiments and not job.bode
     runs = distinct_labels(
         [
@@ -158,9 +154,26 @@ def _beside(path: Path) -> tuple[str, ...]:
     return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
 
+def _recordings_alone(job: PlotJob) -> PlotResult:
+    """Frequency responses of recordings without any run beside them. Raises InputError for whatever needs a run."""
+    if not job.bode or not job.experiments:
+        raise InputError("no log was named", key="logs", code="no-log",
+                         hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
+    result = _with_recordings(job, PlotResult(runs=()), [])
+    found: list[Response] = []
+    problems: list[Problem] = []
+    for number, recording in enumerate(result.recordings):
+        more, said = recorded_responses(
+            recording, variant=number, joints=job.joints, band=job.band, given=job.given, output=job.output
+        )
+        found += more
+        problems += said
+    return _told(result, found, problems)
+
+
 def _with_recordings(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
     assigned = assign(labels, job.experiments)
-    joints = [joint.name for joint in result.runs[0].info.joints]
+    joints = [joint.name for joint in result.runs[0].info.joints] if result.runs else None
     mapping = job.mapping if isinstance(job.mapping, Path) else list(job.mapping) if job.mapping else None
     recordings: list[Recording] = []
     problems: list[Problem] = []
@@ -224,23 +237,16 @@ def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
         )
         found += more
         problems += said
+    return _told(result, found, problems)
+
+
+def _told(result: PlotResult, found: Sequence[Response], problems: Sequence[Problem]) -> PlotResult:
+    """With these responses; raises InputError where there is none."""
     if not found:
         raise InputError(problems)
     rows = [*result.rows, *(row for one in found for row in one.rows())]
     said = [replace(p, file=p.file or Path(one.source), key=p.key or one.joint.name) for one in found for p in one.findings]
     return replace(result, responses=tuple(found), rows=tuple(rows), findings=(*result.findings, *problems, *said))
-
-
-def _pair(job: PlotJob) -> str:
-    """The frequency response in words."""
-    output, given = (_in_words(text) for text in (job.output or OUTPUT, job.given or "its reference"))
-    return f"{output} to {given}"
-
-
-def _in_words(series: str) -> str:
-    """`elbow_1.link_torque` as `link torque of elbow_1`."""
-    joint, _, quantity = series.rpartition(".")
-    return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def _judged(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
@@ -259,31 +265,16 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
             for page in comparison_pages(runs, result.compared, layout=job.layout, references=references):
                 files += save_figure(page.figure, folder, page.name, formats)
         if result.responses:
-            robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs))
-            for page in bode_pages(result.responses, title=f"{robots} · {_pair(job)}"):
+            robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs)) or "recorded"
+            for page in bode_pages(result.responses, title=f"{robots} · {pair_in_words(job.given, job.output)}"):
                 files += save_figure(page.figure, folder, page.name, formats)
         if not result.compared and not result.responses:
             for page in run_pages(result.runs, quantities=job.quantities):
                 files += save_figure(page.figure, folder, page.name, formats)
     if result.compared:
-        files.append(_write_recorded(folder / RECORDED, result))
+        files.append(write_recorded(folder / RECORDED, result.compared))
     if result.rows:
         write_metrics_json(folder / "metrics.json", result.rows)
         write_metrics_csv(folder / "metrics.csv", result.rows)
         files += [folder / "metrics.json", folder / "metrics.csv"]
     return replace(result, files=tuple(files), replaced=sum(path.name in before for path in files))
-
-
-def _write_recorded(path: Path, result: PlotResult) -> Path:
-    """The recorded curves, thinned and on the run's clock, for a report's plots. Raises OutputError."""
-    curves = [
-        {
-            "run": one.label, "joint": pair.joint, "quantity": pair.quantity,
-            "time": [round(t, 6) for t in pair.recording.time.tolist()],
-            "values": [float(f"{v:.6g}") if math.isfinite(v) else None for v in pair.recording.values.tolist()],
-        }
-        for one in result.compared for pair in one.pairs.values()
-    ]  # fmt: skip
-    data = {"generator": f"asrsim {__version__}", "curves": curves}
-    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False), "json")
-    return path

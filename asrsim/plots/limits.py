@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asrsim.errors import RobotError
 from asrsim.plots import style
 from asrsim.plots.curves import RunCurves
 from asrsim.plots.world import Curve
@@ -60,11 +62,11 @@ def _both(limit: float) -> tuple[float, float]:
 @lru_cache(maxsize=8)
 def _joint_limits(urdf: str) -> dict[str, dict[str, float]]:
     """Joint -> lower, upper, effort as its `<limit>` has them; nothing of a text that is no URDF."""
-    from lxml import etree
+    from asrsim.robot.xmlfile import parse_xml
 
     try:
-        root = etree.fromstring(urdf.encode(), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
-    except etree.XMLSyntaxError:
+        root = parse_xml(urdf.encode(), Path("robot.urdf"), large=True)
+    except RobotError:
         return {}
     found: dict[str, dict[str, float]] = {}
     for joint in root.findall("joint"):

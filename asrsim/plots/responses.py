@@ -17,7 +17,7 @@ from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
 from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
-from asrsim.recordings import Recording, name_of, resample
+from asrsim.recordings import Column, Recording, name_of, resample
 from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
@@ -128,7 +128,7 @@ def responses(
                 if given is None:
                     recorded = _recorded(one, info, time, excitation, band, last.quantity)
                 else:
-                    recorded = _recorded_pair(one, info, source, last, band)
+                    recorded = _of_pair(*_pair(one, info.name, source, last), band), ()
             except InputError as error:
                 problems += [replace(problem, key=info.name, file=one.recording.path) for problem in error.problems]
                 continue
@@ -146,6 +146,39 @@ def responses(
         message = f"no joint {what}; a frequency response needs one that does"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message, file=path, hint=hint, code="no-excitation"))
+    return found, problems
+
+
+def recorded_responses(
+    recording: Recording,
+    *,
+    variant: int = 0,
+    joints: Sequence[str] | None = None,
+    band: tuple[float, float] | None = None,
+    given: str | None = None,
+    output: str | None = None,
+) -> tuple[list[Response], list[Problem]]:
+    """Responses of a recording by itself, of every joint that has both columns; and what could not be found out.
+
+    given, output: as of :func:`responses`; by default the recorded reference and the link's position.
+    """
+    first, last = Signal.parse(given, "reference_1"), Signal.parse(output, OUTPUT)
+    one = Experiment(recording=recording, joints={joint: joint for joint in recording.joints})
+    label = name_of(recording.path)
+    found: list[Response] = []
+    problems: list[Problem] = []
+    for name in [last.joint] if last.joint is not None else joints or recording.joints:
+        try:
+            u, y = _pair(one, name, replace(first, joint=first.joint or name), last)
+            result = _of_pair(u, y, band)
+        except InputError as error:
+            problems += [replace(problem, key=name, file=recording.path) for problem in error.problems]
+            continue
+        info = JointInfo(name=name, actuator="", mode=None, prismatic=y.unit == "m")
+        found.append(
+            Response(joint=info, label=label, variant=variant, source=label, experiment=True, unit=_ratio(y.unit, u.unit),
+                     output=last.quantity, response=result, findings=result.findings)
+        )  # fmt: skip
     return found, problems
 
 
@@ -186,17 +219,20 @@ def _run_series(
         return None
     infos = {joint.name: joint for joint in reader.info.joints}
     units = style.unit(last.quantity, info), style.unit(source, infos[first.joint or info.name])
-    below = f"({units[1]})" if "/" in units[1] or "·" in units[1] else units[1] or "1"
-    unit = "" if units[0] == units[1] else f"{units[0] or '1'}/{below}"
-    return samples.time, excitation, response, unit
+    return samples.time, excitation, response, _ratio(*units)
 
 
-def _recorded_pair(
-    one: Experiment, info: JointInfo, first: Signal, last: Signal, band: tuple[float, float] | None
-) -> tuple[FrequencyResponse, tuple[Problem, ...]]:
-    """The recording's own response of one column to another. Raises RecordingError where it has not both."""
+def _ratio(above: str, below: str) -> str:
+    """The unit of a gain; empty where both are the same."""
+    above, below = above.replace(" ", "·"), below.replace(" ", "·")
+    divisor = f"({below})" if "/" in below or "·" in below else below or "1"
+    return "" if above == below else f"{above or '1'}/{divisor}"
+
+
+def _pair(one: Experiment, name: str, first: Signal, last: Signal) -> tuple[Column, Column]:
+    """The recording's columns of input and output. Raises RecordingError where it has not both."""
     found = []
-    for quantity, joint in ((first.quantity, first.joint), (last.quantity, info.name)):
+    for quantity, joint in ((first.quantity, first.joint), (last.quantity, name)):
         column = next(
             (c for c in one.recording.channels.values() if c.quantity == quantity and one.joints.get(c.joint or "") == joint),
             None,
@@ -207,10 +243,14 @@ def _recorded_pair(
                 hint=f"Say which column it is with --map COLUMN={joint}.{quantity}",
             )  # fmt: skip
         found.append(column)
-    u, y = found
+    return found[0], found[1]
+
+
+def _of_pair(u: Column, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
+    """The response of one column to another."""
     same = u.time is y.time or np.array_equal(u.time, y.time)
     excitation = u.values if same else resample(u.time, u.values, y.time)
-    return frequency_response(y.time, excitation, y.values, band=band), ()
+    return frequency_response(y.time, excitation, y.values, band=band)
 
 
 def _recorded(
@@ -229,9 +269,7 @@ def _recorded(
     meaning = mode is not None and (mode.mapped or not mode.spring)
     reference = columns.get("reference_1") if meaning else None
     if reference is not None:
-        same = reference.time is output.time or np.array_equal(reference.time, output.time)
-        u = reference.values if same else resample(reference.time, reference.values, output.time)
-        return frequency_response(output.time, u, output.values, band=band), ()
+        return _of_pair(reference, output, band), ()
     said = Problem("has no recorded reference; related to the simulation's", file=one.recording.path, key=info.name,
                    code="reference-of-simulation")  # fmt: skip
     u = resample(time + one.lag, excitation, output.time)

@@ -21,7 +21,12 @@ LARGEST = 1e30
 def scaled(column: Column, one: ColumnMap) -> Column:
     """With the mapping's own factor and offset."""
     values, said = column.values * one.scale, [] if one.scale == 1.0 else [f"x {one.scale:g}"]
-    finite = values[np.isfinite(values)]
+    good = np.isfinite(values)
+    if one.unwrapped:
+        values = values.copy()
+        values[good] = np.unwrap(values[good])
+        said.append("unwrapped")
+    finite = values[good]
     zero = 0.0
     if one.zero and len(finite):
         zero = float(finite[0] if one.zero == "start" else np.mean(finite))

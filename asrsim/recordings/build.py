@@ -15,13 +15,15 @@ from asrsim.recordings.adjust import measured, scaled, windowed
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import find_column, guess, has_positions, joint_numbers, tokens_of
+from asrsim.recordings.names import find_column, guess, joint_numbers, theta_is_motor, tokens_of
+from asrsim.recordings.numbering import one_behind, zero_based
 from asrsim.recordings.oddities import oddities
 from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
 from asrsim.recordings.unstated import unstated
 
 _KNOWN = {**QUANTITIES, **DERIVED}
 _NAMED = 12
+"""Columns that an error names."""
 _TURNS = 20.0
 """Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 
@@ -115,18 +117,27 @@ def _columns(
     # The second "angle" of a file is angle#2, and no joint 2.
     plain = [split_header(re.sub(r"#\d+$", "", series.name))[0] for series in raw.series]
     counted = joint_numbers(plain)
-    has_q = has_positions(tokens_of(name) for name in plain)
-    named = tuple(dict.fromkeys(series.joint for series in raw.series if series.joint is not None))
+    motors = theta_is_motor(tokens_of(name) for name in plain)
+    # elbow.link_position and the like say whose they are.
+    spelled = [(series.joint or name.rpartition(".")[0]) for series, name in zip(raw.series, plain, strict=True)
+               if series.joint is not None or ("." in name and name.rpartition(".")[2] in _KNOWN)]  # fmt: skip
+    named = tuple(dict.fromkeys(spelled))
     known = tuple(joints) if joints is not None else named
+    behind = one_behind(plain, known)
+    if behind:
+        findings.append(
+            Problem(f"its joints count from 0: {known[0].removesuffix('1')}0 is {known[0]}", file=path, code="joints-from-zero",
+                    hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
+        )  # fmt: skip
     meanings = {
-        index: guess(_plain_name(plain[index]), find_unit(series.unit) or split_header(series.name)[1], joints=known,
-                     counted=counted, has_q=has_q)
+        index: guess(_plain_name(plain[index]), find_unit(series.unit) or split_header(series.name)[1],
+                     joints=() if behind else known, counted=counted, theta_is_motor=motors)
         for index, series in enumerate(raw.series)
         if index not in explicit and series.quantity is None
     }  # fmt: skip
-    # A 0 anywhere says that this file counts from 0.
-    counted |= {int(m[1]) for series in raw.series if series.quantity and (m := re.search(r"(\d+)\]?$", series.name))}
-    counted = counted | {meaning.number for meaning in meanings.values() if meaning.quantity and meaning.number is not None}
+    places = [int(m[1]) for series in raw.series if series.quantity and (m := re.search(r"(\d+)\]?$", series.name))]
+    numbered = {i: (plain[i], m.number) for i, m in meanings.items() if m.quantity and m.number is not None}
+    shifted = zero_based(numbered, len(known), zero=0 in counted or 0 in places)
     # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
     words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
     named_by_words = len(words) > 1 or (bool(words) and bool(known))
@@ -160,7 +171,11 @@ def _columns(
         if meaning.quantity is None:
             columns.append(_column(series, unit, series.joint, None, f"not used: {meaning.reason}"))
             continue
-        joint = series.joint or meaning.joint or _joint(meaning.number, known, counted, meaning.words if named_by_words else ())
+        joint = (
+            series.joint
+            or meaning.joint
+            or _joint(meaning.number, known, meaning.words if named_by_words else (), zero=index in shifted)
+        )
         if joint is None:
             homeless.append(series.name)
             columns.append(_column(series, unit, None, None, "not used: which joint it is of is unclear"))
@@ -202,8 +217,9 @@ def _plain_name(name: str) -> str:
     return name.removesuffix("/data")
 
 
-def _joint(number: int | None, known: Sequence[str], counted: set[int], words: Sequence[str]) -> str | None:
-    """The joint of a number: of that ending, else by its place; of words in its name; without either the only joint."""
+def _joint(number: int | None, known: Sequence[str], words: Sequence[str], *, zero: bool) -> str | None:
+    """The joint of a number, which may count from 0: of that ending, else by its place; of words in its name; without either
+    the only joint."""
     if number is None and words:
         if not known:
             return "_".join(words)
@@ -216,10 +232,9 @@ def _joint(number: int | None, known: Sequence[str], counted: set[int], words: S
         return known[0] if len(known) == 1 else None
     ending = [joint for joint in known if tokens_of(joint)[-1:] == [str(number)]]
     # Counted from 0, [1] is the second of joint_1, joint_2, unless there is a joint_0.
-    shifted = 0 in counted and not any(tokens_of(joint)[-1:] == ["0"] for joint in known)
-    if len(ending) == 1 and not shifted:
+    if len(ending) == 1 and not (zero and not any(tokens_of(joint)[-1:] == ["0"] for joint in known)):
         return ending[0]
-    place = number if 0 in counted else number - 1
+    place = number if zero else number - 1
     return known[place] if 0 <= place < len(known) else None
 
 

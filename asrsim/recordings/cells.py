@@ -11,6 +11,8 @@ COMMENTS = ("#", "%", "//")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
 _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
+_GROUPED = re.compile(r"[-+]?\d{1,3}(?P<mark>[.,' ])\d{3}(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
+"""Marks between thousands, beside a decimal mark that tells them apart."""
 _STAMP = re.compile(
     r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)"
     r"(?=[T_ :./-]|$)"
@@ -27,7 +29,7 @@ def split(line: str, separator: str | None, *, quoted: bool) -> list[str]:
     """Cells of a line, stripped of spaces and quotes."""
     if quoted and '"' in line:
         if separator is None:
-            return [cell.strip('"') for cell in line.split()]
+            return [quoted or plain for quoted, plain in re.findall(r'"([^"]*)"|([^\s"]+)', line)]
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip() for cell in line.split(separator)]
 
@@ -68,6 +70,8 @@ def number(cell: str, decimal: str) -> float | None:
     except ValueError:
         if _FORTRAN.fullmatch(text):
             return float(text.replace("D", "E").replace("d", "e"))
+        if (match := _GROUPED.fullmatch(cell)) is not None and match["decimal"] == decimal != match["mark"]:
+            return float(cell.replace(match["mark"], "").replace(decimal, "."))
         return float("nan") if cell.lower() in MISSING else None
 
 
@@ -124,8 +128,8 @@ def share_of_numbers(cells: Sequence[str], decimal: str) -> float:
 
 
 def _is_list(cell: str, decimal: str) -> bool:
-    found = entries(cell)
-    return bool(found) and all(number(entry, decimal) is not None for entry in found or ())
+    found = entries(cell) or []
+    return any(entry not in MISSING for entry in found) and all(number(entry, decimal) is not None for entry in found)
 
 
 def kind_of(cells: Sequence[str], decimal: str) -> str:

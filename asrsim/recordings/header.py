@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from asrsim.recordings.cells import glue, printable, share_of_numbers, split
-from asrsim.recordings.units import find_unit
+from asrsim.recordings.units import find_unit, unknown_unit
 
 _REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes"}
 """Last names of headers over columns that no row fills (LabVIEW's "Comment")."""
+_NO_UNIT = {"", "-", "[-]", "(-)", "einheit", "einheiten"}
+"""What stands in a row of units over a column without one, or over the row's own name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +23,9 @@ class Header:
     names: list[str] | None = None
     """One a column; None: there is none, or it does not fit."""
     units: list[str] | None = None
-    """Of a row of their own."""
+    """Of a row of their own, below the names or above them."""
+    units_line: int | None = None
+    """Where these are, or another row that belongs to the header."""
     line: int | None = None
     misfit: str = ""
     """Why a line that looks like a header is not used."""
@@ -34,16 +38,47 @@ def find_header(rows: Sequence[tuple[int, list[str]]], data: Sequence[Sequence[s
     if not rows:
         return Header()
     fitting = [(count, cells) for count, cells in rows if len(cells) == columns]
+    if (paired := _pairs(rows, columns)) is not None:
+        return paired
     count, cells = rows[-1]
     if len(cells) != columns:
         return Header(misfit=_misfit(cells, columns, decimal), line=count)
     if share_of_numbers(cells, decimal) >= 0.5:
         return Header()
-    filled = [cell for cell in cells if cell not in ("", "-")]
-    if len(fitting) > 1 and filled and all(find_unit(cell) for cell in filled):
+    if len(fitting) > 1 and cells[0] and not any(cells[1:]):
+        # pandas writes the name of its index below those of the columns.
         names = _grouped(fitting[:-1], columns)
-        return Header(names=names, units=[cell.strip("[](){}<> ") for cell in cells], line=fitting[-2][0])
+        return Header(names=[cells[0], *names[1:]], line=fitting[-2][0], units_line=count)
+    # A row of units is the last one, the one before the names, or any that begins by saying so (LabVIEW's Y_Unit_Label).
+    places = [i for i, (_, row) in enumerate(fitting) if i >= len(fitting) - 2 or "unit" in row[0].lower()]
+    for place in reversed(places):
+        if len(fitting) > 1 and (units := units_of(fitting[place][1])) is not None:
+            others = fitting[:-1] if place == len(fitting) - 1 else fitting[place + 1 :]
+            return Header(names=_grouped(others, columns), units=units, line=others[-1][0], units_line=fitting[place][0])
     return Header(names=_grouped(fitting, columns), line=count)
+
+
+def _pairs(rows: Sequence[tuple[int, list[str]]], columns: int) -> Header | None:
+    """The header of a file whose channels have a column of times each, as TwinCAT's scope writes it: `Name; q1; Name; q2`."""
+    told = {
+        cells[0].lower(): (count, cells[1::2]) for count, cells in rows if len({*cells[::2]}) == 1 and len(cells) == columns
+    }
+    if columns < 4 or "name" not in told:
+        return None
+    line, names = told["name"]
+    units_line, units = told.get("unit", (None, [""] * len(names)))
+    return Header(names=[name for own in names for name in ("time", own)], units=[unit for own in units for unit in ("", own)],
+                  line=line, units_line=units_line)  # fmt: skip
+
+
+def units_of(cells: Sequence[str]) -> list[str] | None:
+    """The units of a row of units, "" where it has none; None for any other row. Half of them may be of no spelling known."""
+    units = ["" if cell.lower() in _NO_UNIT else cell.strip("[](){}<> ") for cell in cells]
+    units = ["", *units[1:]] if "unit" in units[0].lower() else units
+    filled = [unit for unit in units if unit]
+    known = sum(find_unit(unit) is not None for unit in filled)
+    unlike = any(find_unit(unit) is None and unknown_unit(f"q [{unit}]") is None for unit in filled)
+    return None if unlike or 2 * known <= len(filled) else units
 
 
 def _fitted(cells: list[str], data: Sequence[Sequence[str]]) -> list[str]:
@@ -103,9 +138,14 @@ def comment_header(text: str, separator: str | None, columns: int, decimal: str)
 
 def comment_units(text: str, separator: str | None, columns: int) -> list[str] | None:
     """A row of units in a comment line, `# units: s, deg, deg`; None for any other."""
-    plain = re.sub(r"^[ #%/]*(?:units?\s*:)?", "", text, flags=re.IGNORECASE)
-    cells = [cell.strip(" []()") for cell in split(plain, separator, quoted=False)]
-    return cells if len(cells) == columns and all(find_unit(cell) for cell in cells) else None
+    plain = re.sub(r"^[ #%/]*(?:units?\s*:)?", "", text, flags=re.IGNORECASE).strip()
+    cells = split(plain, separator, quoted=False)
+    return units_of(cells) if len(cells) == columns else None
+
+
+def with_unknown(name: str, unit: str) -> str:
+    """A unit of a row that is of no spelling known stays with the name, so that it is asked about."""
+    return f"{name} [{unit}]" if unit and find_unit(unit) is None else name
 
 
 def unique(names: Sequence[str]) -> tuple[str, ...]:
@@ -119,6 +159,6 @@ def unique(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(result)
 
 
-def unnamed(names: Sequence[str] | None) -> tuple[int, ...]:
+def unnamed(names: Sequence[str]) -> tuple[int, ...]:
     """Places of blank names, and of pandas' word for them."""
-    return tuple(i for i, name in enumerate(names or ()) if not name.strip() or name.startswith("Unnamed:"))
+    return tuple(i for i, name in enumerate(names) if not name.strip() or name.startswith("Unnamed:"))

@@ -15,7 +15,7 @@ from asrsim.recordings.names import tokens_of
 from asrsim.recordings.units import split_header
 from asrsim.samples import Array
 
-_SILENT = {"value", "values", "val", "data", "signal", "output", "y", "column"}
+_SILENT = {"value", "values", "val", "data", "signal", "output", "y", "column", "field"}
 """Names of columns that say nothing."""
 
 

@@ -47,6 +47,8 @@ class ColumnMap:
     """Added after scaling, in SI units."""
     zero: str = ""
     """`start` or `mean`: what is taken away after scaling, of the column's own numbers."""
+    unwrapped: bool = False
+    """An angle goes on where it jumps by a whole turn."""
     window: tuple[float, float] = (-math.inf, math.inf)
     """s on the recording's clock: what is kept."""
     origin: str = "command line"
@@ -59,6 +61,7 @@ class ColumnMap:
         unit = f" [{self.unit.symbol}]" if self.unit is not None else ""
         if self.role != "quantity":
             return f"{self.column}={self.role}{unit}"
+        unit += " unwrapped" if self.unwrapped else ""
         factor = "" if self.scale == 1.0 else "-" if self.scale == -1.0 else f"{self.scale:.12g}*"
         shift = (
             f" - {self.zero}"
@@ -74,7 +77,8 @@ def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
     """One item of `--map`: `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]`, `COLUMN=ignore` or `window=2..12`.
 
     A minus before the joint turns the sign: `COLUMN=-JOINT.QUANTITY`; a factor stands there as well: `COLUMN=0.01*JOINT...`.
-    An offset comes last, in SI: `... [deg] - 0.02`, or `- start`, `- mean` of the column's own numbers. Raises RecordingError.
+    An offset comes last, in SI: `... [deg] - 0.02`, or `- start`, `- mean` of the column's own numbers; before it `unwrapped`,
+    for an angle that jumps by whole turns. Raises RecordingError.
     """
     column, equals, target = text.rpartition("=")
     if not equals or not column.strip() or not target.strip():
@@ -190,7 +194,7 @@ def _from_table(data: Mapping[Any, Any], path: Path) -> tuple[ColumnMap, ...]:
 
 
 def _from_entry(column: str, entry: Mapping[str, Any]) -> ColumnMap:
-    known = ("joint", "quantity", "unit", "scale", "offset")
+    known = ("joint", "quantity", "unit", "scale", "offset", "unwrapped")
     for key in entry:
         if key not in known:
             raise _error(f"{column}.{key}", "is not a key of a column", choices=known, hint=did_you_mean(str(key), known))
@@ -207,6 +211,7 @@ def _from_entry(column: str, entry: Mapping[str, Any]) -> ColumnMap:
     return ColumnMap(
         column=column, role=base.role, joint=base.joint, quantity=base.quantity, unit=unit, origin="map file",
         scale=numbers["scale"], offset=numbers["offset"], zero=str(entry["offset"]) if entry.get("offset") in ZEROS else "",
+        unwrapped=entry.get("unwrapped") is True,
     )  # fmt: skip
 
 
@@ -218,6 +223,8 @@ def _target(column: str, text: str, *, origin: str) -> ColumnMap:
         offset = float(f"{match['sign']}{match['number']}") if match["number"] else 0.0
         if zero and match["sign"] == "+":
             raise _error(column, f"'+ {zero}' is no offset", hint=f"A column's own {zero} is taken away: - {zero}")
+    unwrapped = text.endswith(" unwrapped")
+    text = text.removesuffix(" unwrapped").rstrip()
     unit = None
     if text.endswith("]") and "[" in text:
         text, _, symbol = text[:-1].rpartition("[")
@@ -243,7 +250,7 @@ def _target(column: str, text: str, *, origin: str) -> ColumnMap:
         choices = (*known, *ALIASES)
         raise _error(column, f"no quantity is called '{name}'", choices=choices, hint=did_you_mean(name, choices))
     return ColumnMap(column=column, role="quantity", joint=joint, quantity=quantity, unit=unit, scale=scale, offset=offset,
-                     zero=zero, origin=origin)  # fmt: skip
+                     zero=zero, unwrapped=unwrapped, origin=origin)  # fmt: skip
 
 
 def _error(key: str, message: str, *, choices: tuple[str, ...] = (), hint: str | None = None) -> RecordingError:

@@ -1,4 +1,4 @@
-"""Reads MATLAB files up to version 7: vectors beside a time, structs, and what Simulink saves (time and signals)."""
+"""Reads MATLAB files up to version 7, and numpy's .npz: vectors beside a time, structs, what Simulink saves."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.matlab_struct import TIME_NAMES, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
+from asrsim.recordings.time_columns import told_rate
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import split_header
 from asrsim.samples import Array
@@ -26,18 +27,17 @@ _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 
 def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
-    """All series of a .mat file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
-    from scipy.io import loadmat
-
+    """All series of a .mat or .npz file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
     try:
-        content = loadmat(path, simplify_cells=True)
+        content = _numpy(path) if path.suffix.lower() == ".npz" else _matlab(path)
     except NotImplementedError:
         raise RecordingError(
             "is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
             hint="Save it in MATLAB with save('file.mat', 'name', '-v7')",
         ) from None  # fmt: skip
     except Exception as error:  # on damaged files scipy lets errors of many kinds through
-        raise RecordingError(f"cannot be read as a MATLAB file: {error}", file=path, code="bad-mat") from None
+        kind = "arrays of numpy" if path.suffix.lower() == ".npz" else "a MATLAB file"
+        raise RecordingError(f"cannot be read as {kind}: {error}", file=path, code="bad-mat") from None
     findings: list[Problem] = []
     series: list[RawSeries] = []
     epoch: float | None = None
@@ -45,9 +45,10 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     for prefix, table in _tables(plain, "", findings, path):
         clocks = _times_of(table, prefix, maps)
         if not clocks and rate is None:
+            said = "\n".join(f"{key} = {value}" for key, value in plain.items() if isinstance(value, int | float))
             findings.append(
                 Problem(f"no time among {_listed(table)}; these are not read", file=path, key=prefix.rstrip(".") or None,
-                        code="no-time", hint="Name the time with --map NAME=time or give --rate")
+                        code="no-time", hint=told_rate(said) or "Name the time with --map NAME=time or give --rate")
             )  # fmt: skip
             continue
         bases: dict[str, tuple[Array, NDArray[np.bool_], Array]] = {}
@@ -89,6 +90,21 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch, names=tuple(plain))
 
 
+def _matlab(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    return dict(loadmat(path, simplify_cells=True))
+
+
+def _numpy(path: Path) -> dict[str, Any]:
+    """Arrays by name; structured ones as the tables that they are."""
+    with np.load(path) as arrays:
+        return {
+            name: {field: array[field] for field in array.dtype.names} if array.dtype.names else array
+            for name, array in ((name, arrays[name]) for name in arrays.files)
+        }
+
+
 def _tables(
     content: Mapping[str, Any], prefix: str, findings: list[Problem], path: Path, above: Mapping[str, Array] | None = None
 ) -> Iterator[tuple[str, dict[str, Array]]]:
@@ -118,7 +134,9 @@ def _tables(
             yield from _tables(value, f"{prefix}{inner}{name}.", findings, path, times)
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
             for i, item in enumerate(np.asarray(value, dtype=object).ravel() if isinstance(value, np.ndarray) else value):
-                if isinstance(item, Mapping):
+                if isinstance(item, np.ndarray):
+                    _add(table, f"{name}_{i + 1}", item)  # a cell array of vectors
+                elif isinstance(item, Mapping):
                     # Simulink: signals(i).values belongs to the time one level up.
                     label = label_of(item) or f"{name}_{i + 1}"
                     nested = item.get("values", item.get("data", item.get("Data")))
@@ -159,6 +177,8 @@ def _merge_seconds(columns: dict[str, Array]) -> None:
 def _add(table: dict[str, Array], name: str, value: Any, names: Sequence[str] = ()) -> None:
     """A vector under its name; a matrix as one column each (the long side is time), under `names` where they are as many."""
     array = np.asarray(value)
+    if array.dtype.kind == "c" and not np.any(array.imag):
+        array = array.real
     if array.dtype.kind not in "fiub" or array.ndim == 0:
         return
     array = np.squeeze(array.astype(float))

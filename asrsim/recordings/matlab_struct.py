@@ -41,9 +41,11 @@ def unit_of(content: Mapping[str, Any], name: str) -> str:
 
 
 def column_names(content: Mapping[str, Any]) -> list[str]:
-    """Names that stand beside a matrix for its columns; none where there are none."""
+    """Names that stand beside a matrix for its columns, with their units where these stand there, too; none without."""
     for key in _COLUMNS:
         value = content.get(key)
         if isinstance(value, list | np.ndarray) and len(value) and all(isinstance(one, str) for one in np.ravel(value)):
-            return [str(one).strip() for one in np.ravel(value)]
+            units = np.ravel(content.get("units", content.get("unit", [])))
+            names = [str(one).strip() for one in np.ravel(value)]
+            return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)] if len(units) == len(names) else names
     return []

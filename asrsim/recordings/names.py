@@ -17,33 +17,35 @@ _REFERENCE = {
 _MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
     "value", "val", "values", "data", "signal"}  # fmt: skip
 """Words beside whose joint nothing else need be said: `actual_elbow`."""
-_VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "dtheta", "thetadot", "omega", "dot", "rate",
+_VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "qvel", "dtheta", "thetadot", "omega", "dot", "rate",
     "geschwindigkeit", "drehzahl", "vitesse", "velocità", "velocita", "velocidad",
 }  # fmt: skip
 _TORQUE = {"torque", "tau", "effort", "moment", "force", "trq", "eff", "drehmoment", "couple", "coppia",
     "kraft",
 }  # fmt: skip
-_POSITION = {"q", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state", "link",
-    "posizione", "posicion", "posición", "angolo", "angulo", "ángulo",
+_POSITION = {"q", "qpos", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state",
+    "link", "posizione", "posicion", "posición", "angolo", "angulo", "ángulo",
 }  # fmt: skip
-_PLAIN = (_POSITION - {"theta", "th", "state"}) | _MEASURED | {"joint", "hub", "gelenk", "achse"}
+_THETA = {"theta", "th", "dtheta", "thetadot"}
+_PLAIN = (_POSITION - _THETA - {"state"}) | _MEASURED | {"phi", "l", "hub"}
+_AXIS = {"joint", "jnt", "j", "a", "axis", "gelenk", "achse", "giunto", "asse", "articulation", "articulacion", "axe", "eje"}
+"""Words behind which a number counts joints."""
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
     "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
     "temperature", "status", "index", "acc", "acceleration",
-    "ddq", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance", "std",
-    "covariance", "id", "seq", "flag", "strain", "gauge",
+    "ddq", "qdd", "qacc", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance",
+    "std", "covariance", "id", "seq", "flag", "strain", "gauge",
 }  # fmt: skip
 _ELECTRIC = {*(f"motor_{i}_{what}" for i in (1, 2) for what in ("voltage", "current")), "reference_1", "reference_2"}
 """What is in V or A only where a column is called so to the letter: drives record voltages and currents of many kinds."""
 VOCABULARY = {
     *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
-    "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance", "joint", "m",
-    *_MEASURED, "field", "filtered", "filt", "sensor", "output", "axis", "set",
+    "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance",
+    "m", "l", "phi", *_MEASURED, *_AXIS, "field", "filtered", "filt", "sensor", "output", "set",
     "in", "of", "the", "gear", "side", "abs", "rel", "absolute", "relative",
-    "achse", "gelenk", "giunto", "asse", "articulation", "articulacion", "axe", "eje",
 }  # fmt: skip
-_SUFFIXES = ("ref", "ext", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target")
+_SUFFIXES = ("ref", "ext", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target", "m", "l")
 _STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
 
 
@@ -82,15 +84,17 @@ def tokens_of(name: str) -> list[str]:
 
 
 def joint_numbers(names: Iterable[str]) -> set[int]:
-    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1), and of arrays (q_ref[0]).
+    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1), of arrays (q_ref[0]), and
+    behind a word for joints (axis 1).
 
-    Of angles called theta only where the file has no other positions: beside a q they are motors.
+    Of angles called theta only where these are no motors.
     """
     names = list(names)
     listed = [tokens_of(name) for name in names]
-    plain = _PLAIN if has_positions(listed) else _PLAIN | {"theta", "th"}
+    plain = _PLAIN if theta_is_motor(listed) else _PLAIN | {"theta", "th"}
     found = {int(match[1]) for name in names if (match := re.search(r"\[(\d+)\]$", name))}
     for words in listed:
+        found |= {int(number) for word, number in pairwise(words) if word in _AXIS and number.isdigit()}
         rest = [word for word in words if not word.isdigit()]
         numbers = [int(word) for word in words if word.isdigit()]
         if len(numbers) == 1 and rest and all(word in plain for word in rest):
@@ -98,18 +102,25 @@ def joint_numbers(names: Iterable[str]) -> set[int]:
     return found
 
 
-def has_positions(listed: Iterable[Sequence[str]]) -> bool:
-    """Whether any of the names (as tokens) is a position that is not called theta."""
-    return any(set(words) & {"q", "link", "pos", "position"} for words in listed)
+def theta_is_motor(listed: Iterable[Sequence[str]]) -> bool:
+    """Whether theta means motors in a file with these names (as tokens): beside a q, or its velocity beside another one."""
+    found: set[tuple[bool, bool]] = set()
+    for words in map(set, listed):
+        velocity, theta = bool(words & _VELOCITY), bool(words & _THETA)
+        if not words & (_REFERENCE | _MOTOR | {"d", "set"}) and (
+            velocity or theta or words & {"q", "qpos", "link", "pos", "position"}
+        ):
+            found.add((velocity, theta))
+    return any({(velocity, True), (velocity, False)} <= found for velocity in (True, False))
 
 
-def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[int], has_q: bool) -> Guess:
+def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[int], theta_is_motor: bool) -> Guess:
     """Meaning of one name.
 
     `joints`: names to look for; `counted`: numbers that count joints in this file (:func:`joint_numbers`);
-    `has_q`: the file has a column of link positions besides angles called theta, which then are motors.
+    `theta_is_motor`: see :func:`theta_is_motor`.
     """
-    joint, rest = _find_joint(name, joints)
+    joint, rest = find_joint(name, joints)
     exact = rest.strip(" .:/_").lower()
     if joint is not None and unit is not None and unit.si in ("V", "A") and exact in _ELECTRIC:
         return Guess(quantity=exact, joint=joint, reason=f"'{name}' is {exact}")
@@ -124,7 +135,7 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     if joint is not None and re.search(rf"(^|\.){re.escape(joint)}(\.data|\.values?)?$", name, re.IGNORECASE):
         # trial.elbow, elbow.Data: what holds the joint's series may be called anything, but is no other quantity.
         plain = [word for word in plain if word in VOCABULARY | _FOREIGN]
-    quantity, own_number = _quantity(plain, words, unit, has_q=has_q, named=joint is not None)
+    quantity, own_number = _quantity(plain, words, unit, theta_is_motor=theta_is_motor, named=joint is not None)
     if quantity is None:
         return Guess(quantity=None, joint=joint, reason="no quantity of the simulation in its name")
     if unit is not None and (unit.si in ("V", "A") or not fits(unit.si, (QUANTITIES | DERIVED)[quantity].unit)):
@@ -141,7 +152,7 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     return Guess(quantity=quantity, number=number, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}")
 
 
-def _find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
+def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
     """The joint whose name is part of the column's name, and the rest of the name."""
     lower = name.lower()
     for joint in sorted(joints, key=len, reverse=True):
@@ -153,7 +164,7 @@ def _find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
 
 
 def _quantity(
-    plain: list[str], words: list[str], unit: Unit | None, *, has_q: bool, named: bool
+    plain: list[str], words: list[str], unit: Unit | None, *, theta_is_motor: bool, named: bool
 ) -> tuple[str | None, int | None]:
     """Quantity of the words, and the number that belongs to it (motor_2, reference_1, el1)."""
     found = set(plain)
@@ -164,6 +175,14 @@ def _quantity(
     si = unit.si if unit is not None else ""
     velocity = velocity or si in ("rad/s", "m/s")
     torque = torque or si in ("N m", "N")
+    if "qd" in found and not velocity:
+        if si not in ("rad", "m"):  # a velocity to some, desired to others
+            return None, None
+        reference = True
+    if found & _POSITION and not reference:
+        if "r" in found:  # a reference, or the right one
+            return None, None
+        reference = "d" in found
     if found & {"deflection", "defl"}:
         return (None if velocity or torque or reference else "deflection"), None
     if "preset" in found:
@@ -186,8 +205,8 @@ def _quantity(
     if torque and found & {"ext", "external", "disturbance"}:
         return "external_torque", None
     kind = "velocity" if velocity else "torque" if torque else "position"
-    theta = "theta" in found and has_q
-    if found & _MOTOR or theta or (len(plain) > 1 and "m" in found):
+    theta = theta_is_motor and bool(found & _THETA)
+    if (found & _MOTOR and "link" not in found) or theta or (len(plain) > 1 and "m" in found):
         own = None if "hub" in found else _after(words, {"motor", "mot", "rotor", "theta", "m"})
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
     # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".

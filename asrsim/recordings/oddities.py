@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.errors import Problem
 from asrsim.recordings.checks import lone
@@ -36,6 +38,13 @@ def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
                 Problem(f"{len(glitches)} single samples stand far from both neighbours (glitches?), at t = {places} s",
                         file=path, key=column.source, code="glitch", hint="They are kept, and count in every comparison")
             )  # fmt: skip
+        if column.unit == "rad" and len(turns := wraps(values)):
+            times = ", ".join(f"{t:.6g}" for t in column.time[~missing][turns[:4]]) + (", ..." if len(turns) > 4 else "")
+            found.append(
+                Problem(f"jumps by a whole turn {len(turns)} times, at t = {times} s: does its encoder begin anew there?",
+                        file=path, key=column.source, code="wrapped",
+                        hint=f"Let it go on: --map '{column.source}={column.joint}.{column.quantity} unwrapped'")
+            )  # fmt: skip
         if len(values) > 2 and np.ptp(values) == 0.0:
             hint = None if "reference" in column.quantity else "Was the sensor connected?"
             found.append(
@@ -43,6 +52,14 @@ def oddities(path: Path, columns: Sequence[Column]) -> list[Problem]:
                         code="constant-column", hint=hint)
             )  # fmt: skip
     return found
+
+
+def wraps(values: Array) -> NDArray[np.intp]:
+    """Indices of samples (rad) behind a jump by a whole turn, of an angle whose other steps are below a tenth of one."""
+    steps = np.abs(np.diff(values))
+    jumps = np.abs(steps - math.tau) <= 0.1 * math.tau
+    usual = np.max(steps[~jumps], initial=0.0)
+    return np.flatnonzero(jumps) + 1 if usual < 0.1 * math.tau else np.empty(0, dtype=np.intp)
 
 
 def _stretches(time: Array, missing: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> str:

@@ -23,7 +23,7 @@ from asrsim.recordings.read_json import is_json, read_json
 FORMATS = {
     ".csv": "delimited text", ".txt": "delimited text", ".tsv": "delimited text", ".dat": "delimited text",
     ".log": "delimited text", ".asc": "delimited text", ".mcap": "MCAP", ".bag": "ROS 1 bag", ".db3": "ROS 2 bag",
-    ".mat": "MATLAB (to version 7)", ".json": "JSON", ".jsonl": "JSON", ".ndjson": "JSON",
+    ".mat": "MATLAB (to version 7)", ".npz": "numpy", ".json": "JSON", ".jsonl": "JSON", ".ndjson": "JSON",
 }  # fmt: skip
 """File endings that are read; a folder with a metadata.yaml is a ROS 2 bag, any other ending is tried as text."""
 
@@ -82,7 +82,7 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
             return _own_log(path) if _is_own_log(path) else read_bag(path, ignored)
         if suffix in (".bag", ".db3"):
             return read_bag(path, ignored)
-        if suffix == ".mat" and not _is_text(path):
+        if suffix == ".npz" or (suffix == ".mat" and not _is_text(path)):
             return read_mat(path, maps, rate)
         table = read_json(path) if is_json(path) else read_text(path, maps)
         if partly:

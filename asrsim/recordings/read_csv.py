@@ -115,8 +115,8 @@ def _name_and_unit(table: Table, column: int) -> tuple[str, Unit | None]:
     # A column that is called by its unit only: `ms`, `nsec`.
     if unit is None and len(name) > 1 and (only := find_unit(name)) is not None and only.si == "s":
         unit = only
-    own = table.layout.units[column]
-    return name, find_unit(own) if own else unit
+    own = find_unit(table.layout.units[column])
+    return name, own or unit
 
 
 def _bases(
@@ -141,7 +141,7 @@ def _bases(
             _refuse_unknown_unit(label, factors.get(column), path)
             time, start, found = scale_time(values, factors.get(column), path=path, name=label)
             findings += found
-            if stated[column] is not None and not said:
+            if column in factors and stated[column] is not None and not said:
                 findings += suspect_time(values, factors[column], path=path, name=label)
             if bases and start is not None and epoch is not None and abs(start - epoch) < _ONE_DAY:
                 time = time + (start - epoch)

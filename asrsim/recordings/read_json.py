@@ -34,9 +34,10 @@ def is_json(path: Path) -> bool:
 def read_json(path: Path) -> Table:
     """The table of a JSON file. Raises RecordingError where it is no JSON, or holds no records."""
     text = path.read_text(encoding=encoding_of(path), errors="replace")
-    records, bad = _records(text, path)
+    whole = _whole(text)
+    records, bad = _records(text, whole, path) if isinstance(whole, ValueError | RecursionError) else (_of(whole), [])
     labels = list(dict.fromkeys(label for record in records for label in record))
-    units = _units(text)
+    units = dict(_units_of(whole, "")) if isinstance(whole, Mapping) else {}
     if len(records) < 2 or not labels:
         raise RecordingError(
             f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
@@ -49,6 +50,7 @@ def read_json(path: Path) -> Table:
         names=unique([_with_unit(label, units) for label in labels]), units=("",) * len(labels),
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
+        remarks="\n".join(_remarks(whole)) if isinstance(whole, Mapping) else "",
     )  # fmt: skip
     faults, zeros = Faults(ragged=bad, lengths={0} if bad else set()), dict[int, int]()
     stamps, words = set(layout.stamps), set(layout.text)
@@ -63,12 +65,16 @@ def read_json(path: Path) -> Table:
     )  # fmt: skip
 
 
-def _records(text: str, path: Path) -> tuple[list[Record], list[int]]:
-    """Records, and the lines that are none (the last one of a log that was cut off)."""
+def _whole(text: str) -> Any:
+    """The document, or the error of a file that is none as a whole."""
     try:
-        return _of(json.loads(text)), []
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
-        whole = error
+        return error
+
+
+def _records(text: str, whole: Exception, path: Path) -> tuple[list[Record], list[int]]:
+    """Records of lines, and the lines that are none (the last one of a log that was cut off)."""
     records: list[Record] = []
     bad: list[int] = []
     for count, line in enumerate(text.splitlines(), start=1):
@@ -114,18 +120,21 @@ def _of_pairs(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
     return {"time": times[0], **{name.removesuffix("[1]"): column for name, column in columns.items() if name.endswith("[1]")}}
 
 
-def _units(text: str) -> dict[str, str]:
-    """Units that stand beside lists: `{"units": {"q1": "deg"}}`, `{"q1": {"unit": "deg", "values": [...]}}`."""
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    return dict(_units_of(data, "")) if isinstance(data, Mapping) else {}
+def _remarks(data: Mapping[str, Any]) -> Iterable[str]:
+    """What the document says beside its lists: `rate: 500`, `units: deg`."""
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            yield from _remarks(value)
+        elif isinstance(value, str | int | float):
+            yield f"{key}: {value}"
 
 
 def _units_of(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, str]]:
+    """Units beside lists: `{"units": {"q1": "deg"}}`, `{"q1": {"unit": "deg", "values": [...]}}`, or one for each column."""
     for key, value in data.items():
-        if key.lower() in ("unit", "units") and isinstance(value, str):
+        if key.lower() in ("unit", "units") and isinstance(value, list) and isinstance(names := data.get("columns"), list):
+            yield from ((str(name), unit) for name, unit in zip(names, value, strict=False) if isinstance(unit, str))
+        elif key.lower() in ("unit", "units") and isinstance(value, str):
             yield from ((f"{prefix}{name}", value) for name, other in data.items() if isinstance(other, list))
         elif key.lower() in ("unit", "units") and isinstance(value, Mapping):
             yield from ((str(name), unit) for name, unit in value.items() if isinstance(unit, str))

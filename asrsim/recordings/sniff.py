@@ -10,9 +10,10 @@ from pathlib import Path
 
 from asrsim.errors import RecordingError
 from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
-from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed
+from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
 
 _SAMPLE = 200
+"""Lines that are looked at to find out how a file is written."""
 _FOREIGN = (
     (b"PK\x03\x04", "a zip archive (an Excel workbook, numpy's npz, or compressed)"), (b"\x1f\x8b", "compressed by gzip"),
     (b"\x93NUMPY", "a numpy array"), (b"\x89HDF", "an HDF5 file"), (b"PAR1", "a Parquet file"), (b"%PDF", "a PDF document"),
@@ -116,6 +117,9 @@ def sniff(path: Path) -> Layout:
     quoted = any('"' in text for _, text in lines)
     separator, decimal, columns = _separator(lines, quoted=quoted, declared=declared)
     rows = [(count, split(glue(text, separator), separator, quoted=quoted)) for count, text in lines]
+    if separator is None:  # names with blanks in them stand further apart than these
+        wide = [re.split(r"\s{2,}", text.strip()) for _, text in lines]
+        rows = [(n, far if len(far) == columns else near) for (n, near), far in zip(rows, wide, strict=True)]
     share = [share_of_numbers(cells, decimal) if len(cells) == columns else 0.0 for _, cells in rows]
     # "Samples 400 400" among the lines above a header is no row of numbers: it has fewer of them than most, and none follow.
     usual = max(0.5, sorted(share)[len(share) // 2])
@@ -128,17 +132,17 @@ def sniff(path: Path) -> Layout:
         )  # fmt: skip
     data = [cells for _, cells in rows[first:] if len(cells) == columns]
     header = find_header(rows[:first], data, decimal)
-    names, header_at = header.names, header.line if header.names else None
-    if names is None and not header.misfit:
+    names, header_at, misfit = header.names, header.line if header.names else None, header.misfit
+    if names is None:
         before = [(n, c) for n, c in comments if n < rows[first][0] and comment_units(c, separator, columns) is None]
         names = comment_header(before[-1][1], separator, columns, decimal) if before else None
-        header_at = before[-1][0] if names else None
-    used = {header_at} | ({rows[first - 1][0]} if header.units else set())
+        header_at, misfit = (before[-1][0], "") if names else (None, misfit)
+    used = {header_at, header.units_line}
     widths = _widths(data)
+    names = names or [f"column_{i + 1}" for i in range(columns)]
     if widths:
         data = [spread(cells, widths) for cells in data]
-        plain = names or [f"column_{i + 1}" for i in range(columns)]
-        names = [label for i, name in enumerate(plain) for label in _labels(name, widths.get(i))]
+        names = [label for i, name in enumerate(names) for label in _labels(name, widths.get(i))]
         columns = len(names)
     above = [text for n, text in comments if n < rows[first][0]]
     told = header.units or next((found for text in above if (found := comment_units(text, separator, columns))), None)
@@ -146,11 +150,11 @@ def sniff(path: Path) -> Layout:
     kinds = [kind_of([cells[i] for cells in data], decimal) for i in range(columns)]
     return Layout(
         encoding=encoding, separator=separator, decimal=decimal, quoted=quoted,
-        names=unique(names or [f"column_{i + 1}" for i in range(columns)]), unnamed=unnamed(names),
+        names=unique([with_unknown(*pair) for pair in zip(names, stated, strict=True)]), unnamed=unnamed(names),
         widths=widths, units=tuple(stated), header_line=header_at, first_line=rows[first][0],
         skipped=tuple(n for n, _ in rows[:first] if n not in used),
         remarks="\n".join([*above, *(text for n, text in lines[:first] if n not in used)]),
-        misfit=header.misfit, misfit_line=header.line if header.misfit else None,
+        misfit=misfit, misfit_line=header.line if misfit else None,
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip

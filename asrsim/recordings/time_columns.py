@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.cells import printable
 from asrsim.recordings.delimited import Table
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import VOCABULARY, find_column, tokens_of
 from asrsim.recordings.stamps import MERGED
 from asrsim.recordings.timebase import EPOCH
-from asrsim.recordings.units import Unit
+from asrsim.recordings.units import Unit, find_unit
 from asrsim.samples import Array
 
 TIME_WORDS = {
@@ -41,6 +43,12 @@ TIME_WORDS = {
     "local",
 }
 """Words that name a time, or say which."""
+_RATE = re.compile(
+    r"\b(?:(?P<rate>rate|freq(?:uency)?|f_?s)|(?:sampl\w*|step)[ _]?(?:time|period|interval)|ts|dt|delta_x)"
+    r"\s*(?:[\[(](?P<before>\w+)[\])])?[\s:;,=]*(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)\s*(?P<after>[kmuµn]?(?:hz|s)\b)?",
+    re.IGNORECASE,
+)
+"""`fs = 500 Hz`, `Sample time [ms]: 2` among the remarks above the numbers."""
 _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
 _COUNTERS = {"tick", "ticks", "count", "counts", "counter", "cycle", "cycles", "sample", "samples", "frame", "frames", "index"}
@@ -73,8 +81,8 @@ def time_columns(
     mapped = {find_column(one.column, labels) for one in maps}
     free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
     named = [i for i in free if _is_time(names[i], stated[i])]
-    blank = [i for i in named if i not in table.layout.stamps and np.isfinite(table.values[:, i]).sum() < 2]
-    if blank and (len(blank) < len(named) or table.layout.stamps):
+    blank = [i for i in named if i not in table.layout.stamps and not np.isfinite(table.values[:, i]).any()]
+    if blank:
         findings += [
             Problem("is named as a time but has no numbers; not used", file=path, key=labels[i], code="empty-time")
             for i in blank
@@ -96,8 +104,10 @@ def time_columns(
         return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
     # What is named as a signal is no time, however evenly it rises.
     rising = [
-        i for i in free if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
-    ]
+        i for i in free
+        if stated[i] is None and _rises(table.values[:, i])
+        and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
+    ]  # fmt: skip
     # What counts 0, 1, 2 and is not called a time is an index, no time in ms: pandas writes one, under a blank name.
     counters = [
         i for i in rising
@@ -120,8 +130,19 @@ def time_columns(
         return rising[:1], factors
     raise RecordingError(
         f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
-        hint="Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate",
+        hint=told_rate(table.layout.remarks)
+        or "Expected a column that rises, named time or t; name it with --map COLUMN=time or give --rate",
     )  # fmt: skip
+
+
+def told_rate(remarks: str) -> str | None:
+    """The cure where the file says how fast it was sampled: `# fs = 500 Hz`, `Sample time [ms]; 2`."""
+    match = _RATE.search(remarks)
+    unit = None if match is None else find_unit(match["before"] or match["after"] or ("Hz" if match["rate"] else "s"))
+    if match is None or unit is None or unit.si != ("Hz" if match["rate"] else "s") or not float(match["number"]):
+        return None
+    told = unit.factor * float(match["number"])
+    return f"The file says '{printable(' '.join(match[0].split()))}': give --rate {told if match['rate'] else 1 / told:.9g}"
 
 
 def _is_time(name: str, unit: Unit | None) -> bool:

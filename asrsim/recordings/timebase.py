@@ -13,12 +13,17 @@ from asrsim.samples import Array
 EPOCH = 1e8
 """Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
 _LISTED = 8
+"""Lines that a problem of many names."""
 _SLOWEST, _FASTEST = 0.5, 3e-5
 """s between samples that are not suspected."""
+_SLOW, _LONG = 0.04, 300.0
+"""s between samples, and of a whole recording, that are rather ms."""
 _DAY = 86400.0
+"""s in a day."""
 _COUNTED_DAYS = {"MATLAB": (719529.0, 690_000.0, 780_000.0), "Excel": (25569.0, 20_000.0, 70_000.0)}
 """Programs that count days: the number of 1970-01-01, and of dates that recordings have."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""s in each unit of time that a file may be in."""
 NEAREST = 1e-9
 """s: stamps nearer to each other are one; slopes between them would leave the range of numbers."""
 
@@ -67,6 +72,11 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
                     + (" (or does it count the rows? Then give --rate)" if step == 1.0 and abs(finite[0]) <= 1.0 else ""),
                     file=path, key=name, hint=f"Say otherwise with --map '{name}=time [s]'", code="time-unit-assumed",
                 )
+            )  # fmt: skip
+        elif step > _SLOW and np.ptp(finite) > _LONG:
+            findings.append(
+                Problem(f"time states no unit; read as s: {step:g} s between samples, {np.ptp(finite):g} s in all", file=path,
+                        key=name, hint=f"If these are ms: --map '{name}=time [ms]'", code="time-unit-assumed")
             )  # fmt: skip
     if size * factor > EPOCH:
         zero = float(finite[0])

@@ -35,7 +35,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
     ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "deg_per_second",
         "degps", "dps", "°/s", "Grad/s", "gradi/s")),
-    ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min")),
+    ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min", "U/min")),
     ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
     ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
     ("rad/s^2", _DEGREE, ("deg/s^2", "deg/s2", "deg_s2")),
@@ -43,10 +43,10 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("N m", 1e-3, ("mNm", "mN*m", "mN.m", "mN_m", "Nmm", "N*mm")),
     ("N m", 1e-2, ("Ncm", "cNm", "N*cm")),
     ("N m", 1e3, ("kNm",)),
-    ("N m", 1.3558179483, ("lbft", "lb-ft", "lbf-ft", "lbf.ft", "lbfft", "ft-lb", "ft-lbs", "ft-lbf", "ftlb")),
-    ("N m", 0.1129848290, ("lbin", "lb-in", "lbf-in", "lbf.in", "lbfin", "in-lb", "in-lbs", "in-lbf")),
-    ("N m", 7.06155183e-3, ("ozin", "oz-in", "ozf-in", "ozfin")),
-    ("N m", 9.80665e-2, ("kgcm", "kgf.cm", "kgf*cm", "kgfcm")),
+    ("N m", 1.3558179483, ("lbft", "lbfft", "ftlb", "ftlbs", "ftlbf")),
+    ("N m", 0.1129848290, ("lbin", "lbfin", "inlb", "inlbs", "inlbf")),
+    ("N m", 7.06155183e-3, ("ozin", "ozfin", "inoz")),
+    ("N m", 9.80665e-2, ("kgcm", "kgfcm")),
     ("N m/rad", 1.0, ("Nm/rad", "N*m/rad", "N.m/rad", "Nm_rad", "Nm_per_rad")),
     ("N m/rad", 1e-3, ("mNm/rad",)),
     ("N m/rad", 1 / _DEGREE, ("Nm/deg", "Nm/°", "Nm_per_deg")),
@@ -78,6 +78,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("J", 1.0, ("J", "joule", "joules")),
     ("W", 1.0, ("W", "watt", "watts")),
     ("Hz", 1.0, ("Hz",)),
+    ("Hz", 1e3, ("kHz",)),
     ("degC", 1.0, ("°C", "degC", "celsius")),
     ("1", 1.0, ("1", "-")),
     ("1", 1e-2, ("%", "percent")),
@@ -110,8 +111,14 @@ _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 # Last tokens that look like a unit but are part of the name: theta_m is a motor's angle, q_s no second.
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
-_SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S.*)$")
-_TIGHT = re.compile(r"^(?P<name>[^/\s]+)/(?P<unit>[^/]+(?:/s)?)$")
+_BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
+_COLON = re.compile(r"(?<=[\w\])])\s*[:,]\s*")
+_DASH = re.compile(r"(?<=[\w\])])[-.]")
+"""`q1: deg`, `Position, deg` and `q1-deg`: what may stand between a name and its unit without brackets."""
+_SLASH = re.compile(r"^.*?\S(?P<sign>\s+(?:/|in)\s+)(?=\S)")
+_TIGHT = re.compile(r"^(?:[^/\[(<{]|[\[(<{]\w*[\])>}])*(?<!\s)/(?=[^/]+(?:/s)?$)")
+_PLACE = re.compile(r"(?P<array>.*\S)(?P<place>[\[(]\d+[\])])")
+_SINGLE = re.compile("[A-Za-z]")
 _AMONG = re.compile(
     r"(?:(?<![A-Za-z])|(?<=[a-z])(?=[A-Z]))"
     r"(?P<unit>(?i:degree)s?|(?i:m?deg)s?|(?i:mrad|rpm|mm|cm|m?nm|ncm))"
@@ -126,7 +133,9 @@ def find_unit(text: str) -> Unit | None:
     for written in (plain, _ordinary(plain)):
         if (unit := UNITS.get(written) or _LOWER.get(written.lower())) is not None:
             return unit
-    return None
+    # lbf-ft, ozf.in, newton-metres: a force times a length, however it is joined.
+    joined = _LOWER.get(re.sub(r"[-.*]", "", plain).lower())
+    return joined if joined is not None and joined.si == "N m" else None
 
 
 def _several(text: str) -> Unit | None:
@@ -163,28 +172,50 @@ def parse_unit(text: str) -> Unit:
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
     text = header.strip().strip("\"'").strip()
-    for pattern in (_BRACKETS, _SLASH, _TIGHT):
-        match = pattern.match(text)
-        # q[1] is the second of an array, q [1] without dimension.
-        if match and re.search(r"\S[\[(]\d+[\])]$", text):
-            return text, None
-        if match and match["name"] and (unit := find_unit(match["unit"]) or _several(match["unit"])):
-            return match["name"].strip().rstrip("_").strip(), unit
+    for inner in reversed([*_BRACKETED.finditer(text)]):
+        last = inner.end() == len(text)
+        name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
+        if inner["unit"].isdigit() and not (last and text[inner.start() - 1].isspace()):
+            continue  # q[1] is the second of an array, q [1] without dimension
+        unit = find_unit(inner["unit"]) or _several(inner["unit"])
+        if name and unit is not None and (last or not _SINGLE.fullmatch(unit.symbol)):
+            return name, unit
+    if (array := _PLACE.fullmatch(text)) is not None:
+        name, unit = split_header(array["array"])  # q_deg[0]
+        return (name + array["place"], unit) if unit is not None else (text, None)
+    if (match := _SLASH.match(text)) and (unit := find_unit(text[match.end() :])) is not None:
+        return text[: match.start("sign")], unit
+    if (behind := _behind(text, _COLON)) is not None:
+        return behind
     tokens = re.split(r"[_\s]+", text)
     for count in (3, 2, 1):
         if len(tokens) <= count:
             continue
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
-        found = UNITS.get(tail) or (_LOWER.get(tail.lower()) if len(tail) > 1 else None)
+        found = find_unit(tail)
         if found is None or found.si == "counts" or tail in ("1", "-", "min", "h"):
             continue
         if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
         return name, found
+    if (behind := _behind(text, _DASH)) is not None:
+        return behind
+    if (match := _TIGHT.match(text)) and (unit := find_unit(text[match.end() :])) is not None:
+        return text[: match.end() - 1], unit
     if (among := _AMONG.search(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
         rest = (text[: among.start()] + " " + text[among.end() :]).strip(" _-.")
         return (rest, found) if rest else (text, None)
     return text, None
+
+
+def _behind(text: str, sign: re.Pattern[str]) -> tuple[str, Unit] | None:
+    """Name and unit without brackets behind one of these signs: not of `x.m`, `stamp.sec` or `q-1`."""
+    foreign = ("counts", "1", "s") if sign is _DASH else ("counts", "1")
+    for match in sign.finditer(text):
+        unit = find_unit(text[match.end() :])
+        if unit is not None and unit.si not in foreign and not _SINGLE.fullmatch(unit.symbol):
+            return text[: match.start()], unit
+    return None
 
 
 def unknown_unit(header: str) -> str | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from asrsim.robot.model import Vector
+from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 
 
@@ -24,11 +26,9 @@ def frame(position: Array, rotation: Array) -> Array:
     return result
 
 
-def rpy_frame(position: Array, rpy: Array) -> Array:
-    """(4, 4) frame of a URDF's `<origin xyz rpy>`: about fixed x, then y, then z."""
-    roll, pitch, yaw = (float(angle) for angle in rpy)
-    x, y, z = np.eye(3)
-    return frame(position, about(z, yaw) @ about(y, pitch) @ about(x, roll))
+def rpy_frame(position: Vector, rpy: Vector) -> Array:
+    """(4, 4) frame of a URDF's `<origin xyz rpy>`, m and rad."""
+    return frame(np.array(position), rotation_matrix(rpy))
 
 
 def pose_frame(pose: Array) -> Array:

@@ -12,13 +12,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from asrsim.errors import InputError, LogError
+from asrsim.errors import InputError, LogError, RobotError
 from asrsim.log import open_log
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
 from asrsim.render.frames import rpy_frame
 from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
+from asrsim.robot.xmlfile import parse_xml
 from asrsim.samples import Array, RunInfo, Samples
 
 KEPT = 6000
@@ -119,7 +120,6 @@ class Film:
         return pairs
 
     def _open(self) -> tuple[Scene, tuple[str, ...]]:
-        from asrsim.robot import engine_urdf
         from asrsim.runs.repeat import restore
 
         if not self.info.urdf or "scenario" not in self.info.resolved:
@@ -128,12 +128,10 @@ class Film:
         info = replace(self.info, urdf=_shape_only(self.info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
         with TemporaryDirectory(prefix="asrsim-render-") as folder:
             scenario, robot = restore(info, Path(folder))
-            text, warnings = engine_urdf(robot, visuals=True, package_paths=scenario.package_paths)
-            shapes = drawable(text)
-            base = rpy_frame(np.array(scenario.base_position), np.array(scenario.base_rpy))
-            scene = Scene(shapes.urdf, base, scenario.world)
-        missing = [str(warning) for warning in warnings if warning.code == "missing-visual-mesh"]
-        return scene, (*missing, *shapes.notes, *scene.notes)
+            shown = drawable(robot, scenario.package_paths)
+            scene = Scene(shown.robot, rpy_frame(scenario.base_position, scenario.base_rpy), scenario.world)
+        missing = [str(warning) for warning in shown.warnings if warning.code == "missing-visual-mesh"]
+        return scene, (*missing, *shown.notes, *scene.notes)
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:
         """Outer points of everything during the motion (k, 3) m, the joints' axes, and how far each joint moves (rad)."""
@@ -200,8 +198,8 @@ def _shape_only(urdf: str) -> str:
     """The robot without its simulator blocks: whose actuators they name does not matter to a picture."""
     from lxml import etree
 
-    with suppress(etree.XMLSyntaxError):
-        root = etree.fromstring(urdf.encode(), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
+    with suppress(RobotError):
+        root = parse_xml(urdf.encode(), Path("robot.urdf"), large=True)
         for block in root.findall("gazebo"):
             root.remove(block)
         return str(etree.tostring(root, encoding="unicode"))

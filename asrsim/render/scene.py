@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from asrsim.render.frames import about, frame, pose_frame, rpy_frame
 from asrsim.render.mesh_files import read_mesh
 from asrsim.render.solids import Mesh, box, capsule, cylinder, scaled, sphere
+from asrsim.robot import Joint, Robot
+from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.samples import Array
-from asrsim.scenario.data import World, WorldObject
+from asrsim.scenario.data import World
 
 GREY = (0.55, 0.58, 0.63)
 """Of a shape without colour: told from the background and from white."""
@@ -31,39 +32,26 @@ class Part:
     """(m, 3) red, green, blue from 0 to 1 of each triangle."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TreeJoint:
-    """A joint of the robot's tree as kinematics needs it."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Array
-    """(4, 4), in the parent's frame."""
-    axis: Array
-    """(3,)"""
-
-
 class Scene:
     """Shapes of robot and world, and their frames at given positions.
 
-    urdf: text with a `<visual>` for every link that is to be seen (:func:`asrsim.render.shapes.drawable`), meshes as absolute
-    names; base: (4, 4) frame of the root link. `notes` say which meshes could not be read.
+    robot: as :func:`asrsim.render.shapes.drawable` has it; base: (4, 4) frame of the root link. `notes` say which meshes could
+    not be read.
     """
 
-    def __init__(self, urdf: str, base: Array, world: World) -> None:
-        root = etree.fromstring(urdf.encode(), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
+    def __init__(self, robot: Robot, base: Array, world: World) -> None:
         self.notes: list[str] = []
         self.base = base
-        self.joints = _ordered([_joint(element) for element in root.findall("joint")])
+        self.joints = robot.outward_joints
         """A parent's joint comes before its children's."""
-        children = {joint.child for joint in self.joints}
-        self.root = next((link.get("name", "") for link in root.findall("link") if link.get("name") not in children), "")
+        self.origins = {joint.name: rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
+        """Joint -> (4, 4), its frame in its parent's."""
+        self.root = robot.root.name
         self.ground = world.ground_height if world.ground else None
         """m, height of the ground, None without one."""
-        self.objects = {item.name: rpy_frame(np.array(item.position), np.array(item.rpy)) for item in world.objects}
-        self.parts = self._robot_parts(root) + self._object_parts(world)
+        self.objects = {item.name: rpy_frame(item.position, item.rpy) for item in world.objects}
+        self._read = cache(read_mesh)
+        self.parts = self._robot_parts(robot) + self._object_parts(world)
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
         """Body -> (4, 4) frame in the world.
@@ -73,7 +61,8 @@ class Scene:
         """
         frames = {self.root: pose_frame(poses[self.root]) if self.root in poses else self.base}
         for joint in self.joints:
-            frames[joint.child] = frames[joint.parent] @ joint.origin @ motion(joint, positions.get(joint.name, 0.0))
+            moved = motion(joint, positions.get(joint.name, 0.0))
+            frames[joint.child] = frames[joint.parent] @ self.origins[joint.name] @ moved
         for name, at_start in self.objects.items():
             frames[name] = pose_frame(poses[name]) if name in poses else at_start
         return frames
@@ -82,105 +71,49 @@ class Scene:
         """Joint that turns -> (3,) its axis in the world."""
         return {j.name: frames[j.child][:3, :3] @ j.axis for j in self.joints if j.kind in ("revolute", "continuous")}
 
-    def _robot_parts(self, root: Any) -> list[Part]:
-        palette = {m.get("name"): _rgb(m.find("color")) for m in root.findall("material") if m.find("color") is not None}
-        meshes: dict[str, Mesh] = {}
+    def _robot_parts(self, robot: Robot) -> list[Part]:
         parts = []
-        for link in root.findall("link"):
-            for visual in link.findall("visual"):
-                mesh = self._mesh(visual.find("geometry"), meshes, link.get("name", ""))
+        for link in robot.links:
+            for shape in link.visuals:
+                file = Path(shape.mesh) if shape.kind == "mesh" else None
+                mesh = self._mesh(shape.kind, shape.scale if file else shape.size, file, f"the mesh of link '{link.name}'")
                 if mesh is None:
                     continue
-                material = visual.find("material")
-                colour = None
-                if material is not None:
-                    own = material.find("color")
-                    colour = _rgb(own) if own is not None else palette.get(material.get("name"))
-                origin = visual.find("origin")
-                placed = _placed(mesh, rpy_frame(vector(origin, "xyz"), vector(origin, "rpy")))
-                parts.append(Part(body=link.get("name", ""), mesh=placed, colours=_coloured(placed, colour)))
+                colour = shape.colour or (mesh_colour(file) if file else None)
+                placed = _placed(mesh, rpy_frame(shape.origin, shape.rpy))
+                parts.append(Part(body=link.name, mesh=placed, colours=_coloured(placed, colour)))
         return parts
-
-    def _mesh(self, geometry: Any, meshes: dict[str, Mesh], link: str) -> Mesh | None:
-        shape = None if geometry is None else next((child for child in geometry if isinstance(child.tag, str)), None)
-        if shape is None:
-            return None
-        if shape.tag == "mesh":
-            name = shape.get("filename", "")
-            try:
-                mesh = meshes[name] = meshes.get(name) or read_mesh(Path(name))
-            except (OSError, ValueError) as error:
-                self.notes.append(f"the mesh of link '{link}' is not drawn: {error}")
-                return None
-            scale = vector(shape, "scale", 1.0)
-            return mesh if (scale == 1.0).all() else scaled(mesh, scale)
-        if shape.tag == "box":
-            return box(vector(shape, "size"))
-        radius, length = float(shape.get("radius", "0")), float(shape.get("length", "0"))
-        makers = {"sphere": lambda: sphere(radius), "cylinder": lambda: cylinder(radius, length),
-                  "capsule": lambda: capsule(radius, length)}  # fmt: skip
-        return makers[shape.tag]() if shape.tag in makers else None
 
     def _object_parts(self, world: World) -> list[Part]:
         parts = []
         for item in world.objects:
-            try:
-                mesh = _object_mesh(item)
-            except (OSError, ValueError) as error:
-                self.notes.append(f"object '{item.name}' is not drawn: {error}")
-                continue
-            parts.append(Part(body=item.name, mesh=mesh, colours=_coloured(mesh, np.array(item.colour[:3]))))
+            mesh = self._mesh(item.shape, item.size, item.mesh, f"object '{item.name}'")
+            if mesh is not None:
+                parts.append(Part(body=item.name, mesh=mesh, colours=_coloured(mesh, item.colour)))
         return parts
 
+    def _mesh(self, kind: str, size: Sequence[float], file: Path | None, what: str) -> Mesh | None:
+        """A solid of its size in m, or the mesh in a file times `size`; None, and a note, where that cannot be read."""
+        if file is None:
+            return box(np.array(size)) if kind == "box" else _ROUND[kind](*size)
+        try:
+            mesh = self._read(file)
+        except (OSError, ValueError) as error:
+            self.notes.append(f"{what} is not drawn: {error}")
+            return None
+        return mesh if set(size) == {1.0} else scaled(mesh, np.array(size))
 
-def motion(joint: TreeJoint, position: float) -> Array:
+
+_ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}
+
+
+def motion(joint: Joint, position: float) -> Array:
     """(4, 4) what a joint's position (rad, m) does to its child."""
     if joint.kind in ("revolute", "continuous"):
-        return frame(np.zeros(3), about(joint.axis, position))
+        return frame(np.zeros(3), about(np.array(joint.axis), position))
     if joint.kind == "prismatic":
-        return frame(position * joint.axis, np.eye(3))
+        return frame(position * np.array(joint.axis), np.eye(3))
     return np.eye(4)
-
-
-def vector(element: Any, key: str, default: float = 0.0) -> Array:
-    """(3,) numbers of an attribute; one number stands for three."""
-    text = element.get(key) if element is not None else None
-    values = np.array([float(part) for part in (text or "").split()], dtype=np.float64)
-    return values if len(values) == 3 else np.full(3, values[0] if len(values) == 1 else default)
-
-
-def _joint(element: Any) -> TreeJoint:
-    origin, axis = element.find("origin"), element.find("axis")
-    direction = vector(axis, "xyz") if axis is not None else np.array([1.0, 0.0, 0.0])
-    length = float(np.linalg.norm(direction))
-    return TreeJoint(
-        name=element.get("name", ""), kind=element.get("type", "fixed"), parent=element.find("parent").get("link", ""),
-        child=element.find("child").get("link", ""), origin=rpy_frame(vector(origin, "xyz"), vector(origin, "rpy")),
-        axis=direction / length if length > 0 else direction,
-    )  # fmt: skip
-
-
-def _ordered(joints: list[TreeJoint]) -> tuple[TreeJoint, ...]:
-    by_parent: dict[str, list[TreeJoint]] = {}
-    for joint in joints:
-        by_parent.setdefault(joint.parent, []).append(joint)
-    children = {joint.child for joint in joints}
-    queue = [joint for joint in joints if joint.parent not in children]
-    for joint in queue:
-        queue += by_parent.get(joint.child, [])
-    return tuple(queue)
-
-
-def _object_mesh(item: WorldObject) -> Mesh:
-    size = np.array(item.size, dtype=np.float64)
-    if item.shape == "mesh" and item.mesh is not None:
-        mesh = read_mesh(item.mesh)
-        return scaled(mesh, size) if len(size) == 3 else mesh
-    if item.shape == "sphere":
-        return sphere(float(size[0]))
-    if item.shape == "cylinder":
-        return cylinder(float(size[0]), float(size[1]))
-    return box(size)
 
 
 def _placed(mesh: Mesh, origin: Array) -> Mesh:
@@ -189,12 +122,7 @@ def _placed(mesh: Mesh, origin: Array) -> Mesh:
     return Mesh(points=points, triangles=mesh.triangles, normals=mesh.normals @ rotation.T, colours=mesh.colours)
 
 
-def _coloured(mesh: Mesh, colour: Array | None) -> Array:
+def _coloured(mesh: Mesh, colour: Sequence[float] | None) -> Array:
     """(m, 3): the URDF's colour, else the file's own, else grey."""
     given = np.full((len(mesh.triangles), 3), np.nan) if mesh.colours is None or colour is not None else mesh.colours
-    return np.clip(np.where(np.isnan(given), GREY if colour is None else colour, given), 0.0, 1.0)
-
-
-def _rgb(element: Any) -> Array | None:
-    values = [float(part) for part in (element.get("rgba") or "").split()] if element is not None else []
-    return np.array(values[:3]) if len(values) >= 3 else None
+    return np.clip(np.where(np.isnan(given), GREY if colour is None else colour[:3], given), 0.0, 1.0)

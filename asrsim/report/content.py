@@ -19,7 +19,7 @@ from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import MetricRow, summarise
 from asrsim.plain import Shape, misfit
-from asrsim.plots.job import RECORDED
+from asrsim.plots.recorded import RECORDED
 from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
 
@@ -28,6 +28,7 @@ STRIPS = 12
 PICTURES = 4
 """Pictures of comparisons."""
 PICTURE_BYTES = 200_000
+"""Bytes of a picture that goes into the page; larger ones are left out."""
 FRAMES = 6
 """Of a film strip."""
 

@@ -19,6 +19,7 @@ FRAMES = 400
 TRIANGLES = 40_000
 """Of all shapes together."""
 _LEVELS = 32767
+"""Steps of a coordinate to each side: 16 bits with a sign."""
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] | None:
@@ -32,8 +33,8 @@ def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] 
     return {
         "parts": [_part(part, share) for part in scene.parts],
         "joints": [
-            {"name": j.name, "kind": j.kind, "parent": j.parent, "child": j.child, "origin": _matrix(j.origin),
-             "axis": _rounded(j.axis)}
+            {"name": j.name, "kind": j.kind, "parent": j.parent, "child": j.child, "origin": _matrix(scene.origins[j.name]),
+             "axis": _rounded(np.array(j.axis))}
             for j in scene.joints
         ],
         "root": scene.root,

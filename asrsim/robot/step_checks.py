@@ -1,8 +1,7 @@
 """What a time step means for a robot, estimated from its file: stiff springs, damping and gains past their limits.
 
-Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit
-and the motors' torque let a spring reach. The simulation itself works with
-exact mass matrices and chooses its substeps by them.
+Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit and the
+motors' torque let a spring reach. The simulation itself works with exact mass matrices and chooses its substeps by them.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.detailed_motor import electric_of
@@ -78,11 +78,12 @@ def largest_stiffness(actuator: type[Actuator], parameters: Mapping[str, float],
         2.0 * parameters["motor_1_max_torque"] if motors else math.inf,
         2.0 * parameters["motor_2_max_torque"] if motors and actuator.motors == 2 else math.inf,
     )
-    return _largest_within(actuator, values, parameters.get("max_deflection", FREE_RANGE), bounds)
+    kind: Any = actuator  # For mypy a class of classes cannot be hashed.
+    return _largest_within(kind, values, parameters.get("max_deflection", FREE_RANGE), bounds)
 
 
 @lru_cache
-def _largest_within(actuator: type[Actuator], values: tuple[float, ...], limit: float, bounds: tuple[float, float]) -> float:
+def _largest_within(actuator: Any, values: tuple[float, ...], limit: float, bounds: tuple[float, float]) -> float:
     """limit: rad of deflection; bounds: N m of each motor. The joints of a robot often have the same springs."""
     sides = (-1.0, 0.0, 1.0)
     rays = [(x, y) for x in sides for y in (sides if actuator.motors == 2 else (0.0,))]

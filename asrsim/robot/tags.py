@@ -1,14 +1,11 @@
 """The toolbox's tag names and our parameter names: the one place where they meet.
 
 The released toolbox calls the parameters of one-motor actuators `mot_*`, `ctrl_*` and those of two-motor actuators
-`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`; the tags of what it does not have are
-like them. A user's own actuator has its parameters' own names as tags.
+`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that only asrsim has are named in the same way. The spring parameters
+of a user's own actuator have their own names as tags.
 """
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from functools import cache
 
 from asrsim.actuators import Actuator
 
@@ -78,8 +75,7 @@ FOREIGN_QBMOVE_TAGS = ("command_topic", "pos_topic")
 """Tags that give away the older plugin of the same file name (l1va/qbmove_ros)."""
 
 
-@cache
-def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:
+def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
     """Parameter name -> tag, for every parameter of the actuator, in the order of `all_parameters`."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
@@ -98,8 +94,7 @@ def _motion_tag(name: str, motors: int) -> str:
     return f"{prefix}_{table[rest]}" if motors == 1 else f"{prefix}_{index}_{table[rest]}"
 
 
-@cache
-def tag_parameters(actuator: type[Actuator]) -> Mapping[str, str]:
+def tag_parameters(actuator: type[Actuator]) -> dict[str, str]:
     """Tag -> parameter name: :func:`parameter_tags` turned round.
 
     A user's own `max_deflection` is also found under the toolbox's `max_def`.

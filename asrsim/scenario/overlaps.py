@@ -44,8 +44,7 @@ class Body:
             # A cylinder is a disc at each height, a capsule a ball at each point of its axis.
             rest = own - axis if self.kind != "cylinder" else own * (1.0, 1.0, 0.0)
             own = axis + rest * min(1.0, radius / max(float(np.linalg.norm(rest)), 1e-300))
-        place: Array = self.pose.position + self.pose.rotation @ own
-        return place
+        return np.asarray(self.pose.position + self.pose.rotation @ own)
 
 
 def overlap_doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

@@ -36,6 +36,10 @@ class Part:
     inputs: Sequence[Array]
     raw: Array
     sides: Mapping[int, Array]
+    end: int
+    """Substeps done by then."""
+    checked: bool
+    """Whether to ask if energy came from nowhere."""
     energy: float | None
     """J, at its end; None where contacts or wrenches do work of their own on the links."""
     kinetic: float
@@ -58,8 +62,10 @@ class Recording:
         self._prepared, self._engine = prepared, engine
         self._sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
         self.active = bool(keep or self._sinks)
+        self.taker: Callable[[Part], None] | None = None
+        """Takes what was stepped in place of :meth:`evaluate`, and sees to it that it is evaluated in its order."""
         self.parts: list[Part] | None = None
-        """What was stepped and not looked at, see :mod:`asrsim.simulation.together`; None: it is at once."""
+        """What was stepped and not looked at, where :mod:`asrsim.simulation.together` will."""
         self.wanted: frozenset[str] = frozenset()
         self.kept: list[Samples] | None = [] if keep else None
         self._last = last
@@ -86,7 +92,9 @@ class Recording:
 
     def defer(self, wanted: Collection[str]) -> None:
         """From now on parts are only kept; wanted: quantities of which samples will be made."""
-        self.active, self.parts, self.wanted = True, [], frozenset(wanted)
+        self.active, self.wanted = True, frozenset(wanted)
+        self.parts = []
+        self.taker = self.parts.append
 
     def take(self, block: Block, start: int, raw: Array) -> None:
         """Raw records (n, joints, columns) of the block's substeps from `start` on."""
@@ -96,37 +104,36 @@ class Recording:
             self._sides |= {k: sides for k, sides in block.sides.items() if start <= k - block.first < end}
 
     def flush(self, substep: int, *, check: bool = True) -> None:
-        """Hand on what there is; raises DivergenceError where energy came from nowhere up to `substep`."""
-        if not self._raw:
-            return
-        part = self._part(weighed=check)
-        if self.parts is not None:
-            self.parts.append(part)
-            return
+        """Hand on what there is up to `substep`; raises what :meth:`evaluate` does."""
+        if self._raw:
+            (self.taker or self.evaluate)(self._part(substep, check=check))
+
+    def evaluate(self, part: Part) -> None:
+        """Samples of a part, handed on; raises DivergenceError where energy came from nowhere."""
         samples = self.recorder.add(part.inputs, part.raw, part.sides)
         if samples is not None:
             self._hand_on(samples)
         fault = None
-        if check and self.guarded:
+        if part.checked and self.guarded:
             meter = self.recorder.meter
             balance = {"given": meter.given, "residual": meter.residual, "turnover": meter.turnover}
             fault = self._guard.fault(part.energy, kinetic=part.kinetic, **balance, names=self._engine.joints)
         if fault is not None:
             resolution = self._prepared.resolution
-            raise runaway(fault[0], min(substep, self._last) * self._prepared.substep, fault[1], resolution.omega_h)
+            raise runaway(fault[0], min(part.end, self._last) * self._prepared.substep, fault[1], resolution.omega_h)
 
-    def _part(self, *, weighed: bool) -> Part:
-        """What came since the last one; weighed: with the links' energy, which a motion that is no longer finite has not."""
+    def _part(self, end: int, *, check: bool) -> Part:
+        """What came since the last one, with the links' energy where it is checked: a motion no longer finite has none."""
         inputs = [_joined(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
         raw = _joined([part for _, part in self._raw]).transpose(2, 1, 0)
         sides, self._sides, self._raw = self._sides, {}, []
         model, kinetic = self._engine.model, 0.0
-        if not (weighed and self.guarded and self._alone and model is not None):
-            return Part(inputs, raw, sides, None, kinetic)
+        if not (check and self.guarded and self._alone and model is not None):
+            return Part(inputs, raw, sides, end, check, None, kinetic)
         positions, velocities = self._engine.read()
         speeds = np.array(velocities)
         kinetic = 0.5 * float(speeds @ model.mass_matrix(positions) @ speeds)
-        return Part(inputs, raw, sides, self._engine.mechanical_energy(), kinetic)
+        return Part(inputs, raw, sides, end, check, self._engine.mechanical_energy(), kinetic)
 
     def _hand_on(self, samples: Samples) -> None:
         step, every = self._prepared.scenario.step, self._prepared.scenario.log_every
@@ -169,7 +176,7 @@ class Recording:
             return
         self._raw, self._sides, self.energy = [], {}, self._engine.mechanical_energy()
         if self.parts is not None:
-            self.parts = []
+            self.defer(self.wanted)
             return
         self.recorder = self._make_recorder()
         self._guard = EnergyGuard(self.energy or 0.0)

@@ -1,0 +1,184 @@
+"""Dialects of programs and laboratories: the motion comes out on its time, of its joint, in its unit, or it is asked about."""
+
+from __future__ import annotations
+
+import json
+import re
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lab_files import COUNT, DEGREES, ORDER, TIME, A, B, table, texts
+
+from asrsim.errors import RecordingError
+from asrsim.quantities import QUANTITIES
+from asrsim.recordings import Recording, read_recording
+from asrsim.recordings.units import find_unit, split_header
+
+pytestmark = pytest.mark.once
+
+JOINTS = ("joint_1", "joint_2")
+ABQ = [TIME, A, B]
+DEG = [TIME, A * DEGREES, B * DEGREES]
+LVM = (
+    "LabVIEW Measurement\t\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t2\t\nY_Unit_Label\tDegrees\tDegrees\t\n"
+    "Delta_X\t0.01\t0.01\t\n***End_of_Header***\t\t\t\nX_Value\tq1\tq2\tComment\n"
+)
+
+
+def numpy_file(**arrays: np.ndarray) -> bytes:
+    stream = BytesIO()
+    np.savez(stream, **arrays)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def matlab_file(**values: object) -> bytes:
+    from scipy.io import savemat
+
+    stream = BytesIO()
+    savemat(stream, values)
+    return stream.getvalue()
+
+
+def cells(*values: object) -> np.ndarray:
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array
+
+
+RECORD = np.rec.fromarrays([TIME, A, B], names="t,q1,q2")
+UNDERSTOOD: dict[str, tuple[str, bytes]] = {
+    "LabVIEW with units": ("a.lvm", table(DEG, sep="\t", before=LVM)),
+    "TwinCAT's scope": (
+        "a.csv", table([TIME * 1e3, A * DEGREES, TIME * 1e3, B * DEGREES], sep="\t", dec=",", encoding="cp1252",
+                       before="Name\tScope\tName\tScope\n\nName\tAxis1.ActPos\tName\tAxis2.ActPos\n"
+                       "SampleTime[ms]\t10\tSampleTime[ms]\t10\nUnit\t°\tUnit\t°\n"),
+    ),
+    "pandas' columns in two rows": (
+        "a.csv", table([*ABQ, A], before="joint,joint_1,joint_2,joint_2\nsignal,q,q,tau\ntime,,,\n"),
+    ),
+    "units above the names": ("a.csv", table(DEG, before="s,deg,deg\ntime,q1,q2\n")),
+    "no unit for the time": ("a.csv", table(DEG, before="time,q1,q2\n[-],[deg],[deg]\n")),
+    "a row that says that it has units": ("a.csv", table(DEG, sep=";", before="Unit;deg;deg\nName;Zeit;x\nt;q1;q2\n")),
+    "marks between thousands": (
+        "a.csv", table([texts(TIME * 1e3, "%.1f"), *([f"{v * DEGREES * 1e3:,.3f}" for v in column] for column in (A, B))],
+                       sep=";", before="t [ms];q1 [mdeg];q2 [mdeg]\n"),
+    ),
+    "names with blanks between blanks": (
+        "a.txt", table([texts(column, "%14.9f") for column in DEG], sep=" ",
+                       before="      Time       Joint 1        Joint 2\n      (s)         (deg)          (deg)\n"),
+    ),
+    "quoted names between blanks": ("a.txt", table(DEG, sep=" ", before='"Time (s)" "Joint 1 (deg)" "Joint 2 (deg)"\n')),
+    "a title beside a header in a comment": ("a.txt", table([*ABQ, A], sep=" ", before="*** log ***\n# t q1 q2 tau1\n")),
+    "arrays beside names": ("a.csv", table([*ABQ, A, B], before="t,q[0],q[1],J1_torque,J2_torque\n")),
+    "names beside arrays": ("a.csv", table([TIME, A, B, A, B], before="t,J1_pos,J2_pos,tau[0],tau[1]\n")),
+    "a file's joint_0": ("a.csv", table([*ABQ, A, B], before="t,joint_0_pos,joint_1_pos,joint_0_vel,joint_1_vel\n")),
+    "the KUKA's axes": ("a.csv", table([*DEG, A, B], before="t,A1 [deg],A2 [deg],A1_Soll,A2_Soll\n")),
+    "theta of a command": ("a.csv", table([*ABQ, B, A], before="t,theta1,theta2,q1_ref,q2_ref\n")),
+    "links and motors": ("a.csv", table([TIME, B, A, A, B], before="t,qm1,qm2,ql1,ql2\n")),
+    "desired ones first": ("a.csv", table([TIME, B, A, A, B], before="t,q_d[0],q_d[1],q[0],q[1]\n")),
+    "units of an array": ("a.json", json.dumps({"t": [*TIME], "q_deg": (np.c_[A, B] * DEGREES).tolist()}).encode()),
+    "a unit for each column of JSON": (
+        "a.json", json.dumps({"columns": ["time", "q1", "q2"], "units": ["ms", "deg", "deg"],
+                              "data": np.c_[TIME * 1e3, A * DEGREES, B * DEGREES].tolist()}).encode(),
+    ),
+    "numpy's arrays": ("a.npz", numpy_file(t=TIME, q1=A, q2=B)),
+    "numpy's records": ("a.npz", numpy_file(log=RECORD)),
+    "MATLAB's cells": ("a.mat", matlab_file(t=TIME, q=cells(A, B))),
+    "MATLAB's names and units": (
+        "a.mat", matlab_file(t=TIME, data=np.c_[A, B] * DEGREES, names=cells("q1", "q2"), units=cells("deg", "deg")),
+    ),
+    "complex numbers without imaginary part": ("a.mat", matlab_file(t=TIME, q1=A.astype(complex), q2=B)),
+}  # fmt: skip
+
+
+def read(folder: Path, name: str, content: bytes, **options: object) -> Recording:
+    (folder / name).write_bytes(content)
+    return read_recording(folder / name, joints=JOINTS, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", UNDERSTOOD)
+def test_understood(tmp_path: Path, kind: str) -> None:
+    recording = read(tmp_path, *UNDERSTOOD[kind])
+    for joint, values in zip(JOINTS, (A, B), strict=True):
+        column = recording.column(joint, "link_position")
+        np.testing.assert_allclose(column.time - column.time[0], TIME, atol=1.1e-6)
+        np.testing.assert_allclose(column.values, values, atol=1e-6)
+        for other in {"link_torque", "link_velocity"} & set(recording.quantities(joint)):
+            np.testing.assert_allclose(
+                recording.column(joint, other).values, A if kind.startswith("pandas") else values, atol=1e-6
+            )
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("[deg] q1", "q1", "deg"), ("velocity[0]:deg/sec", "velocity[0]", "deg/s"), ("T1:N.m", "T1", "N.m"),
+        ("cmd_1-º", "cmd_1", "°"), ("pos 1-turns", "pos 1", "turns"), ("q1 [°] (measured)", "q1 (measured)", "°"),
+        ("q_deg[1]", "q[1]", "deg"), ("Axis 1 Position/turns", "Axis 1 Position", "turns"), ("w1[U/min]", "w1", "rpm"),
+        ("v[0]/dps", "v[0]", "dps"), ("Torque:N m", "Torque", "Nm"),
+        ("M1 in newton-metres", "M1", "Nm"), ("tau (ozf.in)", "tau", "ozin"), ("effort[0]:kNm", "effort[0]", "kNm"),
+    ],
+)  # fmt: skip
+def test_where_a_unit_stands(header: str, name: str, unit: str) -> None:
+    known = find_unit(unit)
+    found = split_header(header)
+    assert known is not None
+    assert found[1] is not None
+    assert (found[0], found[1].si, found[1].factor) == (name, known.si, known.factor)
+
+
+@pytest.mark.parametrize(
+    "header", ["x.m", "theta_m", "header.stamp.secs", "q1-ref", "stats.min", "v-max", "joint-1", "q[1]", "a:b"]
+)
+def test_what_is_no_unit_stays_with_the_name(header: str) -> None:
+    assert split_header(header) == (header, None)
+
+
+ASKED: dict[str, tuple[bytes, str, str]] = {
+    "an unknown unit in a row": (table([*DEG, A], before="t,q1,q2,tau1\ns,deg,deg,foo\n"), "unclear-unit", "is not known"),
+    "degrees among JSON's remarks": (
+        json.dumps({"meta": {"units": "deg"}, "data": [{"t": t, "q1": a} for t, a in zip(TIME, A, strict=True)]}).encode(),
+        "unstated-unit", "units: deg",
+    ),
+    "ten kilohertz in ms": (table([ORDER * 1.5, A, B], before="time,q1,q2\n"), "time-unit-assumed", "1.5 apart"),
+    "samples of 0.1 for half an hour": (
+        table([0.1 * np.arange(20 * COUNT), np.tile(A, 20)], before="time,q1\n"), "time-unit-assumed", "0.1 s between samples",
+    ),
+    "an encoder that begins anew": (
+        table([TIME, (np.pi + 7 * A) % (2 * np.pi) - np.pi], before="t,q1 [rad]\n"), "wrapped", "whole turn .* times",
+    ),
+    "counted from 0": (table(ABQ, before="t,joint_0_pos,joint_1_pos\n"), "joints-from-zero", "joint_0 is joint_1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ASKED)
+def test_asked_about(tmp_path: Path, kind: str) -> None:
+    content, code, said = ASKED[kind]
+    recording = read(tmp_path, "lab.csv", content)
+    problem = next(one for one in recording.findings if one.code == code)
+    assert re.search(said, str(problem))
+
+
+@pytest.mark.parametrize(
+    "says", ["# fs = 100 Hz", "% Ts = 0.01 s", "# Sample time [ms]: 10", "Delta_X,0.01", "# rate: 0.1 kHz"]
+)
+def test_a_rate_that_the_file_tells_is_offered(tmp_path: Path, says: str) -> None:
+    with pytest.raises(RecordingError, match="give --rate 100"):
+        read(tmp_path, "lab.csv", table([A, B], before=f"{says}\nq1,q2\n"))
+
+
+def test_an_angle_is_unwrapped_on_request(tmp_path: Path) -> None:
+    content = table([TIME, (7 * A * DEGREES) % 360], before="t,q1 [deg]\n")
+    recording = read(tmp_path, "lab.csv", content, mapping=["q1=joint_1.link_position [deg] unwrapped - start"])
+    column = recording.column("joint_1", "link_position")
+    np.testing.assert_allclose(column.values, 7 * (A - A[0]), atol=1e-6)
+    assert "unwrapped" in column.conversion
+    assert not [one for one in recording.findings if one.code == "wrapped"]
+
+
+@pytest.mark.parametrize("name", ["qd1", "q_r1", "motor1_link_angle_x"])
+def test_what_may_be_two_things_is_not_taken(tmp_path: Path, name: str) -> None:
+    recording = read(tmp_path, "lab.csv", table([TIME, A, B], before=f"t,q1,{name}\n"))
+    assert {column.source for column in recording.channels.values() if column.quantity in QUANTITIES} == {"q1"}
