@@ -175,6 +175,7 @@ def test_values_do_not_depend_on_what_else_is_asked(times):
         ({}, "one key"),
         ({"step": {"to": 1}, "ramp": {}}, "one key"),
         ({"stp": {"to": 1}}, "Did you mean 'step'?"),
+        ({"sine": {"amplitude": 1}}, "Did you mean 'sinusoid'?"),
         ({"step": {"too": 1}}, "Did you mean 'to'?"),
         ({"step": {"at": 1}}, "'to' is missing"),
         ({"step": {"to": "x"}}, "step.to: must be a number (got 'x')"),
