@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from asrsim.errors import OutputError
+
+if TYPE_CHECKING:
+    from asrsim.samples import Array
 
 MARKS = {
     "log": rb"\A\x89MCAP0\r\n.{9}\x04\0\0\0ros2.{4}asrsim ",
@@ -80,13 +85,13 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
     """
     check_output(path, kind, replace=replace)
     if is_special(path):
-        with _told(path), path.open("wb") as stream:
+        with _with_output_error(path), path.open("wb") as stream:
             yield stream
         return
     # A name that nobody can foresee, made anew: nothing that stands there is followed or cut.
     part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
     try:
-        with _told(path):
+        with _with_output_error(path):
             with part.open("xb") as stream:
                 yield stream
             part.replace(path)
@@ -96,7 +101,8 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _with_output_error(path: Path) -> Iterator[None]:
+    """Errors of the operating system become OutputError, which names the file."""
     try:
         yield
     except OSError as error:
@@ -107,6 +113,15 @@ def write_text(path: Path, text: str, kind: str, *, replace: bool = False) -> No
     """Write a UTF-8 file as :func:`written` does; its folder must exist. Raises OutputError."""
     with written(path, kind, replace=replace) as stream:
         stream.write(text.encode())
+
+
+def csv_text(headings: Sequence[str], table: Array) -> str:
+    """A table (rows, columns) as CSV whose numbers read back with the same bits: `repr` is the shortest such text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(headings)
+    writer.writerows(map(repr, row) for row in table.tolist())
+    return text.getvalue()
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:

@@ -161,7 +161,7 @@ def test_noise_does_not_draw_a_delay_towards_zero(kind: str, noise: float) -> No
     found = [estimate_lag(SPAN, first, SPAN, second) for first, second in (noisy(kind, noise, seed) for seed in range(20))]
     seconds = np.array([lag.seconds for lag in found])
     assert abs(np.mean(seconds) - 0.15) < 0.003
-    assert all(lag.told for lag in found)
+    assert all(lag.is_significant for lag in found)
     inside = [lag.interval[0] <= 0.15 <= lag.interval[1] for lag in found]
     assert sum(inside) >= 16  # of 20 at 95 %: fewer by chance once in 400
     margins = np.array([lag.margin for lag in found])
@@ -190,11 +190,11 @@ def test_a_delay_at_the_limit_of_the_search_is_none() -> None:
     pulse, late = np.exp(-((TIME - 4) ** 2)), np.exp(-((TIME - 5) ** 2))
     found = estimate_lag(TIME, pulse, TIME, late, limit=0.5)
     assert found.at_limit
-    assert not found.told
+    assert not found.is_significant
     assert math.isnan(measure("delay", TIME, late, pulse, limit=0.5))
     assert measure("delay", TIME, late, pulse, limit=1.5) == pytest.approx(1.0, abs=1e-3)
     opposite = estimate_lag(TIME, pulse, TIME, -late, limit=0.05)
-    assert not opposite.told
+    assert not opposite.is_significant
 
 
 @pytest.mark.parametrize(("name", "expected"), [("rmse", "rms"), ("bias", "mean")])

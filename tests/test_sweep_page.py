@@ -72,5 +72,5 @@ def test_every_variant_has_its_band_and_results_are_drawn_by_name(table):
         draw_sweep(table, results=["joint_2.overshot"])
     with pytest.raises(InputError, match="no run has a value"):
         draw_sweep(table, results=["joint_2.settling"])
-    legend = figures(table, [])["signals"].axes[0].get_legend()
+    (legend,) = figures(table, [])["signals"].legends
     assert [text.get_text() for text in legend.get_texts()] == [f"{name}: median, 50 and 90 %" for name in ("soft", "stiff")]

@@ -11,7 +11,9 @@ from asrsim.actuators import Actuator
 FREE_RANGE = 0.5
 """rad, deflections sampled for an actuator without a `max_deflection`."""
 SAMPLES = 200
+"""Points at which each law of an actuator is tried, for every set of parameters."""
 PARAMETER_SETS = 6
+"""Sets of parameters with which the laws are tried: the defaults, and others within their bounds."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,10 @@ def limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
     return FREE_RANGE
 
 
-def sample_points(actuator: type[Actuator], reach: float = 0.98, *, defaults: bool = False) -> Iterator[Point]:
+def sample_points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Point]:
     """Points with deflections up to `reach` times the limit."""
     source = random.Random(2)
-    sets = parameter_sets(actuator)[: 1 if defaults else None]
-    for parameters in sets:
+    for parameters in parameter_sets(actuator):
         limit = reach * limit_of(actuator, parameters)
         for _ in range(SAMPLES):
             q = source.uniform(-2.0, 2.0)

@@ -11,7 +11,7 @@ import typer
 
 from asrsim.cli.options import Plugins, load_plugins
 from asrsim.errors import Problem, RecordingError, did_you_mean, similar_file
-from asrsim.outfile import check_output, written
+from asrsim.outfile import check_output, csv_text, write_text
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
@@ -59,6 +59,8 @@ def bench(
 
 def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None) -> int:
     """Run the bench from files; returns the number of rows written."""
+    import numpy as np
+
     from asrsim.robot import load_robot
     from asrsim.simulation.bench import OUTPUTS, run_bench
 
@@ -67,10 +69,8 @@ def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str
     time, motions = read_motion(motion_file, robot)
     results = run_bench(robot, time, motions, stepping=stepping, first_step=first_step)
     names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
-    columns = [time.tolist(), *(results[joint][column].tolist() for joint in results for column in OUTPUTS)]
-    with written(out, "bench") as stream:
-        stream.write((",".join(["time", *names]) + "\n").encode())
-        stream.writelines((",".join(map(repr, row)) + "\n").encode() for row in zip(*columns, strict=True))
+    columns = [results[joint][column] for joint in results for column in OUTPUTS]
+    write_text(out, csv_text(["time", *names], np.column_stack([time, *columns])), "bench")
     return len(time)
 
 

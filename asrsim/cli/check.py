@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from asrsim.cli.findings import FileReport
 
 DEFAULT_STEP = 1e-3
+"""s, of the figures about a robot alone, which has no scenario."""
 SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
 """Of files that are scenarios, or robots; of others their first sign tells."""
 

@@ -90,7 +90,7 @@ def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
-def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int = 2) -> None:
+def say_table(columns: Sequence[tuple[str, Sequence[str], bool]]) -> None:
     """A table. columns: heading (its lines parted by newlines), cells, whether they stand to the right."""
     heads = [heading.split("\n") for heading, _, _ in columns]
     lines = max(len(head) for head in heads)
@@ -102,12 +102,12 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], *, indent: int
             text.rjust(width) if right else text.ljust(width)
             for text, width, (_, _, right) in zip(texts, widths, columns, strict=True)
         ]
-        return (" " * indent + "  ".join(placed)).rstrip()
+        return ("  " + "  ".join(placed)).rstrip()
 
     for line in range(lines):
         say(row([head[line] for head in heads]), "bold")
     rule = "-" if not _unicode() else "─"
-    say(" " * indent + "  ".join(rule * width for width in widths), "dim")
+    say("  " + "  ".join(rule * width for width in widths), "dim")
     for cells in zip(*(cells for _, cells, _ in columns), strict=True):
         say(row(cells))
 
@@ -119,13 +119,13 @@ def say_written(paths: Sequence[Path], remark: str = "") -> None:
         say(f"wrote {folder}{os.sep}: {', '.join(str(path.relative_to(folder)) for path in paths)}{remark}")
 
 
-def say_problems(problems: Sequence[Problem], word: str, style: str) -> None:
+def say_problems(problems: Sequence[Problem], word: str) -> None:
     """One line a problem, warnings on stderr; problems that differ in their place only share a line."""
     for line in problem_lines(problems):
         if word == "warning":  # what a program reads from stdout stays free of them
-            complain(f"{styled(word, style, sys.stderr)} {line}")
+            complain(f"{styled(word, 'yellow', sys.stderr)} {line}")
         else:
-            say(f"{styled(word, style)} {line}")
+            say(f"{styled(word, 'yellow')} {line}")
 
 
 def problem_lines(problems: Sequence[Problem]) -> list[str]:

@@ -158,7 +158,7 @@ def _next(
     last = step.trials[-1]
     if not silent:
         say_columns(step.recording)
-        say_problems(step.findings, "note", "yellow")
+        say_problems(step.findings, "note")
         table = TrialTable()
         table.headings(step.prepared)
         for trial in step.trials:

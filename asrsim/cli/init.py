@@ -74,7 +74,7 @@ def init(
     if not quiet:
         from asrsim.cli.console import say, say_problems
 
-        say_problems(notes, "warning", "yellow")
+        say_problems(notes, "warning")
         say(f"wrote {', '.join(map(str, written))}; run it: asrsim run {shlex.quote(str(out))}")
 
 
@@ -84,7 +84,7 @@ def _print(made: Written, out: Path) -> None:
 
     say(f"{made.recording.path}: {made.recording.format}, {len(made.recording.time)} samples", "bold")
     say_columns(made.recording)
-    say_problems(made.recording.findings, "note", "yellow")
+    say_problems(made.recording.findings, "note")
     for text in (*made.remarks, *([made.message] if made.message else [])):
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"

@@ -139,7 +139,7 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
         _print_experiments(result)
         if result.rows:
             _print_rows(result)
-    say_problems(result.findings, "note", "yellow")
+    say_problems(result.findings, "note")
     for label, claim in result.claims:
         who = f"{label}: " if len(result.runs) > 1 else ""
         if not claim.holds:

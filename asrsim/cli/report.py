@@ -20,12 +20,12 @@ DIFFERENCES = (
 
 
 def print_run(
-    summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False, told: set[str] | None = None
+    summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False, printed: set[str] | None = None
 ) -> None:
     """Summary, claims, warnings and files of one run.
 
-    quiet: failed claims and a divergence only; silent: nothing; verbose: warnings one by one, and those again that stand
-    in `told`, which takes up what is printed.
+    quiet: failed claims and a divergence only; silent: nothing; verbose: every warning on a line of its own. printed: warnings
+    of earlier runs, which are only counted; those of this run are added.
     """
     if silent:
         return
@@ -49,7 +49,7 @@ def print_run(
     _print_cross_check(summary, quiet=quiet)
     if quiet:
         return
-    _print_warnings(summary, verbose=verbose, told=set() if told is None else told)
+    _print_warnings(summary, verbose=verbose, printed=set() if printed is None else printed)
     if summary.replaced:
         say(f"replaced {len(summary.replaced)} file{'s' * (len(summary.replaced) != 1)} of an earlier run")
     _print_files(summary)
@@ -96,17 +96,17 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
         complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
 
 
-def _print_warnings(summary: RunSummary, *, verbose: bool, told: set[str]) -> None:
+def _print_warnings(summary: RunSummary, *, verbose: bool, printed: set[str]) -> None:
     if verbose:
         for warning in summary.warnings:
-            say_problems([warning], "warning", "yellow")
+            say_problems([warning], "warning")
         return
-    fresh = [warning for warning in summary.warnings if str(warning) not in told]
-    say_problems(fresh, "warning", "yellow")
+    fresh = [warning for warning in summary.warnings if str(warning) not in printed]
+    say_problems(fresh, "warning")
     again = len(summary.warnings) - len(fresh)
     if again:
         complain(f"{again} warning{'s' * (again != 1)} as above", "yellow")
-    told.update(map(str, fresh))
+    printed.update(map(str, fresh))
 
 
 def _print_files(summary: RunSummary) -> None:

@@ -88,7 +88,7 @@ def _run(
     load_plugins(plugins)
     scenarios = [with_plugins(one, plugins) for one in load_scenario(path, variant=variant, overrides=overrides)]
     done: list[Executed] = []
-    told: set[str] = set()
+    printed: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
     with Interruption() as interruption:
         for one in scenarios:
@@ -116,7 +116,7 @@ def _run(
                 # Nothing of this variant could be built or written: the others would most likely fail alike.
                 failure = (title, error)
             if len(done) > before:
-                print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, told=told)
+                print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, printed=printed)
                 # Whoever reads along sees it now, and is missed at once when he goes.
                 sys.stdout.flush()
             if failure is not None or interruption.requested:

@@ -152,7 +152,7 @@ def _opened(folder: Path, run: int | None, out: Path | None, *, quiet: bool) -> 
     if run is None:
         return table
     summary = run_again(table, run, out or folder / f"run_{run:06d}")
-    print_run(summary, quiet=quiet, silent=quiet, verbose=False, told=set())
+    print_run(summary, quiet=quiet, silent=quiet)
     return None
 
 

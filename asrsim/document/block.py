@@ -123,7 +123,7 @@ class Block(Kind[T], Generic[T]):
     line_argument: str = ""
     """Argument of `build` that takes the block's line; empty: none."""
     read_before: tuple[str, ...] = ()
-    """Keys that are taken out before the block is read: choices for the user, but none of ours."""
+    """Further keys that the mapping may have, which somebody else reads: messages offer them beside the block's own."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T:
         if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):

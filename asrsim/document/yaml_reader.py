@@ -11,8 +11,11 @@ from asrsim.document.node import Node, Value
 from asrsim.errors import InputError, Problem, similar_file
 
 MAX_BYTES = 2_000_000
+"""Bytes of a document; a scenario has some thousand."""
 MAX_DEPTH = 40
+"""Levels of nesting of a document."""
 MAX_NODES = 200_000
+"""Values of a document once its aliases are expanded."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")

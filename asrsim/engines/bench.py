@@ -15,6 +15,7 @@ from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 
 CHUNK = 4096
+"""Rows of the motion that are worked out at once."""
 LONGEST = 4_000_000
 """Steps of joints, at most, whose motion is kept as a whole, for compiled loops."""
 

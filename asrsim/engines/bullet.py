@@ -28,8 +28,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.versions import version
 
-SOLVER_ITERATIONS = 500
-SOLVER_RESIDUAL = 1e-18
+SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """With contacts. Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and
 1e-3 rad/s. These leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from asrsim.errors import RobotError, SimulationError
-from asrsim.robot.model import Joint, Robot, Shape
-from asrsim.robot.poses import rotation_matrix
+from asrsim.robot.model import Joint, Robot, Shape, Vector
+from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World, WorldObject
 
@@ -20,6 +18,7 @@ GROUND_HALF = 50.0
 ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot meets the world, the world also itself."""
 IMPEDANCE_RATIO = 1000.0
+"""Times as hard against slip as against penetration that contacts are: MuJoCo's `impratio`."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: as hard as MuJoCo takes it."""
 
@@ -76,7 +75,7 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bo
     kinds = mujoco.mjtJoint
     centre = base_centre(scenario, robot)
     start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
-    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=quaternion(scenario.base_rpy))
+    root = spec.worldbody.add_body(name=link_body(robot.root.name), pos=start.tolist(), quat=_quat(scenario.base_rpy))
     if not scenario.fixed_base:
         root.add_freejoint()
     waiting = [(root, robot.root.name)]
@@ -89,7 +88,7 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bo
             _collision(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
         for joint in carried.get(name, ()):
             origin = (np.array(joint.origin) - shift).tolist()
-            child = body.add_body(name=link_body(joint.child), pos=origin, quat=quaternion(joint.rpy))
+            child = body.add_body(name=link_body(joint.child), pos=origin, quat=_quat(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
             child.add_joint(name=joint.name, type=kind, axis=list(joint.axis), limited=mujoco.mjtLimited.mjLIMITED_FALSE)
             waiting.append((child, joint.child))
@@ -110,7 +109,7 @@ def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift
         kind = kinds.mjGEOM_CYLINDER if shape.kind == "cylinder" else kinds.mjGEOM_CAPSULE
         size = [shape.size[0], *half, 0.0]
     body.add_geom(
-        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=quaternion(shape.rpy),
+        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=_quat(shape.rpy),
         contype=ROBOT_BIT, conaffinity=WORLD_BIT, **extra,
     )  # fmt: skip
 
@@ -128,7 +127,7 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
     for item in world.objects:
         if item.restitution:
             raise SimulationError(f"object '{item.name}': restitution needs engine: bullet; MuJoCo's contacts have none")
-        body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=quaternion(item.rpy))
+        body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=_quat(item.rpy))
         if item.mass:
             body.add_freejoint(name=f"object/{item.name}")
         kind, size, extra = _shape(mujoco, spec, item)
@@ -185,12 +184,7 @@ def _pair(spec: Any, scenario: Scenario) -> None:
         pair.solimp = list(HARD)
 
 
-def quaternion(rpy: Sequence[float]) -> list[float]:
-    """(w, x, y, z) of fixed-axis roll, pitch, yaw in rad."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(0.5 * angle), math.sin(0.5 * angle)) for angle in rpy)
-    return [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
+def _quat(rpy: Vector) -> list[float]:
+    """(w, x, y, z), as MuJoCo has it, of fixed-axis roll, pitch, yaw in rad."""
+    x, y, z, w = quaternion(rpy)
+    return [w, x, y, z]

@@ -17,6 +17,7 @@ NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
 LIGHTER = 1e-2
 """Factor on the inverse inertia that regularises friction: with it velocities are 5e-8 rad/s from exact ones (measured)."""
 TOLERANCE = 1e-12
+"""Improvement of its cost, scaled, at which MuJoCo's solver ends."""
 
 
 class MujocoContacts:

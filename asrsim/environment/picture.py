@@ -17,6 +17,7 @@ from asrsim.simulation.simulation import Simulation
 LOOKS = 3
 """Positions of each joint at which the camera looks, at most for :data:`MOST` of all."""
 MOST = 81
+"""Poses of the robot that the camera looks at to find its place."""
 
 
 class Picture:

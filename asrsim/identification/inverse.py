@@ -28,6 +28,7 @@ from asrsim.simulation.evaluation import EXTERNAL
 CUTOFF = 50.0
 """Hz of the low-pass filter, forwards and backwards, on motion and torque alike; less where the sampling is slow."""
 ORDER = 4
+"""Of the Butterworth filter."""
 STANDS = 5.0
 """Deviations of a place's noise below which a joint that has not moved further may stand."""
 NEAR, THROUGH = 1.0, 0.5
@@ -73,7 +74,7 @@ class InverseTrack(Track):
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows
-        self._places, self._moving = [places[joint] for joint in joints], list[Array]()
+        self._places, self._moving = [places[joint] for joint in joints], list[NDArray[np.bool_]]()
         self._follow([channel.values for channel in self._places])
         self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
         channels = []
@@ -111,7 +112,7 @@ class InverseTrack(Track):
         moved = np.zeros(len(self._grid))
         moved[beside:-beside] = self._recorded[j][2 * beside :] - self._recorded[j][: -2 * beside]
         still = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
-        surely = ~still
+        surely: NDArray[np.bool_] = ~still
         edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
         for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             turns = first > 0 and end < len(moved) and moved[first - 1] * moved[end] < 0.0

@@ -14,6 +14,7 @@ from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 SMALL = 1e-2
+"""Part of a standard deviation by which estimates are moved to see what that does; correlations below it are not told."""
 HELD_OUT = 1.3
 """Held-out error in training errors beyond which a model does not fit."""
 

@@ -34,6 +34,7 @@ BALANCED = 0.3
 STRAIGHT = 1e-6
 """Share of its effect that a number in which torques are linear may have otherwise."""
 STEPS, INSIDE = 60, 1e-6
+"""Evaluations of the refinement, at most, and the relative distance from bounds at which it begins."""
 NONE = 0.1
 """Share of the start that is left of a loss of which the balance shows none."""
 

@@ -10,6 +10,7 @@ from asrsim.samples import Array
 REACH = 0.3
 """Of the first steps: a third of a parameter's size."""
 ROUNDS = 60
+"""Evaluations with derivatives of one search, at most."""
 LINEAR = 0.3
 """Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
 HUBER = 3.0

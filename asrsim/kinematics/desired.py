@@ -15,6 +15,7 @@ MODEL_SAMPLES = 2000
 KNOT = 0.03
 """s, at least, between the knots of motions and inputs: nothing faster than some 15 Hz is asked for."""
 MOST_KNOTS = 200
+"""Knots of a motion, however long it is."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ LONGEST = 2.5e-3
 
 
 class Start(NamedTuple):
-    """What two motors do at first; of one motor the second entries are nobody's."""
+    """Where two motors are at the start; with one motor the second entries are not used."""
 
     positions: tuple[float, float]
     """rad."""

@@ -32,6 +32,7 @@ SLIDING = 0.2
 OFF = 0.1
 """rad or m from its reference at which a joint on a stop does not belong there; of a short travel, the share."""
 STEPS = 400
+"""Relaxations on the way to rest, at most."""
 LARGEST_STEP = 0.05
 """rad, of the search for the rest."""
 

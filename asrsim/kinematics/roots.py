@@ -11,6 +11,7 @@ from asrsim.samples import Array
 MOST_STEPS = 120
 """Evaluations at most; some fifteen are usual."""
 TOLERANCE = 1e-11
+"""rad or m, width of the bracket at which a root is found."""
 
 
 def increasing_roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:

@@ -29,6 +29,7 @@ RESERVE = 0.5
 two of 35 random arms without damping were at their motors' limits for two thirds of a run, sliders 0.06 and 0.07 m off in the
 mean; at 0.5 one still is for a third of it, 0.02 m off.)"""
 TRIES = 40
+"""Rounds in which parameters are proposed and tried, at most."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,9 +28,11 @@ USED = 0.8
 SPARE = 0.6
 """The share that it needs with proposed parameters."""
 STIFFER = 1.5
+"""Factor on springs, or on the gains that droop, of a joint that is thrown."""
 FIRM = 2.0
 """Times as stiff as its spring that a controller is."""
 TRIES = 20
+"""Rounds in which other parameters are tried, at most."""
 LONG = 3.0
 """s in which joints that swing at different rates have met."""
 

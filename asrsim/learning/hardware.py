@@ -118,7 +118,7 @@ def next_input(
 
 
 def _law(prepared: Prepared, identified: list[Identified]) -> Law:
-    """The scenario's law; `auto` with identification, whose findings go to `told`."""
+    """The scenario's law; `auto` with identification, whose findings are appended to `identified`."""
     if not isinstance(prepared.law, NormOptimal):
         return prepared.law
 

@@ -26,6 +26,7 @@ NOISE = 2e-3
 SAMPLES = 250
 """Times at which the motion is compared."""
 ROUNDS = 3
+"""Fits one after the other, each about the one before."""
 NUDGES = (0.05, 0.005)
 """Steps of the slopes: of the logarithms, and of the delay in s."""
 

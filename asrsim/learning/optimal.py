@@ -29,6 +29,7 @@ RHO = 0.1
 TAIL = 20
 """Knots behind the end of the motion through which its last error is taken to stand: what the last inputs do shows there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
+"""Factors on the weight of changes after a trial that was worse, and after one that was better."""
 REHEARSALS = 4
 """Updates in the model with friction before each trial, at most."""
 STALLED = 2

@@ -11,12 +11,14 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, ScenarioError
 from asrsim.learning.plant import Plant
 from asrsim.learning.transfer import Draw
+from asrsim.robot.model import INERTIAS
+from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, Scenario, for_joint
 from asrsim.workers import Executor, in_order
 
 if TYPE_CHECKING:
-    from asrsim.robot.model import Joint, Robot
+    from asrsim.robot.model import Robot
 
 
 def perturbed(plant: Plant, draw: Draw) -> Plant:
@@ -43,13 +45,12 @@ def perturbed(plant: Plant, draw: Draw) -> Plant:
                 problems.append(fault)
         elif what == "mass":
             robot = _heavier(robot, joint, 1.0 + change)
-        elif what == "damping":
-            robot = _with_joint(robot, replace(robot.joint(joint), damping=robot.joint(joint).damping * (1.0 + change)))
         elif what in ("added_friction", "added_damping"):
             name = what.removeprefix("added_")
-            robot = _with_joint(robot, replace(robot.joint(joint), **{name: getattr(robot.joint(joint), name) + change}))
-        elif what == "friction":
-            robot = _with_joint(robot, replace(robot.joint(joint), friction=robot.joint(joint).friction * (1.0 + change)))
+            robot = varied_robot(robot, {joint: {name: getattr(robot.joint(joint), name) + change}})
+        elif what in ("friction", "damping"):
+            robot = varied_robot(robot, {joint: {what: getattr(robot.joint(joint), what) * (1.0 + change)}})
+        if what == "friction":
             for index in range(1, ACTUATORS.get(blocks[joint].actuator).motors + 1):
                 _scale(blocks[joint], own, f"motor_{index}_friction_torque", change)
     if problems:
@@ -89,24 +90,15 @@ def _scale(block: object, own: dict[str, float], name: str, change: float) -> Pr
     return None
 
 
-def _with_joint(robot: Robot, changed: Joint) -> Robot:
-    return replace(robot, joints=tuple(changed if joint.name == changed.name else joint for joint in robot.joints))
-
-
 def _heavier(robot: Robot, joint: str, factor: float) -> Robot:
     """The robot with what the joint moves as one body heavier by a factor, mass and inertia alike."""
     body = rigid_body(robot, robot.joint(joint).child)
-    links = tuple(
-        replace(
-            link,
-            mass=None if link.mass is None else link.mass * factor,
-            inertia=None if link.inertia is None else tuple(value * factor for value in link.inertia),  # type: ignore[arg-type]
-        )
-        if link.name in body
-        else link
+    changes = {
+        link.name: {"mass": link.mass * factor} | dict(zip(INERTIAS, (factor * value for value in link.inertia), strict=True))
         for link in robot.links
-    )
-    return replace(robot, links=links)
+        if link.name in body and link.mass is not None and link.inertia is not None
+    }
+    return varied_robot(robot, changes)
 
 
 def rigid_body(robot: Robot, link: str) -> set[str]:

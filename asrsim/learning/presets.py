@@ -26,6 +26,7 @@ HEAVIER = 0.15
 WITHIN = 0.95
 """Share of a limit that may be used."""
 CANDIDATES = 24
+"""Presets that are compared, evenly in their logarithm."""
 REFINED = 5
 """Halvings of the distance to the lowest preset."""
 WINDOW = 0.4

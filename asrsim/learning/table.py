@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from asrsim.outfile import make_folder, write_text
+from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.samples import Array
 
 
@@ -18,12 +16,7 @@ def write_inputs(path: Path, time: Array, columns: Sequence[str], values: Array,
 
     Numbers are written so that reading gives the same bits. Raises OutputError where the file cannot be written.
     """
-    file = io.StringIO()
-    for line in comment.splitlines():
-        file.write(f"# {line}\n")
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["time [s]", *(name if name.endswith("]") else f"{name} [rad]" for name in columns)])
-    # repr of a float is the shortest text that reads back as the same float.
-    writer.writerows([repr(float(cell)) for cell in row] for row in np.column_stack([time, values]))
+    comments = "".join(f"# {line}\n" for line in comment.splitlines())
+    headings = ["time [s]", *(name if name.endswith("]") else f"{name} [rad]" for name in columns)]
     make_folder(path.parent)
-    write_text(path, file.getvalue(), "learned input")
+    write_text(path, comments + csv_text(headings, np.column_stack([time, values])), "learned input")

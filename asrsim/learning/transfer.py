@@ -18,6 +18,7 @@ from asrsim.scenario.learning_keys import Distribution, PlantSet
 ADDED = ("delay", "added_friction", "added_damping")
 """Factors that are added, from 0 on, and do not scale: s, N m, N m s/rad."""
 CONFIDENCE = 0.95
+"""Probability that an interval of a correlation holds it."""
 Draw = Mapping[str, float]
 """Factor -> relative change (0.1: a tenth more) or, for `delay`, seconds."""
 
@@ -93,7 +94,11 @@ class TransferReport:
     @property
     def within_interval(self) -> tuple[float, float]:
         """95 % interval of that share (Clopper and Pearson 1934)."""
-        return share_interval(int(np.sum(self.worst <= self.tolerance)), len(self.worst))
+        from scipy.stats import binomtest
+
+        within = int(np.sum(self.worst <= self.tolerance))
+        low, high = binomtest(within, len(self.worst)).proportion_ci(CONFIDENCE)
+        return float(low), float(high)
 
     @property
     def telling(self) -> tuple[Influence, ...]:
@@ -189,16 +194,6 @@ def correlation_interval(correlation: float, count: int, confidence: float) -> t
         return (-1.0, 1.0) if count < 5 else (correlation, correlation)
     half = float(norm.ppf(0.5 + 0.5 * confidence)) * sqrt((1.0 + 0.5 * correlation**2) / (count - 3))
     return tanh(atanh(correlation) - half), tanh(atanh(correlation) + half)
-
-
-def share_interval(hits: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Interval of a share of which `hits` of `count` were seen."""
-    from scipy.stats import beta
-
-    rest = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(rest, hits, count - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(1.0 - rest, hits + 1, count - hits)) if hits < count else 1.0
-    return low, high
 
 
 def _holds_zero(interval: tuple[float, float]) -> bool:

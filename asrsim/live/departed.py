@@ -17,6 +17,7 @@ from typing import Any
 _PARTICIPANT, _WRITER, _READER = (bytes.fromhex(entity) for entity in ("000001c1", "000100c2", "000100c7"))
 """A participant, and the two ends of what participants announce."""
 _KEY_HASH, _STATUS, _GUID, _END = 0x70, 0x71, 0x50, 0x01
+"""Parameters of RTPS: key, status, participant, and the last of a list (OMG DDSI-RTPS 2.5, 9.6)."""
 _GONE = bytes((0, 0, 0, 3))
 """Disposed and unregistered."""
 _STOPPED = "Tt"

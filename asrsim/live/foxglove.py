@@ -20,6 +20,7 @@ WAITING = 5000
 MOST = 1000
 """Messages taken at once."""
 MOST_CHANNELS = 1000
+"""Channels that one client may advertise."""
 PATIENCE = 5.0
 """s that a client waits for an answer."""
 _FLAG = {"type": "object", "properties": {"data": {"type": "boolean"}}}

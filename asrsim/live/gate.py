@@ -17,6 +17,7 @@ from asrsim.simulation.ranges import Range
 Target = tuple[str, str]
 """Joint and reference."""
 MOST_NOTICES = 100
+"""Different refusals that are said; more are only counted."""
 
 
 @dataclass(frozen=True)

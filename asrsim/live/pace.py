@@ -9,7 +9,9 @@ from collections.abc import Callable
 SLIP = 0.25
 """s behind at which a run gives up catching up and goes on from now."""
 _PER_DECADE = 40
+"""Classes of lateness for each factor of ten."""
 _LEAST = 1e-6
+"""s of lateness below which ticks are not told apart."""
 
 
 class Lateness:

@@ -24,6 +24,7 @@ MOST = 1000
 SERVICES_EVERY = 0.02
 """s between looks at services, parameters, and who listens and speaks."""
 MOST_PUBLISHERS = 1000
+"""Publishers whose numbers are kept, so that lost commands are counted."""
 _FLOAT64 = struct.Struct("<4xd")
 """Most commands, little-endian as the second byte tells: read in a fifth of what rclpy takes."""
 SLOW, SLOW_TIMES = 50e-6, 20

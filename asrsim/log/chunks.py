@@ -9,6 +9,7 @@ from typing import BinaryIO
 from asrsim.log.structure import CHUNK_HEAD, ChunkPlace
 
 _LARGEST_CHUNK = 1 << 30
+"""Bytes of a chunk that is believed to be one; a damaged length may say anything."""
 
 
 def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -20,6 +21,8 @@ from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
 from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_structure
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array, Command, RunInfo, Samples
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,48 +143,39 @@ class LogReader:
     def _chunks(
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
     ) -> Iterator[tuple[ChunkPlace, dict[Column, Array]]]:
-        last = len(self._structure.chunks) - 1
-        try:
-            with self.path.open("rb") as file:
-                for number, place in enumerate(self._structure.chunks):
-                    # One ns of margin: the log time is rounded. Without index, channels are met on the way.
-                    outside = (start is not None and place.end * 1e-9 < start - 1e-9) or (
-                        end is not None and place.start * 1e-9 > end + 1e-9
-                    )
-                    if outside and self._structure.channels:
-                        continue
-                    try:
-                        found = columns.read(read_chunk(file, place), names, joints)
-                    except (ValueError, struct.error, McapError, EOFError) as error:
-                        if self.truncated and number == last:
-                            return
-                        raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
-                    if not outside:
-                        yield place, found
-        except OSError as error:
-            raise LogError(f"cannot read the log: {error.strerror or error}", file=self.path, code="unreadable-log") from error
+        def outside(place: ChunkPlace) -> bool:
+            # One ns of margin: the log time is rounded.
+            before = start is not None and place.end * 1e-9 < start - 1e-9
+            return before or (end is not None and place.start * 1e-9 > end + 1e-9)
+
+        # Without an index, channels are met on the way: no chunk can be passed by.
+        places = self._structure.chunks
+        if self._structure.channels:
+            places = [place for place in places if not outside(place)]
+        for place, found in self._decoded(places, lambda data: columns.read(data, names, joints)):
+            if not outside(place):
+                yield place, found
 
     def commands(self) -> Iterator[Command]:
         """What was set from outside in a live run, in the order in which it took effect. Raises LogError."""
         finder = CommandReader()
-        for place, _, data in self._chunk_data():
-            try:
-                yield from finder.read(data)
-            except (ValueError, struct.error, UnicodeDecodeError) as error:
-                raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
+        for _, commands in self._decoded(self._structure.chunks, lambda data: list(finder.read(data))):
+            yield from commands
 
-    def _chunk_data(self) -> Iterator[tuple[ChunkPlace, int, bytes]]:
-        """The chunks that can be read, with their numbers; in a log that was cut, its last may be damaged."""
-        last = len(self._structure.chunks) - 1
-        with self.path.open("rb") as file:
-            for number, place in enumerate(self._structure.chunks):
-                try:
-                    data = read_chunk(file, place)
-                except (ValueError, struct.error, EOFError) as error:
-                    if self.truncated and number == last:
-                        return
-                    raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
-                yield place, number, data
+    def _decoded(self, places: Sequence[ChunkPlace], decode: Callable[[bytes], T]) -> Iterator[tuple[ChunkPlace, T]]:
+        """What `decode` makes of each chunk. In a log that was cut, the last one may be damaged."""
+        try:
+            with self.path.open("rb") as file:
+                for place in places:
+                    try:
+                        found = decode(read_chunk(file, place))
+                    except (ValueError, struct.error, McapError, EOFError) as error:
+                        if self.truncated and place is self._structure.chunks[-1]:
+                            return
+                        raise corrupt(self.path, f"{error} (at {place.start * 1e-9:g} s)") from error
+                    yield place, found
+        except OSError as error:
+            raise LogError(f"cannot read the log: {error.strerror or error}", file=self.path, code="unreadable-log") from error
 
     def _selection(
         self, quantities: Sequence[str] | None, joints: Sequence[str] | None

@@ -21,6 +21,7 @@ from asrsim.log.storage import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
 _FOOTER_SIZE = 29
+"""Bytes of MCAP's footer record (MCAP specification, record 0x02)."""
 CHUNK_HEAD = struct.Struct("<QQQI")
 """Start and end time, uncompressed size and its CRC: what a chunk record begins with."""
 
@@ -77,8 +78,9 @@ def read_structure(path: Path) -> Structure:
     return structure
 
 
-def split_records(data: bytes, position: int = 0) -> Iterator[tuple[int, int, int]]:
+def split_records(data: bytes) -> Iterator[tuple[int, int, int]]:
     """(opcode, offset of the content, length) of the records in `data`; raises ValueError where they do not fit."""
+    position = 0
     while position < len(data):
         opcode, length = struct.unpack_from("<BQ", data, position)
         position += 9

@@ -50,4 +50,4 @@ def delay(time: Array, values: Array, reference: Array, *, limit: float | None =
     limit: s, largest delay looked for either way; a quarter of the record by default.
     """
     lag = estimate_lag(time, reference, time, values, limit=limit)
-    return lag.seconds if lag is not None and lag.told else math.nan
+    return lag.seconds if lag is not None and lag.is_significant else math.nan

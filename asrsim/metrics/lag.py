@@ -22,6 +22,7 @@ _BLOCKS = 20
 _CHANCE = 1e-3
 """Probability up to which a correlation is no chance."""
 _STRETCHES = (0.72, 0.76, 0.8, 0.84, 0.88, 0.92, 1.08, 1.13, 1.18, 1.24, 1.3, 1.36)
+"""Factors on the time of a record that make others of its kind of it: how these correlate is chance."""
 _STRETCHED = 20_000
 """Samples that stretched series are correlated with at most."""
 
@@ -46,8 +47,8 @@ class Lag:
     """Probability that unrelated series of the same kind correlate as well at some lag within the limit."""
 
     @property
-    def told(self) -> bool:
-        """Whether the lag says something: no product of chance, and a peak, not the edge of the search."""
+    def is_significant(self) -> bool:
+        """Whether it is no product of chance, and a peak, not the edge of the search."""
         return self.chance < _CHANCE and self.correlation > 0 and not self.at_limit
 
     @property

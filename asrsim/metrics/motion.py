@@ -9,6 +9,7 @@ import numpy as np
 from asrsim.samples import Array
 
 AXES = {"x": 0, "y": 1, "z": 2}
+"""Column of each axis in a position."""
 
 
 def displacement(_time: Array, values: Array, *, axis: str | None = None) -> float:

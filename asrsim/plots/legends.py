@@ -51,6 +51,7 @@ def limit_handle(*, own: bool) -> Any:
 
 
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
+"""Points drawn and left out of a line of limits."""
 
 
 def variant_rows(labels: Sequence[str], width: float) -> int:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 LAYOUTS = ("overlay", "side", "both")
 QUANTITIES_PER_PAGE = 3
+"""Rows of panels on a page."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
 

@@ -68,6 +68,7 @@ VARIANTS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
 """inch."""
 DPI = 150
+"""Dots per inch of a picture."""
 LIMIT = "#c2185b"
 """Limits of joints, torques and deflections."""
 WIDTH = 1.25

@@ -23,6 +23,7 @@ from asrsim.recordings.unstated import unstated
 
 _KNOWN = {**QUANTITIES, **DERIVED}
 _NAMED = 12
+"""Columns that an error names."""
 _TURNS = 20.0
 """Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 

@@ -29,7 +29,9 @@ _ALONE = 12.0
 _SHARE = 0.2
 """Of the range, likewise."""
 _TURNED = 0.7
+"""Correlation, with its sign turned, from which on a column is suspected to be of the other sign."""
 _GEAR = 8.0
+"""Times as large as a link's motion from which on a column is suspected to be before the gear."""
 _WIDTH = 1.25
 """A factor is suspected if the ratio of sizes is within this factor of it; real robots differ by less from their model."""
 

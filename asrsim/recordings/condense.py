@@ -10,6 +10,7 @@ from asrsim.errors import Problem
 _ALIKE = 2
 """Notes of one kind up to which each stands alone."""
 _NAMED = 4
+"""Columns that a note of many names."""
 
 
 def condense(findings: Iterable[Problem]) -> list[Problem]:

@@ -13,6 +13,7 @@ from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_n
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
 
 _SAMPLE = 200
+"""Lines that are looked at to find out how a file is written."""
 _FOREIGN = (
     (b"PK\x03\x04", "a zip archive (an Excel workbook, numpy's npz, or compressed)"), (b"\x1f\x8b", "compressed by gzip"),
     (b"\x93NUMPY", "a numpy array"), (b"\x89HDF", "an HDF5 file"), (b"PAR1", "a Parquet file"), (b"%PDF", "a PDF document"),

@@ -13,14 +13,17 @@ from asrsim.samples import Array
 EPOCH = 1e8
 """Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
 _LISTED = 8
+"""Lines that a problem of many names."""
 _SLOWEST, _FASTEST = 0.5, 3e-5
 """s between samples that are not suspected."""
 _SLOW, _LONG = 0.04, 300.0
 """s between samples, and of a whole recording, that are rather ms."""
 _DAY = 86400.0
+"""s in a day."""
 _COUNTED_DAYS = {"MATLAB": (719529.0, 690_000.0, 780_000.0), "Excel": (25569.0, 20_000.0, 70_000.0)}
 """Programs that count days: the number of 1970-01-01, and of dates that recordings have."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""s in each unit of time that a file may be in."""
 NEAREST = 1e-9
 """s: stamps nearer to each other are one; slopes between them would leave the range of numbers."""
 

@@ -12,6 +12,7 @@ from asrsim.samples import Array
 FIELD = 32.0
 """Degrees, vertical angle of view: long enough a lens that nothing looks bent."""
 MARGIN = 1.1
+"""Room about the robot, as a factor on its size."""
 PLANAR = 0.97
 """Share of the motion about one direction from which on a robot counts as planar."""
 

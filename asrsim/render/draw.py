@@ -17,6 +17,7 @@ Image = NDArray[np.uint8]
 """(height, width, 3)."""
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
+"""Shares of light: of all around, of the sun, and of a lamp from the other side."""
 INK, CONTACT = np.array([0.13, 0.15, 0.18]), np.array([0.84, 0.20, 0.0])
 """Outlines, and those of what is touched."""
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])

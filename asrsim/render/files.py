@@ -21,6 +21,7 @@ Progress = Callable[[float], None]
 GIF_FPS, GIF_FRAMES = 15.0, 240
 """Pictures a second of a GIF, and the most that one gets: a longer run is shown with fewer a second."""
 MP4_FPS = 30.0
+"""Pictures a second of a video."""
 ROW = 6
 """Frames in a row of a film strip."""
 

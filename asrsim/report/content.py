@@ -28,6 +28,7 @@ STRIPS = 12
 PICTURES = 4
 """Pictures of comparisons."""
 PICTURE_BYTES = 200_000
+"""Bytes of a picture that goes into the page; larger ones are left out."""
 FRAMES = 6
 """Of a film strip."""
 

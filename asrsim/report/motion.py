@@ -19,6 +19,7 @@ FRAMES = 400
 TRIANGLES = 40_000
 """Of all shapes together."""
 _LEVELS = 32767
+"""Steps of a coordinate to each side: 16 bits with a sign."""
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] | None:

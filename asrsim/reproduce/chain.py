@@ -13,6 +13,7 @@ from asrsim.reproduce.statics import GRAVITY
 from asrsim.samples import Array
 
 X, Y, Z = 0, 1, 2
+"""Axes."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from asrsim.plots.panels import Panel
 
 DPI = 130
+"""Dots per inch of what a vector picture holds as pixels."""
 FRAMES = 6
 """Of a film strip."""
 

@@ -53,7 +53,8 @@ class _BlockReader(Reader):
         super().__init__(findings, line)
         self.joints = joints
         self.blocks: list[ActuatorBlock] = []
-        self._taken: dict[str, int | None] = {}
+        self._block_lines: dict[str, int | None] = {}
+        """Joint -> line of the block that is on it."""
 
     def read(self, plugin: Any, reference: str) -> None:
         """Read one `<plugin>`; foreign ones are passed by."""
@@ -166,11 +167,11 @@ class _BlockReader(Reader):
                 f"a {joint.kind} joint cannot have an actuator", tag, place, code="joint-type", value=name, choices=movable
             )
             return None
-        if name in self._taken:
-            first = f", the other on line {self._taken[name]}" if self._taken[name] else ""
+        if name in self._block_lines:
+            first = f", the other on line {self._block_lines[name]}" if self._block_lines[name] else ""
             self.error(f"two actuators on one joint{first}", tag, place, code="two-actuators", value=name)
             return None
-        self._taken[name] = line
+        self._block_lines[name] = line
         return joint
 
     def _mode(self, actuator: type[Actuator], by_tag: Mapping[str, Any], line: int | None, shown: str) -> int | None:

@@ -10,9 +10,11 @@ import numpy as np
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
 MAX_BYTES = 256 * 1024 * 1024
+"""Of a mesh file."""
 MAX_LINE = 4000
 """Bytes: PyBullet's OBJ reader copies words of a line into fixed buffers."""
 _STL_HEAD = 84
+"""Bytes before the triangles of a binary STL: 80 of text, 4 of their count."""
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
 
 

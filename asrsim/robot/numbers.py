@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from asrsim.robot.xmlfile import BLANKS
 
 MAX_LENGTH = 200
+"""Characters of a number or an expression in a tag."""
 MAX_DEPTH = 20
+"""Levels of brackets of an expression in a tag."""
 
 _DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _BLANK = f"[{BLANKS}]*"

@@ -20,6 +20,7 @@ from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
 
 MAX_LINKS = 2000
+"""Links or joints of a robot."""
 MAX_MOVING = 121
 """PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities. Links that
 fixed joints hold together are one body to it."""

@@ -15,6 +15,7 @@ from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
 
 GRAVITY = 9.81
+"""m/s^2, for judgements of what a robot weighs."""
 HEAVY = 50.0
 """kg: a link of an arm below 0.8 m is not that heavy; beyond, the bound grows with the cube of the arm's size."""
 DENSITY = 100.0

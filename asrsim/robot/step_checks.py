@@ -1,8 +1,7 @@
 """What a time step means for a robot, estimated from its file: stiff springs, damping and gains past their limits.
 
-Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit
-and the motors' torque let a spring reach. The simulation itself works with
-exact mass matrices and chooses its substeps by them.
+Estimates: the inertia is that of the zero pose with a fixed base, the stiffness the largest that the deflection limit and the
+motors' torque let a spring reach. The simulation itself works with exact mass matrices and chooses its substeps by them.
 """
 
 from __future__ import annotations

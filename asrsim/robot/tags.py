@@ -1,8 +1,8 @@
 """The toolbox's tag names and our parameter names: the one place where they meet.
 
 The released toolbox calls the parameters of one-motor actuators `mot_*`, `ctrl_*` and those of two-motor actuators
-`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`; the tags of what it does not have are
-like them. A user's own actuator has its parameters' own names as tags.
+`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that only asrsim has are named in the same way. The spring parameters
+of a user's own actuator have their own names as tags.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ _STRING_METHODS = (
 _TABLE_METHODS = ("get", "items", "keys", "values", "index", "count")
 _GUARD = "asrsim_attribute"
 _MAX_EXPRESSION = 10_000
+"""Characters of an expression in a xacro file."""
 
 
 class RefusedError(Exception):

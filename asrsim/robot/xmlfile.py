@@ -12,6 +12,7 @@ from lxml import etree
 from asrsim.errors import RobotError, similar_file
 
 MAX_BYTES = 64 * 1024 * 1024
+"""Of a robot's file."""
 BLANKS = " \t\r\n"
 """What XML calls white space; any other blank (a non-breaking space) is a character like every other."""
 

@@ -6,8 +6,6 @@ friction) differ from the files that they name. What differs is written into the
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -17,9 +15,10 @@ import numpy as np
 
 from asrsim.document.block import declared_keys
 from asrsim.errors import AsrsimError
+from asrsim.outfile import csv_text
 from asrsim.robot.model import Robot
 from asrsim.runs.folder import origin_of
-from asrsim.samples import Array, RunInfo
+from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.joint_keys import EQUILIBRIUM, INVERSE_DYNAMICS
 from asrsim.signals.base import Signal
@@ -117,7 +116,7 @@ def _signal(signal: Signal, files: dict[str, bytes]) -> Any:
     """A signal as a document says it. Raises TypeError for a kind that no document has."""
     if isinstance(signal, Sampled):
         name = f"computed_{len(files) + 1}.csv"
-        files[name] = _table(signal.times, signal.samples)
+        files[name] = csv_text(("time", "value"), np.column_stack([signal.times, signal.samples])).encode()
         return {"playback": {"file": name, "column": "value"}}
     if not is_dataclass(signal) or not declared_keys(type(signal)):
         raise TypeError(f"{type(signal).__name__} has no form in a document")
@@ -143,15 +142,6 @@ def _value(value: Any, files: dict[str, bytes]) -> Any:
     if value is None or isinstance(value, str | int | float):
         return value
     raise TypeError(f"{type(value).__name__} has no form in a document")
-
-
-def _table(times: Array, values: Array) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("time", "value"))
-    # repr of a float is the shortest text that reads back as the same float.
-    writer.writerows((repr(float(t)), repr(float(v))) for t, v in zip(times, values, strict=True))
-    return text.getvalue().encode()
 
 
 def _by_joint(modes: Any) -> dict[str, int]:

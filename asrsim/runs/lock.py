@@ -23,7 +23,7 @@ def owned(folder: Path) -> Iterator[None]:
     """
     make_folder(folder)
     path = folder / LOCK
-    file = _taken(path)
+    file = _locked(path)
     try:
         yield
     finally:
@@ -37,7 +37,8 @@ def owned(folder: Path) -> Iterator[None]:
                 path.unlink()
 
 
-def _taken(path: Path) -> int:
+def _locked(path: Path) -> int:
+    """The lock file, opened and locked. Raises OutputError."""
     while True:
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0), 0o666)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -49,18 +50,17 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
     except InputError as error:
         errors.extend(error.problems)
         changed = robot
-    errors.extend(placed(scenario, problem) for problem in _unknown_names(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _initial(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _floating(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _ranges(scenario, changed))
-    errors.extend(placed(scenario, problem) for problem in _task(scenario, changed))
-    warnings.extend(placed(scenario, problem) for problem in _default_start(scenario, changed))
-    warnings.extend(placed(scenario, problem) for problem in _sensors(scenario, changed))
-    warnings.extend(placed(scenario, problem) for problem in doubts(scenario, robot, changed))
-    errors.extend(placed(scenario, problem) for problem in _released(scenario, changed))
-    faults = list(signal_faults(scenario))
-    errors.extend(placed(scenario, problem) for problem in faults)
-    warnings.extend(placed(scenario, problem) for problem in ([] if faults else signal_doubts(scenario, changed)))
+
+    def with_places(*found: Iterable[Problem]) -> list[Problem]:
+        return [placed(scenario, problem) for problem in chain(*found)]
+
+    checks = (_unknown_names, _initial, _floating, _ranges, _task)
+    errors += with_places(*(check(scenario, changed) for check in checks))
+    warnings += with_places(_default_start(scenario, changed), _sensors(scenario, changed), doubts(scenario, robot, changed))
+    errors += with_places(_released(scenario, changed))
+    faults = with_places(signal_faults(scenario))
+    errors += faults
+    warnings += [] if faults else with_places(signal_doubts(scenario, changed))
     for problem, fatal in (*_references(scenario, changed), *(() if faults else _sigma(scenario, changed))):
         (errors if fatal else warnings).append(placed(scenario, problem))
     if not errors:

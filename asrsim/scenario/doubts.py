@@ -24,6 +24,7 @@ LOUDEST = {"commands": 5.0, "sensors": 1.0}
 FARTHEST = 1.0
 """rad or m in a step."""
 MOST_RATIO = 100.0
+"""Damping ratio of a link beyond which it is doubted: 1 is critical."""
 STEPS = (1e-6, 0.05)
 """s: of a motor's electronics, and what no controller of a robot takes."""
 HANDFUL = 5

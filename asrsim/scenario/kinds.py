@@ -18,6 +18,7 @@ POSITION = ListOf(of=NUMBER, length=3, names=("x", "y", "z"))
 RPY = ListOf(of=NUMBER, length=3, names=("roll", "pitch", "yaw"))
 SIGNALS_BY_JOINT = MapOf(of=SIGNAL)
 ORIGIN = (0.0, 0.0, 0.0)
+"""m or rad, where nothing is said."""
 
 
 def names_a_folder(name: str) -> bool:

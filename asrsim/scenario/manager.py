@@ -13,6 +13,7 @@ from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem, ScenarioError
 
 MAX_DEPTH = 4
+"""Levels of a manager file at which its joints are looked for."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,21 +54,13 @@ def apply_override(root: Node, override: str) -> Node:
     except InputError as error:
         message = f"its value {error.problems[0].message}"
         raise ScenarioError(message, key=key, value=text, code="override") from None
-    return _set(root, split_path(key.strip()), _without_lines(value), key.strip())
+    return _set(root, split_path(key.strip()), node_from_data(value.plain()), key.strip())
 
 
 def _check_key(key: str) -> None:
     if key.partition(".")[0] == "variants":
         hint = "What is set holds for every variant that runs; --variant chooses one"
         raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
-
-
-def _without_lines(node: Node) -> Node:
-    if isinstance(node.value, dict):
-        return Node({name: _without_lines(item) for name, item in node.value.items()})
-    if isinstance(node.value, list):
-        return Node([_without_lines(item) for item in node.value])
-    return Node(node.value)
 
 
 def _set(node: Node, path: tuple[str, ...], value: Node, key: str) -> Node:

@@ -1,4 +1,4 @@
-"""Entries for all joints (`*`) that no joint takes, since each that could has one of its own."""
+"""Entries for all joints (`*`) without effect, since every joint has an entry of its own."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ OF_ALL_THAT_MOVE = ("initial", "external_torques", "desired", "motion")
 BY_NAME = ("references", "parameters")
 """Tables in which what an own entry does not say is that for all."""
 TABLES = (("initial",), ("external_torques",), ("link_damping",), ("effects", "commands"), ("effects", "sensors"))
-"""Further tables in which an entry for nobody is told of; `modes` for all beside those of each are a manner of writing."""
+"""Further tables in which such an entry gets a warning. Not `modes`: one for all beside those of single joints is usual."""
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
-    """Whether a path of keys goes by an entry for all joints that none takes. robot: with the scenario's modes."""
+    """Whether a path of keys leads through an entry for all joints that is without effect. robot: with the scenario's modes."""
     if "*" not in parts:
         return False
     place = parts.index("*")

@@ -27,7 +27,7 @@ _SIMPLE = re.compile(r"[A-Za-z_./][\w./-]*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class StarterJoint:
     """One joint of the starter."""
 
     block: ActuatorBlock
@@ -125,7 +125,7 @@ class Starter:
 def starter_text(starter: Starter) -> str:
     """The starter's YAML."""
     robot, mode = starter.robot, starter.mode
-    drives = tuple(drive_of(robot, block) for block in robot.actuators)
+    drives = tuple(starter_joint(robot, block) for block in robot.actuators)
     lines = [f"# yaml-language-server: $schema={starter.schema}"] if starter.schema else []
     lines += [
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
@@ -194,15 +194,15 @@ def robot_lines(file: str, arguments: Mapping[str, str], packages: Mapping[str, 
             yield f"  {key}: {{{', '.join(f'{word(name)}: {word(text)}' for name, text in items.items())}}}"
 
 
-def drive_of(robot: Robot, block: ActuatorBlock) -> Drive:
+def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
     """The starter's motion of an actuated joint: from 0 or the nearest that its limits allow, by a small step; of one that is
     to follow another, what that one's motion asks of it."""
     joint = robot.joint(block.joint)
     leader = next((one for one in robot.actuators if joint.mimic is not None and one.joint == joint.mimic.joint), None)
     if joint.mimic is not None and leader is not None and robot.joint(leader.joint).mimic is None:
-        led = drive_of(robot, leader)
+        led = starter_joint(robot, leader)
         start, target = (joint.mimic.multiplier * place + joint.mimic.offset for place in (led.start, led.target))
-        return Drive(block=block, joint=joint, start=start, target=target)
+        return StarterJoint(block=block, joint=joint, start=start, target=target)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
     bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
@@ -214,10 +214,10 @@ def drive_of(robot: Robot, block: ActuatorBlock) -> Drive:
         target = start - size
     else:
         target = 0.5 * (low + high)
-    return Drive(block=block, joint=joint, start=start, target=target)
+    return StarterJoint(block=block, joint=joint, start=start, target=target)
 
 
-def _references(drives: tuple[Drive, ...]) -> Iterator[str]:
+def _references(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     if not drives:
         yield "# The robot has no actuators: it moves freely under gravity. This key puts one on every joint:"
         yield "# actuators: qbmove  # `asrsim actuators` lists them; `asrsim init ROBOT --actuator qbmove` sizes them, too"
@@ -231,7 +231,7 @@ def _references(drives: tuple[Drive, ...]) -> Iterator[str]:
             yield f"    {name}: {signal}  # {unit}"
 
 
-def _variants(drives: tuple[Drive, ...]) -> Iterator[str]:
+def _variants(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     soft_and_stiff = [(drive, presets) for drive in drives if (presets := drive.presets()) is not None]
     if not soft_and_stiff:
         yield "# Variants share everything above and change what they name; `asrsim run` runs them all:"
@@ -250,13 +250,13 @@ def _variants(drives: tuple[Drive, ...]) -> Iterator[str]:
             yield f"      {word(drive.joint.name)}: {{{items}}}"
 
 
-def _differs(drive: Drive, reference: str) -> bool:
+def _differs(drive: StarterJoint, reference: str) -> bool:
     """Whether a reference changes with the preset."""
     first = MODES[drive.block.mode].references[0]
     return reference != first or not (MODES[drive.block.mode].mapped or drive.actuator.adjuster)
 
 
-def _further(drives: tuple[Drive, ...]) -> Iterator[str]:
+def _further(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     joint = word(drives[0].joint.name) if drives else "joint"
     force, there = ("N", PRISMATIC_STEP) if drives and drives[0].joint.kind == "prismatic" else ("N m", STEP)
     parameter = drives[0].actuator.parameters[0].name if drives else None

@@ -14,7 +14,7 @@ from asrsim.actuators import MODES
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
-from asrsim.scenario.starter import drive_of, mounted_lines, number, robot_lines, word
+from asrsim.scenario.starter import mounted_lines, number, robot_lines, starter_joint, word
 from asrsim.scenario.starter_extract import file_of
 from asrsim.scenario.starter_playback import Plan, Played
 
@@ -130,12 +130,12 @@ def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) 
     unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
     if unused:
         more = f", and {len(unused) - 12} more" if len(unused) > 12 else ""
-        yield from _wrapped(f"not used: {', '.join(unused[:12])}{more}", "#   ", "#     ")
+        yield from _wrapped(f"not used: {', '.join(unused[:12])}{more}", "#   ")
     said = [*plan.remarks, *(f"{p.key}: {p.message}" if p.key else p.message for p in recording.findings)]
     if said:
         yield "# Assumed, or odd about the file:"
         for text in said[:20]:
-            yield from _wrapped(text, "#   - ", "#     ")
+            yield from _wrapped(text, "#   - ")
         if len(said) > 20:
             yield f"#   - and {len(said) - 20} more"
     if plan.lag:
@@ -153,7 +153,7 @@ def _sampling(recording: Recording) -> str:
 def _references(plan: Plan, names: Names) -> Iterator[str]:
     for block in plan.robot.actuators:
         mode = MODES[block.mode]
-        drive = drive_of(plan.robot, block)
+        drive = starter_joint(plan.robot, block)
         own = {one.slot: one for one in plan.played if one.joint == block.joint and one.slot is not None}
         yield f"  {word(block.joint)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
         presets = drive.presets()
@@ -218,8 +218,9 @@ def exact(value: float) -> str:
     return f"{value + 0.0:.12g}"
 
 
-def _wrapped(text: str, first: str, others: str) -> list[str]:
-    return textwrap.wrap(" ".join(text.split()), 124, initial_indent=first, subsequent_indent=others, break_long_words=False)
+def _wrapped(text: str, first: str) -> list[str]:
+    """Lines of a comment that begins with `first`."""
+    return textwrap.wrap(" ".join(text.split()), 124, initial_indent=first, subsequent_indent="#     ", break_long_words=False)
 
 
 def _rounded(value: float) -> float:

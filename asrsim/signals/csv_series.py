@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 TIME_NAMES = ("time", "t", "stamp", "timestamp", "seconds")
 MAX_PROBLEMS = 10
+"""Rows of one kind of fault that are named."""
 
 
 def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[Array, Array]:

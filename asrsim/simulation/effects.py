@@ -12,6 +12,7 @@ from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
 
 _BLOCK = 4096
+"""Samples of noise that are drawn at once."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ LONGEST = 0.2
 FLAT = 1e-3
 """N m/rad (N/m) that a joint is believed to be stiff at least."""
 ROUNDS = 200
+"""Steps towards rest, at most."""
 
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:

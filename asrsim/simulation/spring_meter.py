@@ -17,6 +17,7 @@ from asrsim.simulation.groups import MOTOR_1, MOTOR_2, Group
 POSITION, VELOCITY, TORQUE, APPLIED, DAMPING, SPRING_1, SPRING_2 = 0, 1, 2, 3, 4, 5, 6
 """Columns of the raw record (:data:`asrsim.simulation.substep.RAW`)."""
 FLOWS = 7
+"""Kinds of energy that a joint's springs give or take."""
 WORK, LOST, DAMPED, LINK, CUT, HEAT, LAGGED = range(FLOWS)
 """Work of the motors, losses in them, by the link's damping, work on the link, taken by the effort limit, heat of windings,
 lost in hysteresis: J since the start."""

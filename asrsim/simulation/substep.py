@@ -36,6 +36,7 @@ RAW = ("link_position", "engine_velocity", "actuator_torque", "link_torque", "da
 """Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the limits, after them, of damping, and the
 record of the joint's law."""
 LINK_TORQUE, DAMPING_TORQUE, LAWS = 3, 4, 5
+"""Columns of a row of the record: torque on the link, of damping, and where the law's own begin."""
 
 GOAL_1, GOAL_2, EXTERNAL, READINGS = 0, 1, 2, 3
 """Inputs of a joint and substep: references, external torque (N m), and for each sensor whether it looks, and its noise."""

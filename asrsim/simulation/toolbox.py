@@ -21,10 +21,12 @@ from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.kernels import Advance, advance_passive, advance_torque
 
 IDLE_MOTOR = (0.0, 0.0, 0.0, 0.0)
+"""State of a motor at rest."""
 
 PHANTOM_MOTOR = (0.0233, 0.2698, 6.0, -math.inf, math.inf)
 """Inertia (kg m^2), damping (N m s/rad), torque limit (N m) and position limits (rad) of the released DCMotor."""
 PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
+"""N m, N m/rad, N m/(rad s), N m s/rad of the motor that the released SEA plugin updates beside its own."""
 PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
 """The second motor of one-motor actuators: defaults of the released classes (N m; N m/rad, N m/(rad s), N m s/rad)."""
 

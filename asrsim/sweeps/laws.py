@@ -28,6 +28,7 @@ FORMS = (
 )
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
 MOST_VALUES = 10_000_000
+"""Values of one range."""
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,11 @@ from asrsim.sweeps.table import Table, shares
 LINES = 4000
 """Runs that are drawn as lines; of more, some evenly, and those at the ends of every result."""
 AXES = 12
+"""Axes of the parallel coordinates, at most."""
 LINE_WIDTH = 90
 """Pixels of an axis, below which the picture is wider than a telephone and is moved."""
 DPI = 110
+"""Dots per inch of the page's pictures."""
 
 
 def write_page(study: Table, path: Path | None = None, results: Sequence[str] = ()) -> Path:

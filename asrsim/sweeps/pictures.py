@@ -92,20 +92,18 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
             axis.ticklabel_format(axis="x", scilimits=(-2, 5), useMathText=True)
     for axis in axes[len(names) :]:
         axis.remove()
-    # What is the same everywhere is said once.
-    said: set[tuple[str, ...]] = set()
-    for axis in figure.axes:
-        legend = axis.get_legend()
-        texts = tuple(text.get_text() for text in legend.get_texts()) if legend is not None else ()
-        if legend is not None and texts in said:
-            legend.remove()
-        said.add(texts)
+    # What is the same in all panels is said once, beneath them.
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=min(len(labels), 4), fontsize="x-small", markerscale=1.5
+        )
     return figure
 
 
 def _label(table: Table, name: str) -> str:
-    """A result's or signal's name with its unit."""
-    unit = table.unit(name).replace("N m", "N·m")
+    """A key's, result's or signal's name with its unit."""
+    unit = table.unit(name).replace("N m", "N·m").removeprefix("1")
     return f"{name.removeprefix('signal:')} ({unit})" if unit else name.removeprefix("signal:")
 
 
@@ -120,10 +118,8 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
         for variant in dict.fromkeys(variants.tolist()):
             mine = shown[variants == variant]
             axes.plot(table[key][mine], table[result][mine], ".", markersize=3, alpha=0.5, label=variant)
-        if len(table.manifest["variants"]) > 1:
-            axes.legend(fontsize="x-small", markerscale=3.0)
         _whole_width(table, key, axes)
-        axes.set(xlabel=key, ylabel=_label(table, result))
+        axes.set(xlabel=_label(table, key), ylabel=_label(table, result))
         return
     listed.sort(key=lambda key: -len(np.unique(table[key])))
     if len(listed) > 1 and len(np.unique(table[listed[1]])) > LINES:
@@ -149,10 +145,9 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
         # A lonely value between undefined ones is a point; a hundred points are no thick line.
         size = 6.0 if len(order) <= POINTS else 2.5
         axes.plot(table[over][mine][order], table[result][mine][order], ".-", color=shade, label=name, markersize=size)
-    if len(names) > 1:
-        title = f"{LINES} of {len(names)}" if len(names) > LINES else None
-        axes.legend(fontsize="x-small", title=title, title_fontsize="x-small")
-    axes.set(xlabel=over, ylabel=_label(table, result))
+    if len(names) > LINES:
+        axes.plot([], [], " ", label=f"{LINES} of {len(names)} lines")
+    axes.set(xlabel=_label(table, over), ylabel=_label(table, result))
 
 
 def _whole_width(table: Table, key: str, axes: Axes) -> None:
@@ -177,8 +172,9 @@ def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> Non
     bottom, top = (end if abs(end - edge) <= OUTLIER * (high - low) else edge for end, edge in ((least, low), (most, high)))
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get((least < bottom, most > top), "both")
     mesh = axes.pcolormesh(x, y, mean, shading="nearest", cmap="viridis", rasterized=True, vmin=bottom, vmax=top)
-    axes.figure.colorbar(mesh, ax=axes, label=_label(table, result), extend=extend)
-    axes.set(xlabel=first, ylabel=second)
+    label = f"mean of {_label(table, result)}" if counts.max() > 1.0 else _label(table, result)
+    axes.figure.colorbar(mesh, ax=axes, label=label, extend=extend)
+    axes.set(xlabel=_label(table, first), ylabel=_label(table, second))
 
 
 def _distribution(table: Table, result: str, axes: Axes) -> None:
@@ -189,7 +185,6 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
     axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))), edgecolor="white", linewidth=0.5)
     for share, style, label in ((0.5, "-", "median"), (0.05, ":", "5 and 95 %"), (0.95, ":", None)):
         axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style, label=label)
-    axes.legend(fontsize="x-small", frameon=True, framealpha=0.8)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     lacking = len(values) - len(there)
     axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
@@ -208,7 +203,6 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
     axes.set_yticks(range(len(found)), labels, fontsize="x-small")
     axes.axvline(middle, color="black", linewidth=0.8)
     axes.set(xlabel=f"mean of {_label(table, result)}")
-    axes.legend(fontsize="x-small")
 
 
 def _band(table: Table, name: str, axes: Axes) -> None:
@@ -217,7 +211,6 @@ def _band(table: Table, name: str, axes: Axes) -> None:
     for number, variant in enumerate(variants):
         mine = table["variant"].astype(str) == variant
         _variant_band(table[name][mine], rate, axes, f"C{number}", variant if len(variants) > 1 else "")
-    axes.legend(fontsize="x-small")
     axes.margins(x=0.0)
     axes.set(xlabel="time (s)", ylabel=_label(table, name))
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, SimulationError
+from asrsim.identification.keys import parameters_of
 from asrsim.quantities import unit_of
 from asrsim.runs.lock import owned
 from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
@@ -191,7 +192,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
 
 
 def units_of(payload: Payload) -> dict[str, str]:
-    """Column -> SI unit, of results and kept signals that have one."""
+    """Column -> SI unit, of the robot's numbers, results and kept signals that have one."""
     prismatic = {name: case.robot.joint(name).kind == "prismatic" for case in payload.cases.values() for name in case.joints}
     found = {f"tip.{name}": "m" for name in TIP}
     for joint, slides in prismatic.items():
@@ -201,6 +202,11 @@ def units_of(payload: Payload) -> dict[str, str]:
     for signal in payload.study.signals:
         joint, _, quantity = signal.rpartition(".")
         found[f"signal:{signal}"] = unit_of(quantity, prismatic=prismatic.get(joint, False))
+    for case in payload.cases.values():
+        numbers = parameters_of(case.robot, (), {})
+        for key, places in {**case.plan.parameters, **case.plan.inertials}.items():
+            units = {numbers[place].unit for owner, name in places if (place := f"{owner}.{name}") in numbers}
+            found[key] = units.pop() if len(units) == 1 else ""
     known = {name for name, _ in payload.columns}
     return {name: unit for name, unit in found.items() if unit and name in known}
 

@@ -19,6 +19,7 @@ from asrsim.sweeps.laws import Distribution, Values
 DESIGNS = ("random", "lhs", "sobol", "saltelli")
 """How draws are placed. saltelli: rows from which Sobol indices follow, samples x (drawn axes + 2) of them."""
 MOST_RUNS = 100_000_000
+"""Runs of a study."""
 
 
 @dataclass(frozen=True)

@@ -63,11 +63,3 @@ def of_learning() -> Asked:
         lambda p, i: found("kinematics.drive_inverse.controller_error")(made["ring"], p, i, 0.005),
         [(p, i) for p in (0.0, 0.5, 20.0) for i in (0.0, 0.1, 3.0)],
     )
-    for name in ("gravity", "x"):
-        yield (
-            f"gains {name}",
-            lambda d, u, name=name: found("learning.settings.parse_settings")(
-                {"gain": 0.4, "gain_decay": d, "first_guess": name}, ["a"]
-            ).gain_at(u),
-            [(d, u) for d in (None, 1.0, 10.0) for u in (0, 1, 5)],
-        )

@@ -13,9 +13,9 @@ def measures() -> Asked:
 
     for name in sorted(MEASURES.names()):
         needs = MEASURES.get(name).needs
-        # Delays are looked for at many lags, of uneven series at very many.
+        # Delays are looked for at many lags: of a few shapes, evenly sampled.
         for time in (T,) if name == "delay" else (T, UNEVEN):
-            made = shapes(time)
+            made = dict(list(shapes(time).items())[-4 if name == "delay" else 0 :])
             if needs == "poses":
                 asked = [(name, time, np.column_stack([made["ring"], made["swing"], made[one]])) for one in ("line", "rest")]
             else:
