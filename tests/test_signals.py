@@ -175,7 +175,6 @@ def test_values_do_not_depend_on_what_else_is_asked(times):
         ({}, "one key"),
         ({"step": {"to": 1}, "ramp": {}}, "one key"),
         ({"stp": {"to": 1}}, "Did you mean 'step'?"),
-        ({"sine": {"amplitude": 1}}, "Did you mean 'sinusoid'?"),
         ({"step": {"too": 1}}, "Did you mean 'to'?"),
         ({"step": {"at": 1}}, "'to' is missing"),
         ({"step": {"to": "x"}}, "step.to: must be a number (got 'x')"),
@@ -192,6 +191,7 @@ def test_values_do_not_depend_on_what_else_is_asked(times):
         ({"sum": []}, "at least 1"),
         ({"sum": [{"stp": 1}]}, "sum.terms.0.stp"),
         ({"delay": {"by": -1, "of": 0}}, "delay.by: must be a number >= 0"),
+        ({"sine": {"amplitude": 1}}, "Did you mean 'sinusoid'?"),
     ],
 )
 def test_faults_name_the_key_and_what_is_right(data, message):
