@@ -13,6 +13,7 @@ from asrsim.metrics.measures import measure
 from asrsim.metrics.oscillation import frequencies
 from asrsim.metrics.step import normalised, overshoots, settlings
 from asrsim.metrics.values import SHARE, last_part, means
+from asrsim.plain import finite_or_none
 from asrsim.samples import Array
 
 
@@ -35,7 +36,7 @@ class JointSummary:
 
     def as_dict(self) -> dict[str, float | None]:
         """For JSON: undefined numbers are null."""
-        return {name: value if math.isfinite(value) else None for name, value in self.__dict__.items()}
+        return {name: finite_or_none(value) for name, value in self.__dict__.items()}
 
 
 def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0) -> JointSummary:
