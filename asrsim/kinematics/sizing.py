@@ -72,7 +72,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
     weak = Sizing(joints=joints).beyond(sag)
     if not weak or not propose:
         return Sizing(joints=joints)
-    # Parameters do not change an effort limit, which is told of by itself.
+    # No parameter changes an effort limit: a joint that it overloads gets a warning of its own.
     robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     changed = {block.joint: block for block in blocks}
     weak = Sizing(joints=holdings(scenario, robot, blocks)).beyond(sag)
