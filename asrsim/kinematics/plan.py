@@ -110,15 +110,15 @@ def _check_poses(
     problems = []
     for index, time in enumerate(trajectory.times):
         rotation = None if trajectory.rotations is None else trajectory.rotations[index]
-        place, _ = model.pose(start, task.link, task.point)
+        position, _ = model.pose(start, task.link, task.point)
         reach = closest(model, task.link, task.point, trajectory.positions[index], rotation, start, moving=moving)
         if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
             problems.append(_unreachable(f"the pose at {time:g} s", trajectory.positions[index], reach))
-        elif index == 0 and time == 0.0 and np.linalg.norm(place - trajectory.positions[0]) > max(task.tolerance, 0.01):
+        elif index == 0 and time == 0.0 and np.linalg.norm(position - trajectory.positions[0]) > max(task.tolerance, 0.01):
             wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, reach.positions, strict=True))
             problems.append(
                 Problem(
-                    f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
+                    f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
                     f"{_text(trajectory.positions[0])} m",
                     key="task.poses",
                     hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",

@@ -144,10 +144,10 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
     """Parameters of a spring whose common factor is one of its torques: those in units with N; none if it is not so."""
     names = tuple(parameter.name for parameter in actuator.parameters if "N" in parameter.unit.split("/")[0])
-    place = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
+    point = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
     once, twice = (
         actuator.elastic_torques(
-            *place, tuple(values[p.name] * (factor if p.name in names else 1.0) for p in actuator.parameters)
+            *point, tuple(values[p.name] * (factor if p.name in names else 1.0) for p in actuator.parameters)
         )
         for factor in (1.0, 2.0)
     )

@@ -93,9 +93,9 @@ def _steps(time: Array, positions: Array, steady: Array, steps: Sequence[int | N
     beyond, settled = [math.nan] * len(steps), [math.nan] * len(steps)
     for step in {step for step in steps if step is not None and step < len(time)}:
         rows = [i for i, other in enumerate(steps) if other == step]
-        moments, places = time[step:], positions[rows, step:]
-        target = means(*last_part(moments, places, SHARE)) if step else steady[rows]
-        x = normalised(places, places[:, 0], target)
+        moments, later = time[step:], positions[rows, step:]
+        target = means(*last_part(moments, later, SHARE)) if step else steady[rows]
+        x = normalised(later, later[:, 0], target)
         for i, over, seconds in zip(rows, overshoots(x).tolist(), settlings(moments, x), strict=True):
             beyond[i], settled[i] = over, seconds
     return beyond, settled
