@@ -127,6 +127,40 @@ def test_a_motor_under_voltage(tmp_path: Path) -> None:
     holds(tmp_path, lab, truth, list(truth), 0.01)
 
 
+def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path: Path) -> None:
+    constant, resistance, inertia, loss, friction, stiff, link, fade = 1.0, 4.0, 0.006, 0.02, 0.06, 5.0, 0.008, 0.006
+    step, x, w, q, v = 1e-5, 0.0, 0.0, 0.0, 0.0
+    rows = []
+    for k in range(600_001):
+        # Of a digital controller, at 1 kHz.
+        time = 1e-3 * (k // 100)
+        volt = (2.0 * np.sign(np.sin(0.8 * pi * time + 2.0)) + np.sin(2.0 * pi * (0.5 + 0.25 * time) * time)) * (time > 0.2)
+        if k % 100 == 0:
+            rows.append((time, volt, x, q))
+        spring = stiff * (x - q)
+        slid = w + step * (constant * (volt - constant * w) / resistance - loss * w - spring) / inertia
+        most = step * friction / inertia
+        w = 0.0 if abs(slid) < most else slid - float(np.copysign(most, slid))
+        v += step * (spring - fade * v) / link
+        x, q = x + step * w, q + step * v
+    names = ("time [s]", "reference_1 [V]", "motor_1_position [rad]", "link_position [rad]")
+    recorded(tmp_path, dict(zip(names, np.array(rows).T, strict=True)), dict.fromkeys(names[2:], 3.5e-4))
+    tags = {"spring_k": 4, "max_def": 30, "mot_J": 0.008, "mot_D": 0.015, "mot_tauFric": 0.03, "mot_maxVel": 1e3,
+            "mot_tauMax": 50, "mot_kt": constant, "mot_R": resistance}  # fmt: skip
+    lab = {"mode": 7, "tags": "".join(f"<{tag}>{value}</{tag}>" for tag, value in tags.items()), "damping": 0.004}
+    scenario = write(tmp_path, "lab", {**SEA, **lab}, duration=6.0)
+    motor = [f"joint_1.motor_1_{name}" for name in ("inertia", "damping", "friction_torque")]
+    result = identify(
+        scenario, [tmp_path / "a.csv"], free=[*motor, "joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"]
+    )
+    # With bristles of 1000 N m/rad a swing was left, and said to be something else; inertias were 2 % off.
+    assert result.fits, (result.misfit, result.causes)
+    assert result.find("joint_1.motor_1_friction_stiffness").value > 1e4
+    assert any("bristles" in text for text in result.remarks)
+    for one, value in zip(result.estimates, (inertia, loss, friction, stiff, fade, link), strict=False):
+        assert one.value == pytest.approx(value, rel=0.005), one
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("stairs", [True, False])
 def test_commands_of_a_digital_controller_are_held(tmp_path: Path, stairs: bool) -> None:

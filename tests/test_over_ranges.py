@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from given import Detail, value_line
-from over_ranges import core, identification, learning, metrics, motors, pictures, recordings
+from over_ranges import bodies, core, identification, learning, metrics, motors, pictures, recordings
 from seen import differences
 
 pytestmark = pytest.mark.once
@@ -24,7 +24,8 @@ RECORDED = Path(__file__).parent / "seen" / "ranges"
 ASKED = {
     "measures": metrics.measures, "metrics": metrics.of_metrics, "recordings": recordings.of_recordings,
     "identification": identification.of_identification, "core": core.of_the_core, "learning": learning.of_learning,
-    "kicks": motors.kicks, "signals": motors.of_signals, "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
+    "kicks": motors.kicks, "signals": motors.of_signals, "bodies": bodies.of_bodies, "robots": bodies.of_robots,
+    "waiting": bodies.of_waiting, "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
 }  # fmt: skip
 
 

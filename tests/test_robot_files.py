@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from asrsim.errors import RobotError
 from asrsim.robot import Robot, engine_urdf, load_robot
 from asrsim.robot.expansion import expand_xacro
+from asrsim.robot.inertia import inertia_tensor
 from asrsim.robot.packages import packages_of
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>'
@@ -135,6 +138,31 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_bad_structure(read: Callable[..., Robot], body: str, code: str) -> None:
     assert fails(read, robot(body)) == [code]
+
+
+@pytest.mark.parametrize(
+    ("heavy", "inertia", "fine"),
+    [
+        ("1", 'ixx="2.4e-8" ixy="6.1e-8" ixz="0" iyy="2.8e-8" iyz="0" izz="3.8e-8"', True),  # an antenna of a mobile robot
+        ("1e-7", 'ixx="2.4e-8" ixy="6.1e-8" ixz="0" iyy="2.8e-8" iyz="0" izz="3.8e-8"', False),  # a robot of such links
+        ("0.1", 'ixx="0.0001" ixy="0.0101" ixz="0" iyy="1.0" iyz="0" izz="1.0"', True),  # digits that a program cut off
+        ("0.1", 'ixx="0.0001" ixy="0.1" ixz="0" iyy="1.0" iyz="0" izz="1.0"', False),
+    ],
+)
+def test_a_negative_moment_by_a_slip_of_digits_is_mended(
+    read: Callable[..., Robot], heavy: str, inertia: str, fine: bool
+) -> None:
+    body = GOOD.replace("0.1", heavy) + joint("f", "b", "c", "", "fixed")
+    text = robot(body + link("c", f'<inertial><mass value="0.001"/><inertia {inertia}/></inertial>'))
+    if not fine:
+        assert fails(read, text) == ["negative-inertia"]
+        return
+    found = read(text)
+    assert "rounded-inertia" in [one.code for one in found.warnings]
+    moments = np.linalg.eigvalsh(inertia_tensor(next(one for one in found.links if one.name == "c")))
+    given = {key: float(value) for key, value in re.findall(r'(i..)="([^"]*)"', inertia)}
+    assert moments[0] >= -1e-15
+    assert np.trace(inertia_tensor(found.links[-1])) == pytest.approx(given["ixx"] + given["iyy"] + given["izz"], rel=0.5)
 
 
 def test_errors_are_collected_with_lines(read: Callable[..., Robot]) -> None:

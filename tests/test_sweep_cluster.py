@@ -144,15 +144,39 @@ def test_a_scheduler_that_goes_is_told_of_and_its_rows_are_kept(scheduler: tuple
     assert 0 < len(there) < 3000
 
 
+def put_slurm(folder: Path, monkeypatch, submit: str) -> None:
+    """Slurm's commands; submit: what `sbatch` does with the job's script, $1."""
+    for name, what in (("sbatch", submit), ("scancel", 'kill "$@"')):
+        (folder / name).write_text(f"#!/bin/sh\n{what}\n")
+        (folder / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+
+
 @pytest.mark.slow
-def test_a_file_of_jobs_starts_the_workers_of_a_study_and_ends_them(tmp_path: Path):
-    """`local` starts them here by the script that `slurm` and the like would be given."""
+def test_a_file_of_jobs_starts_the_workers_of_a_study(tmp_path: Path, monkeypatch):
     pytest.importorskip("dask_jobqueue")
+    put_slurm(tmp_path, monkeypatch, 'bash "$1" > /dev/null 2>&1 & echo "Submitted batch job $!"')
     file = tmp_path / "jobs.yaml"
-    file.write_text("local: {jobs: 2, cores: 1, processes: 1, memory: 1GB, death_timeout: 60}\n")
+    file.write_text("slurm: {jobs: 2, cores: 1, processes: 1, memory: 1GB}\n")
     there = asrsim.sweep(study_of(60), out=tmp_path / "jobs", cluster=file)
     here = asrsim.sweep(study_of(60), out=tmp_path / "here", workers=1)
     assert there.to_arrow().drop_columns("seconds").equals(here.to_arrow().drop_columns("seconds"))
+
+
+@pytest.mark.slow
+def test_a_system_that_is_not_there_or_takes_no_job_is_told_of(tmp_path: Path, monkeypatch):
+    pytest.importorskip("dask_jobqueue")
+    file = tmp_path / "jobs.yaml"
+    file.write_text("slurm: {jobs: 2, cores: 1, memory: 1GB}\n")
+    with pytest.raises(InputError, match=r"cannot begin the jobs: FileNotFoundError: .*sbatch"):
+        cluster.Cluster(file).__enter__()
+    file.write_text("slurm: {jobs: 2, cores: 1, memry: 1GB}\n")
+    with pytest.raises(InputError, match=r"cannot begin the jobs: .*memry"):
+        cluster.Cluster(file).__enter__()
+    file.write_text("slurm: {jobs: 2, cores: 1, memory: 1GB}\n")
+    put_slurm(tmp_path, monkeypatch, 'echo "invalid account" >&2; exit 1')
+    with pytest.raises(InputError, match=r"cannot begin the jobs: .*invalid account"):
+        cluster.Cluster(file).__enter__()
 
 
 @pytest.mark.parametrize(
@@ -163,12 +187,9 @@ def test_a_file_of_jobs_starts_the_workers_of_a_study_and_ends_them(tmp_path: Pa
         ("local: 3", "the system's options must be a mapping"),
         ("local: {jobs: two, cores: 1, memory: 1GB}", "'jobs' must be a whole number of at least 1"),
         ("local: {jobs: 0, cores: 1, memory: 1GB}", "'jobs' must be a whole number of at least 1"),
-        ("local: {cores: 1, memry: 1GB}", "cannot begin the jobs: .*memry"),
     ],
 )
 def test_what_is_wrong_in_a_file_of_jobs_is_told_before_anything_runs(text: str, told: str, tmp_path: Path):
-    if "memry" in text:
-        pytest.importorskip("dask_jobqueue")
     file = tmp_path / "jobs.yaml"
     file.write_text(text)
     with pytest.raises(InputError, match=told):

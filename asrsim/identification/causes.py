@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.identification.intervals import BLOCKS
 from asrsim.identification.keys import LATEST, Parameter
-from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.task import Tie
@@ -116,16 +116,16 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
         parameter = Parameter(key=keys[0], unit="s", start=0.0, low=-1e-3, high=LATEST)
         ties = [Tie(key=key, to=keys[0]) for key in keys[1:]]
         flags = f"--free {keys[0]}" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
-        yield _Cause("a delay of the commands", flags, _extended(layout, parameter, ties), 2.0)
+        yield _Cause("a delay of the commands", flags, layout.extended(parameter, ties), 2.0)
     for key, unit in {c.key: c.unit for track in residuals.tracks for c in track.channels}.items():
         if key.endswith("position") and f"{key}.offset" not in free:
             parameter = Parameter(key=f"{key}.offset", unit=unit, start=0.0)
-            yield _Cause(f"a zero offset of {key}", f"--free {key}.offset", _extended(layout, parameter), 0.0)
+            yield _Cause(f"a zero offset of {key}", f"--free {key}.offset", layout.extended(parameter), 0.0)
     for drive in residuals.tracks[0].prepared.drives:
         key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
         if drive.joint.spring_stiffness == 0.0 and key not in free and not (drive.mode and drive.mode.spring):
             parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
-            yield _Cause(f"a spring of {drive.name}'s own", f"--free {key}=START", _extended(layout, parameter), None)
+            yield _Cause(f"a spring of {drive.name}'s own", f"--free {key}=START", layout.extended(parameter), None)
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
         entry = next((one for one in layout.entries if one.parameter.key == tie.to and one.track is None), None)
@@ -134,12 +134,7 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
             parameter = replace(entry.parameter, key=tie.key, start=value)
             without = replace(layout, ties=tuple(one for one in layout.ties if one is not tie))
             text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
-            yield _Cause(text, f"--free {tie.key}", _extended(without, parameter), 0.0)
-
-
-def _extended(layout: Layout, parameter: Parameter, ties: list[Tie] | None = None) -> Layout:
-    entry = Entry(parameter, None, parameter.key, parameter.start)
-    return replace(layout, entries=(*layout.entries, entry), ties=(*layout.ties, *(ties or ())))
+            yield _Cause(text, f"--free {tie.key}", without.extended(parameter), 0.0)
 
 
 def block_estimates(residuals: Residuals, x: Array, jacobian: Array, count: int = BLOCKS) -> tuple[Array, Array, Array]:

@@ -70,6 +70,11 @@ class Layout:
         """(n,) of the values."""
         return np.array([entry.slope(float(v)) for entry, v in zip(self.entries, x, strict=True)])
 
+    def extended(self, parameter: Parameter, ties: Sequence[Tie] = ()) -> Layout:
+        """With one more entry, the last, of all recordings."""
+        entry = Entry(parameter, None, parameter.key, parameter.start)
+        return replace(self, entries=(*self.entries, entry), ties=(*self.ties, *ties))
+
     def table(self, x: Array, track: int) -> dict[str, float]:
         """Key -> value for a recording, ties followed."""
         found = {

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
+from asrsim.identification.bristles import with_bristles
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty, whitened
@@ -97,21 +98,33 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             search(
                 residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt
             )  # fmt: skip
-            teller.stage("substeps of what was found")
-            for _ in range(ROUNDS):
-                if not followed(residuals, best.x, setup.tracks):
-                    break
-                best.x = solve(residuals, best.x, loss="linear", rounds=20)
-            best.x, best.substeps = refined(residuals, best.x, setup.tracks)
-            teller.stage("weights from what is left")
-            best.x = _reweighted(residuals, best.x, task)
+            teller.stage("substeps and weights of what was found")
+            _settle(residuals, best, setup)
+            layout, x = with_bristles(residuals, best.x, setup.robot)
+            if len(x) > len(best.x):
+                teller.stage("bristles of the friction")
+                setup.layout, residuals.layout, best.x = layout, layout, x
+                followed(residuals, x, setup.tracks)
+                best.x = solve(residuals, x, loss=task.loss)
+                _settle(residuals, best, setup)
         except Stopped:
             status = "interrupted"
             residuals.share = 1.0
     for track in setup.tracks:
         track.held = best.held
     teller.deaf = True
+    start = np.append(start, np.zeros(len(best.x) - len(start)))
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
+
+
+def _settle(residuals: Residuals, best: Best, setup: Setup) -> None:
+    """With the substeps of a run with these numbers, or as fine ones as the recordings ask for, and weights of what is left."""
+    for _ in range(ROUNDS):
+        if not followed(residuals, best.x, setup.tracks):
+            break
+        best.x = solve(residuals, best.x, loss="linear", rounds=20)
+    best.x, best.substeps = refined(residuals, best.x, setup.tracks)
+    best.x = _reweighted(residuals, best.x, setup.task)
 
 
 APART = 10.0
@@ -233,6 +246,11 @@ def _judged(
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
     remarks += substep_remarks(residuals, x, found, best.substeps) if status == "complete" else []
+    asked = {parameter.key for parameter in setup.free}
+    remarks += [
+        f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
+        for entry in layout.entries if entry.parameter.key not in asked
+    ]  # fmt: skip
     held = setup.fitted[0].held
     if held:
         remarks.append(

@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.errors import InputError
 from asrsim.identification.result import Result
 from asrsim.identification.track import physical
-from asrsim.identification.verdicts import IDENTIFIED, Estimate
+from asrsim.identification.verdicts import IDENTIFIED, WEAK, Estimate
 from asrsim.outfile import written
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
@@ -93,7 +93,12 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
     """Key -> value of what is identified (or all), with what is tied to it."""
-    kept = {one.key for one in result.estimates if one.track is None and (everything or one.verdict == IDENTIFIED)}
+    kept = {
+        one.key for one in result.estimates
+        # Weakly known bristles are nearer than the law's own, with which the rest would not be what was found.
+        if one.track is None
+        and (everything or one.verdict == IDENTIFIED or (one.verdict == WEAK and one.key.endswith("friction_stiffness")))
+    }  # fmt: skip
     values = {one.key: one.value for one in result.estimates if one.key in kept}
     for _ in result.layout.ties:
         for tie in result.layout.ties:

@@ -7,11 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from asrsim.errors import did_you_mean
-from asrsim.robot.attributes import ROUNDING, SMALLEST, AttributeReader
-from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
+from asrsim.robot.inertials import InertialReader, largest_moment
+from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
 
@@ -22,12 +20,13 @@ LONGEST_NAME = 255
 """Characters; PyBullet crashes at 1024 bytes."""
 
 
-class StructureReader(AttributeReader):
+class StructureReader(InertialReader):
     """Reads `<link>` and `<joint>`; problems go to `findings`."""
 
     def links(self, root: Any) -> tuple[Link, ...]:
         """All links with a name, in file order; the first of two equal names."""
         colours = read_colours(root)
+        self.largest = largest_moment(root)
         found = [self._link(element, name, colours) for element, name in self._named(root, "link")]
         if not elements(root, "link"):
             self.findings.error("has no link", code="no-links", key="robot")
@@ -74,8 +73,8 @@ class StructureReader(AttributeReader):
             return link
         inertial = inertials[0]
         centre, rpy = self.origin(inertial, name)
-        mass = self._mass(inertial, name)
-        inertia = self._inertia(inertial, name, mass)
+        mass = self.mass(inertial, name)
+        inertia = self.inertia(inertial, name, mass)
         return replace(link, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy)
 
     def _shapes(self, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
@@ -91,63 +90,6 @@ class StructureReader(AttributeReader):
                 else:
                     self.findings.warn(f"a visual {fault}; it is not drawn", code="visual-shape", line=line, key=name)
         return tuple(shapes)
-
-    def _mass(self, inertial: Any, name: str) -> float:
-        tags = elements(inertial, "mass")
-        if not tags:
-            self.error("<inertial> has no <mass>", inertial, name, code="missing-tag")
-            return 0.0
-        before = len(self.findings.errors)
-        mass = self.number(tags[0], "value", f"{name}.mass", required=True)
-        if mass < 0.0:
-            self.error("mass must not be negative", tags[0], name, code="negative-mass", value=f"{mass:g}")
-        elif 0.0 < mass < SMALLEST:
-            self._too_small(tags[0], f"{name}.mass", mass)
-        elif mass == 0.0 and len(self.findings.errors) == before:
-            self.warn("mass is zero", tags[0], name, code="massless-link")
-        return mass
-
-    def _inertia(self, inertial: Any, name: str, mass: float) -> tuple[float, float, float, float, float, float]:
-        tags = elements(inertial, "inertia")
-        if not tags:
-            self.error("<inertial> has no <inertia>", inertial, name, code="missing-tag")
-            return (0.0,) * 6
-        before = len(self.findings.errors)
-        # Left-out products of inertia are zero in every URDF reader; left-out moments are mistakes.
-        values = [self.number(tags[0], key, f"{name}.{key}", required=key in ("ixx", "iyy", "izz")) for key in INERTIAS]
-        xx, xy, xz, yy, yz, zz = values
-        for moment in (xx, yy, zz):
-            if 0.0 < abs(moment) < SMALLEST:
-                self._too_small(tags[0], f"{name}.inertia", moment)
-        if max(abs(value) for value in values) < ROUNDING:
-            xx = xy = xz = yy = yz = zz = 0.0
-        if len(self.findings.errors) == before:
-            self._check_inertia(name, mass, np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), self.line(tags[0]))
-        return xx, xy, xz, yy, yz, zz
-
-    def _too_small(self, element: Any, place: str, value: float) -> None:
-        self.error(
-            f"is closer to 0 than {SMALLEST:g}, which no body is", element, place, code="out-of-range", value=f"{value:g}"
-        )
-
-    def _check_inertia(self, name: str, mass: float, matrix: np.ndarray, line: int | None) -> None:
-        moments = np.linalg.eigvalsh(matrix)
-        scale = float(np.abs(matrix).max())
-        shown = ", ".join(f"{moment:.4g}" for moment in moments)
-        if scale == 0.0:
-            if mass > 0.0:
-                self.findings.warn("inertia is zero", code="zero-inertia", line=line, key=name)
-        elif moments[0] < -1e-9 * scale:
-            self.findings.error(
-                "inertia has a negative principal moment, which no body has",
-                code="negative-inertia", line=line, key=name, value=f"{shown} kg m^2",
-            )  # fmt: skip
-        elif moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
-            self.findings.warn(
-                "inertia breaks the triangle inequality (largest principal moment above the sum of the others): no "
-                "body has it",
-                code="triangle-inequality", line=line, key=name, value=f"{shown} kg m^2",
-            )  # fmt: skip
 
     def _joint(self, element: Any, name: str, links: tuple[str, ...]) -> Joint | None:
         line = self.line(element)

@@ -10,7 +10,8 @@ import numpy as np
 
 from asrsim.errors import Problem
 from asrsim.robot import Robot
-from asrsim.robot.poses import Array, Pose, link_poses, rotation_matrix
+from asrsim.robot.chain import Chain
+from asrsim.robot.poses import Array, Pose, rotation_matrix
 from asrsim.scenario.data import Scenario, for_joint
 
 CORE = 0.9
@@ -91,16 +92,16 @@ def _objects(scenario: Scenario) -> Iterator[Body]:
 
 
 def _links(scenario: Scenario, robot: Robot) -> Iterator[Body]:
+    chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
     start = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in robot.moving_joints}
-    poses = link_poses(robot, start)
-    base = Pose(position=np.array(scenario.base_position), rotation=rotation_matrix(scenario.base_rpy))
+    poses = chain.poses({name: np.array([place]) for name, place in start.items()})
     moving = {joint.child for joint in robot.moving_joints}
     for joint in robot.outward_joints:
         moving |= {joint.child} if joint.parent in moving else set()
     for link in robot.links:
+        rotation, position = (part[0] for part in poses[link.name])
         for shape in link.collisions:
             if shape.kind != "mesh":
-                own = poses[link.name].then(shape.origin, shape.rpy)
-                pose = Pose(position=base.position + base.rotation @ own.position, rotation=base.rotation @ own.rotation)
+                pose = Pose(position=position, rotation=rotation).then(shape.origin, shape.rpy)
                 moves = link.name in moving or not scenario.fixed_base
                 yield Body(link.name, shape.kind, _half(shape.kind, shape.size), pose, moves)

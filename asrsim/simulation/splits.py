@@ -80,9 +80,9 @@ class Splits:
         positions, lagging = self.engine.read()
         push_links(self.engine, block.wrenches[index])
         length = sum(piece.fraction for piece in pieces)
-        velocities = [self._now * v + self._before * row[PREVIOUS] for v, row in zip(lagging, joints, strict=False)]
+        velocities = floats(self._now * v + self._before * row[PREVIOUS] for v, row in zip(lagging, joints, strict=False))
         if k == 0:
-            velocities = list(lagging)
+            velocities = floats(lagging)
         states = [floats(memory.load(joints[j])) for j, memory in enumerate(self._memories)]
         for j, measure in enumerate(self._measures):
             if measure is not None:
@@ -97,11 +97,10 @@ class Splits:
                 rows = self._advance_all(piece, k, positions, lagging, velocities, states, 0.0)
                 side = 1
             records = self._advance_all(piece, k, positions, lagging, velocities, states, piece.fraction)
-            for j, row in enumerate(records):
-                external = piece.rows[2][j]
-                sides[side, j] += 2.0 * piece.fraction * np.array([*row, external])
-                means[j] += piece.fraction / length * np.array([row[2], row[LINK_TORQUE], external])
-                free[side, j] += 2.0 * piece.fraction * (row[LINK_TORQUE] == row[2])
+            table = np.array([[*row, external] for row, external in zip(records, piece.rows[2], strict=True)])
+            sides[side] += 2.0 * piece.fraction * table
+            means += piece.fraction / length * table[:, [2, LINK_TORQUE, -1]]
+            free[side] += 2.0 * piece.fraction * (table[:, LINK_TORQUE] == table[:, 2])
         for j, (torque, applied, external) in enumerate(means.tolist()):
             row = joints[j]
             self._memories[j].save(row, states[j])

@@ -201,6 +201,10 @@ def _job_queue(path: Path) -> Any:
     kind, options = next(iter(data.items()))
     if not isinstance(options, dict):
         raise wrong("the system's options must be a mapping")
+    options = {"python": sys.executable, **options}
+    jobs = options.pop("jobs", 1)
+    if type(jobs) is not int or jobs < 1:
+        raise wrong("'jobs' must be a whole number of at least 1")
     try:
         import dask_jobqueue
     except ImportError:
@@ -215,11 +219,15 @@ def _job_queue(path: Path) -> Any:
         make = getattr(dask_jobqueue, names[kind])
     else:
         raise wrong(f"dask-jobqueue has no '{kind}'", tuple(names))
-    options = {"python": sys.executable, **options}
-    jobs = options.pop("jobs", 1)
+    made: Any = None
     try:
         made = make(**options)
+        # The first job by itself: what goes wrong with those of `scale` is only logged, and nobody comes.
+        made.worker_spec.update(made.new_worker_spec())
+        made.sync(made._correct_state)
         made.scale(jobs=jobs)
     except Exception as error:
-        raise wrong(f"cannot begin the jobs: {type(error).__name__}: {error}") from None
+        with suppress(Exception):
+            made.close()
+        raise wrong(f"cannot begin the jobs: {type(error).__name__}: {' '.join(str(error).split())}") from None
     return made
