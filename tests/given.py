@@ -18,12 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from seen import _extent, figure_lines, page_lines
+from seen import CHANGING, _extent, figure_lines, page_lines
 
 import asrsim
+from asrsim.samples import Samples
 
 WORDS = 60
 """Of a value or a file, which are kept."""
+SPEED = CHANGING[0][0]
 DRAWN = 12
 """Lines of a figure."""
 TEXTS = (".json", ".csv", ".html", ".yaml", ".urdf")
@@ -62,12 +64,12 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
     elif isinstance(value, int | float):
         yield "0" if abs(value) < detail.least else f"{value:.4g}"
     elif isinstance(value, str):
-        yield repr(value[:60])
+        yield repr(SPEED.sub("SPEED", value)[:60])
     elif isinstance(value, Path):
         yield value.name
     elif depth > 5:
         yield "..."
-    elif getattr(value, "samples", None) is not None:
+    elif isinstance(getattr(value, "samples", None), Samples):
         yield from _words(value.samples, detail, depth)
     elif is_dataclass(value):
         yield type(value).__name__

@@ -67,7 +67,7 @@ def test_ci_fails_where_a_test_is_skipped_that_should_not_be(tmp_path: Path) -> 
 @pytest.mark.parametrize(("reason", "code"), [("no chromium", 0), ("somebody was lazy", 1)])
 def test_the_whole_run_fails(tmp_path: Path, reason: str, code: int) -> None:
     folder = Path(__file__).parent
-    for name in ("conftest.py", "seen.py", "told.py"):
+    for name in ("conftest.py", "seen.py", "told.py", "given.py"):
         shutil.copy(folder / name, tmp_path)
     shutil.copy(folder / "skips.py", tmp_path)
     (tmp_path / "test_one.py").write_text(

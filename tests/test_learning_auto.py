@@ -438,7 +438,8 @@ def test_what_the_scenario_says_of_the_arm_is_in_the_model(changes):
     """Inverse dynamics counts it: trial 0 is within some mrad, and every update helps."""
     motion = {"*": {"minimum_jerk": {"duration": 1.2, "to": 0.15}}}
     block = {"trajectory": motion, "tolerance": 1e-3, "max_iterations": 3}
-    scenario = make_scenario(ARM, duration=1.5, references={"*": {"stiffness_preset": 0.2}}, ilc=block, **changes)
+    stiff = {"*": {"stiffness_preset": 0.2}}
+    scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, compiled=False, **changes)
     plant = make_plant(scenario)
     with learning_model(plant) as model:
         prepared = prepare_learning(plant, model)

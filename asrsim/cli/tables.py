@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich import markup
 from rich.box import SIMPLE_HEAD
@@ -11,13 +12,15 @@ from rich.padding import Padding
 from rich.table import Table
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
-from asrsim.actuators.checker import CheckReport
 from asrsim.cli.console import SHOWN, problem_lines, shown
 from asrsim.cli.findings import FileReport
 from asrsim.errors import Problem
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
 from asrsim.robot.tags import parameter_tags
+
+if TYPE_CHECKING:
+    from asrsim.actuators.checker import CheckReport
 
 
 def escape(text: str) -> str:

@@ -62,8 +62,8 @@ class Recording:
         self._prepared, self._engine = prepared, engine
         self._sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
         self.active = bool(keep or self._sinks)
-        self.taker: Callable[[Part], None] = self.evaluate
-        """Takes what was stepped; who takes it in place of :meth:`evaluate` sees to it that it is evaluated in its order."""
+        self.taker: Callable[[Part], None] | None = None
+        """Takes what was stepped in place of :meth:`evaluate`, and sees to it that it is evaluated in its order."""
         self.parts: list[Part] | None = None
         """What was stepped and not looked at, where :mod:`asrsim.simulation.together` will."""
         self.wanted: frozenset[str] = frozenset()
@@ -106,7 +106,7 @@ class Recording:
     def flush(self, substep: int, *, check: bool = True) -> None:
         """Hand on what there is up to `substep`; raises what :meth:`evaluate` does."""
         if self._raw:
-            self.taker(self._part(substep, check=check))
+            (self.taker or self.evaluate)(self._part(substep, check=check))
 
     def evaluate(self, part: Part) -> None:
         """Samples of a part, handed on; raises DivergenceError where energy came from nowhere."""
