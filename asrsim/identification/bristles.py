@@ -23,6 +23,7 @@ FAINT = 0.2
 MUCH = 0.5
 """Share of the squares that may be left of a model that does not fit without."""
 STEP = 1e-4
+"""Of a difference, in the logarithm of a stiffness."""
 """Of a logarithm, for differences."""
 FACTORS = (0.03, 0.1, 0.3, 3.0, 10.0, 30.0, 100.0)
 """Of the law's own stiffness: from friction that gives way to one that hardly does."""
