@@ -200,8 +200,8 @@ def of_recordings() -> Asked:
 
 HEADERS = (
     "time;q;v", "t;q;q\ns;rad;rad/s", ";j1;j1\ntime;q;v", ";j1;\nt;q;v\ns;rad;rad/s", ";j1;j2\n;q;q\ntime;;", "1;2;3\ntime;q;v",
-    "time;q;v\nindex;;", "Name;a;Name\ntime;q;v", "Y_Unit_Label;rad;V\ntime;q;v\nmore;x;y", "a;b\ntime;q;v", "time;q", "time;q;v;w;x",
-    "time;q;v\n1;x;3", "j1;j1;j1\n\ntime;q;q", "time;q;q\n[s];[deg];[deg/s]", "time;;\ns;rad;",
+    "time;q;v\nindex;;", "Name;a;Name\ntime;q;v", "Y_Unit_Label;rad;V\ntime;q;v\nmore;x;y", "a;b\ntime;q;v",
+    "time;q", "time;q;v;w;x", "time;q;v\n1;x;3", "j1;j1;j1\n\ntime;q;q", "time;q;q\n[s];[deg];[deg/s]", "time;;\ns;rad;",
 )  # fmt: skip
 """Lines above rows of three numbers."""
 
