@@ -298,8 +298,10 @@ def test_ticks_catch_up_and_slip():
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no real-time priority")
-@pytest.mark.parametrize("granted", [True, False])
-def test_real_time_priority_is_taken_where_it_is_granted_and_left_by_a_run_that_is_too_slow(tmp_path, monkeypatch, granted):
+@pytest.mark.parametrize(("granted", "nice"), [(True, 0), (True, 5), (False, 0)])
+def test_real_time_priority_is_taken_where_it_is_granted_and_left_by_a_run_that_is_too_slow(
+    tmp_path, monkeypatch, granted, nice
+):
     policies, said = [os.SCHED_OTHER], []
 
     def set_policy(pid, policy, parameter):
@@ -309,6 +311,8 @@ def test_real_time_priority_is_taken_where_it_is_granted_and_left_by_a_run_that_
 
     monkeypatch.setattr(os, "sched_setscheduler", set_policy)
     monkeypatch.setattr(os, "sched_getscheduler", lambda pid: policies[-1])
+    monkeypatch.setattr(os, "nice", lambda more: nice)
+    taken = granted and not nice
     (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
     session = Session(one, tmp_path / "run", Settings(duration=0.03), tell=said.append)
     wait = session.pace.wait
@@ -319,10 +323,10 @@ def test_real_time_priority_is_taken_where_it_is_granted_and_left_by_a_run_that_
 
     session.pace.wait = late
     assert session.run(stop=lambda: False).ok
-    assert policies == ([os.SCHED_OTHER, os.SCHED_RR, os.SCHED_OTHER] if granted else [os.SCHED_OTHER])
+    assert policies == ([os.SCHED_OTHER, os.SCHED_RR, os.SCHED_OTHER] if taken else [os.SCHED_OTHER])
     assert [text for text in said if "too slow" in text] == [
         "this machine is too slow for ticks at real-time priority: others come first again"
-    ] * granted
+    ] * taken
 
 
 def test_energy_from_nowhere_is_told_though_samples_are_made_later(tmp_path, monkeypatch):

@@ -318,6 +318,22 @@ while True:
 
 
 @pytest.mark.slow
+def test_a_subscriber_that_keeps_all_and_takes_none_does_not_hold_a_run_up(server, peers):
+    process, folder = server
+    hoarder = READER.replace("1000)", "QoSProfile(history=HistoryPolicy.KEEP_ALL))").partition("while True:")[0]
+    hoarder = (
+        hoarder.replace("import rclpy\n", "import rclpy\nfrom rclpy.qos import HistoryPolicy, QoSProfile\n") + "time.sleep(60)"
+    )
+    with subprocess.Popen([peers("kilted"), "-c", hoarder, str(DOMAIN)], env=ALONE) as reader:
+        time.sleep(15.0)
+        ended(process)
+        reader.kill()
+    figures = json.loads((folder / "summary.json").read_text())["live"]
+    assert figures["ticks"] > 10_000
+    assert figures["slips"] <= 1
+
+
+@pytest.mark.slow
 def test_subscribers_that_are_stopped_or_killed_are_forgotten_until_they_come_back(server, peers):
     """Else Fast DDS takes milliseconds a tick for them: 20 s long for one that was killed."""
     process, folder = server

@@ -267,3 +267,16 @@ def test_each_fault_is_found_by_its_check(actuator: type[Actuator], failed: str)
 def test_wrong_stiffness_has_its_figure() -> None:
     check = next(check for check in check_actuator(WrongStiffness).checks if check.name == "stiffness")
     assert check.figure == pytest.approx(0.001 / 2.001, rel=1e-6)
+
+
+def test_what_init_writes_for_an_actuator_of_one_s_own_is_run_as_it_says(tmp_path, asrsim_command):
+    law = shutil.copy(EXAMPLE, tmp_path)
+    robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
+    said = asrsim_command("init", robot, "--actuator", "my_vsa", "--plugin", law, "--out", "arm.yaml").out
+    command = said.split("run it: asrsim ")[1].split()
+    assert command == ["run", "arm.yaml", "--plugin", str(law)]
+    assert asrsim_command(*command, "--set", "duration=0.01", "--no-plot").code == 0
+    ACTUATORS._entries.pop("my_vsa")  # as another process begins
+    refused = asrsim_command(*command[:2])
+    assert refused.code == 1
+    assert "One of your own is in a file that --plugin FILE names" in refused.err

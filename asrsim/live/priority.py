@@ -25,8 +25,13 @@ class RealTime:
         self._wanted, self._taken = wanted, False
 
     def __enter__(self) -> Self:
-        # Not every system has it, and who was given another policy already keeps that.
-        if self._wanted and hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) == os.SCHED_OTHER:
+        # Not every system has it; and who was given another policy, or was told to be nice, keeps to that.
+        if (
+            self._wanted
+            and hasattr(os, "sched_setscheduler")
+            and os.sched_getscheduler(0) == os.SCHED_OTHER
+            and os.nice(0) <= 0
+        ):
             try:
                 os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_LEAST))
                 self._taken = True
