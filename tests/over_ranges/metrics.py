@@ -116,3 +116,11 @@ def of_metrics() -> Asked:
             for d in (0.0, 0.1, 0.0999999)
         ],
     )
+    hills = [
+        (np.exp(-(((np.arange(41.0) - p) / w) ** 2)) + r * NOISE[:41], p)
+        for p in (1, 20, 38)
+        for w in (2.0, 9.0)
+        for r in (0.0, 0.02)
+    ]
+    yield "summits", found("metrics.lag._summit"), hills
+    yield "tops", lambda rho, p: found("metrics.lag._refined")(rho, p, 1), hills
