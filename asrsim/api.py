@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.runs.execute import Executed, execute, steps_of, with_plugins, write_summary
+from asrsim.runs.execute import Executed, collector_of, execute, judged, with_plugins, write_summary
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.scenario import Scenario, load_scenario, only_variant
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.certify import certify as certify_run
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
-from asrsim.summary import Collector, RunSummary, claim_results, make_summary
-from asrsim.summary.claims import check_claims, needs_of
+from asrsim.summary import Collector, RunSummary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -266,21 +266,14 @@ def _run_one(
     collectors: list[Collector] = []
 
     def collect(info: RunInfo) -> Sequence[Sink]:
-        check_claims(scenario.expect, info.joints, file=scenario.path)
-        collectors.append(Collector(info.joints, samples=steps_of(scenario) + 1, needs=needs_of(scenario.expect, info.joints)))
+        collectors.append(collector_of(scenario, info))
         return collectors
 
     done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
     complete = done.status == "complete"
-    judged = scenario.expect if complete else ()
-    claims = claim_results(judged, done.info.joints, collectors[0].read, file=scenario.path)
+    certificate = certify_run(scenario, done, robot, stop=stop) if certify and complete else None
     samples = 0 if done.samples is None else len(done.samples.time)
-    summary = make_summary(done, collectors[0].seen(scenario.desired), samples=samples, claims=claims)
-    if certify and complete:
-        from asrsim.simulation.certify import certify as certify_run
-
-        certificate = certify_run(scenario, done, robot, stop=stop)
-        summary = summary if certificate is None else replace(summary, certificate=certificate.as_dict())
+    summary = judged(scenario, done, collectors[0], certificate, samples=samples)
     if done.samples is not None and complete and (cross_check or (certify and other_engine(scenario.engine))):
         summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
     return Result(done, summary)

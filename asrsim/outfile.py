@@ -88,7 +88,7 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
         with _with_output_error(path), path.open("wb") as stream:
             yield stream
         return
-    # A name that nobody can foresee, made anew: nothing that stands there is followed or cut.
+    # A random name, and a file that must be new: no link or file that stands there is followed or overwritten.
     part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
     try:
         with _with_output_error(path):

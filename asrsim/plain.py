@@ -1,12 +1,18 @@
-"""Plain data of files that others may have edited, held against the shape that they must have."""
+"""Plain data for JSON, and those of files that others may have edited, held against the shape that they must have."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 Shape = Any
 """str, bool, int, float (any number but NaN), None, object (anything), a tuple of alternatives, [shape] for a list, or a
 mapping from keys to shapes: `"key?"` may be missing, `"*"` stands for all that are not named."""
+
+
+def finite_or_none(value: float) -> float | None:
+    """A number for JSON, which has neither infinity nor NaN: null stands for both."""
+    return value if math.isfinite(value) else None
 
 
 def misfit(data: Any, shape: Shape, place: str = "") -> str:

@@ -111,6 +111,16 @@ def test_units_of_a_prismatic_joint_are_metres(tmp_path):
     assert "steady\nm" in [column.heading for column in columns]
 
 
+def test_a_joint_that_is_to_follow_another_gets_what_that_ones_motion_asks_of_it(tmp_path):
+    robot = write_robot(tmp_path, {"name": "knee"}, {"name": "ankle"})
+    follows = '<joint name="ankle" type="revolute">'
+    robot.write_text(robot.read_text().replace(follows, f'{follows}<mimic joint="knee" multiplier="-0.5" offset="0.1"/>'))
+    write_starter(robot, tmp_path / "s.yaml")
+    assert re.search(
+        r"ankle:.*\n    equilibrium_position: {step: {at: 0.1, from: 0.1, to: -0.05}}", (tmp_path / "s.yaml").read_text()
+    )
+
+
 def test_headings_name_both_units_of_a_robot_with_both_kinds_of_joints(tmp_path):
     robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "rail", "kind": "prismatic"})
     write_starter(robot, tmp_path / "s.yaml")

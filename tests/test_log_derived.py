@@ -65,6 +65,21 @@ def test_joints_are_matched_by_name_and_rigid_ones_have_none() -> None:
     np.testing.assert_array_equal(result[:, 1], THETA_1 - Q)
 
 
+def test_a_joint_among_others_has_the_numbers_that_it_has_alone() -> None:
+    """Kinds stand in any order; of two alike one may be recorded and the other not."""
+    kinds = [("qbmove", 6), ("sea", 5), ("bavs", 2), ("qbmove", 6), ("rigid", None), ("bavs", 2), ("awas_ii", 5), ("qbmove", 1)]
+    joints = [JointInfo(name=f"j{i}", actuator=actuator, mode=mode) for i, (actuator, mode) in enumerate(kinds)]
+    names = ("link_position", "motor_1_position", "motor_2_position", "reference_1", "reference_2")
+    values = dict(zip(names, np.random.default_rng(1).normal(size=(len(names), N, len(joints))), strict=True))
+    values["motor_1_position"][:, [1, 5]] = values["motor_2_position"][:, [4, 5]] = np.nan
+    together = Samples(time=np.arange(N) * 0.1, joints=tuple(joint.name for joint in joints), values=values)
+    for name, derived in DERIVED_FUNCTIONS.items():
+        found = derived(together, joints[::-1])
+        for i, joint in enumerate(joints):
+            alone, own = make(joint, **{quantity: table[:, i] for quantity, table in values.items()})
+            np.testing.assert_array_equal(found[:, i], derived(alone, own)[:, 0], err_msg=f"{name} of {joint}")
+
+
 def test_a_users_law_with_plain_mathematics_works() -> None:
     import math
 

@@ -93,9 +93,14 @@ PRODUCERS = (as_file, as_learned, as_transferred, as_reproduced, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)
-def test_a_log_alone_repeats_its_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, produce: Callable[[Path], list[Path]]):
+def test_a_log_alone_repeats_its_run_and_is_judged_by_its_own_claims(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, produce: Callable[[Path], list[Path]]
+):
     logs = produce(tmp_path / "made")
     assert logs
+    for log in logs:
+        verdicts = judge(open_log(log))
+        assert any(verdict.expectation.body for verdict in verdicts) if produce is as_file else verdicts == ()
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     for log in logs:
@@ -104,16 +109,6 @@ def test_a_log_alone_repeats_its_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert again.identical
         # And so does the log of the repetition.
         assert repeat(again.log).identical
-
-
-@pytest.mark.parametrize("produce", PRODUCERS)
-def test_a_log_is_judged_by_its_own_claims(tmp_path: Path, produce: Callable[[Path], list[Path]]):
-    for log in produce(tmp_path):
-        verdicts = judge(open_log(log))
-        if produce is as_file:
-            assert any(verdict.expectation.body for verdict in verdicts)
-        else:
-            assert verdicts == ()
 
 
 class Odd(Signal):

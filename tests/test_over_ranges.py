@@ -23,6 +23,7 @@ pytestmark = pytest.mark.once
 RECORDED = Path(__file__).parent / "seen" / "ranges"
 ASKED = {
     "measures": metrics.measures, "metrics": metrics.of_metrics, "recordings": recordings.of_recordings,
+    "headers": recordings.of_headers,
     "identification": identification.of_identification, "core": core.of_the_core, "learning": learning.of_learning,
     "kicks": motors.kicks, "signals": motors.of_signals, "bodies": bodies.of_bodies, "robots": bodies.of_robots,
     "waiting": bodies.of_waiting, "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,

@@ -383,6 +383,11 @@ def test_a_run_of_many_joints_draws_overview_and_first_page(tmp_path: Path):
     assert [page.name for page in run_pages([run], brief=True)] == ["overview", "joints_1"]
 
 
+def test_a_run_of_four_joints_has_no_overview_and_draws_all_of_them(tmp_path: Path):
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=4, count=50))
+    assert [page.name for page in run_pages([run], brief=True)] == ["joints_1", "joints_2"]
+
+
 def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
     from asrsim.log import open_log
     from asrsim.plots.claims import logged_claims

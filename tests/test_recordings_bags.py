@@ -95,6 +95,22 @@ def test_one_bad_stamp_does_not_refuse_a_bag(tmp_path: Path, monkeypatch: pytest
     np.testing.assert_allclose(column.values, np.delete(Q[1], 17))
 
 
+def test_joints_in_any_order_and_messages_that_overtake_each_other(tmp_path: Path) -> None:
+    """Two publishers, each with its own order of the joints; the recorder got each third message late."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    got = STAMPS + 1_000_000 + np.where(np.arange(N) % 3 == 0, 15_000_000, 0)
+    with Writer1(tmp_path / "lab.bag") as writer:
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        for i in np.argsort(got).tolist():
+            message = joint_state(store, i, int(STAMPS[i]), ["shoulder", "elbow"], ros1=True)
+            if i % 2:
+                message.name.reverse()
+                message.position[:], message.effort[:] = message.position[::-1].copy(), message.effort[::-1].copy()
+            writer.write(states, int(got[i]), store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
+    check(tmp_path / "lab.bag")
+    assert any(f.code == "overtaken" for f in read_recording(tmp_path / "lab.bag").findings)
+
+
 def test_ros1_bag(tmp_path: Path) -> None:
     path = write_ros1(tmp_path / "lab.bag")
     check(path)

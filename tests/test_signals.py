@@ -191,6 +191,7 @@ def test_values_do_not_depend_on_what_else_is_asked(times):
         ({"sum": []}, "at least 1"),
         ({"sum": [{"stp": 1}]}, "sum.terms.0.stp"),
         ({"delay": {"by": -1, "of": 0}}, "delay.by: must be a number >= 0"),
+        ({"sine": {"amplitude": 1}}, "Did you mean 'sinusoid'?"),
     ],
 )
 def test_faults_name_the_key_and_what_is_right(data, message):

@@ -25,6 +25,8 @@ LAWS = """
     def stiffness(q, theta_1, theta_2, parameters):
         return parameters[0]
 """
+FIT = "scenario: run.yaml\nexperiments: [a.csv]\nplugins: [code.py]\nfree: {joint_1.spring_stiffness: null}\n"
+STUDY = "scenario: run.yaml\nplugins: [code.py]\nover: {duration: [0.1, 0.2]}\n"
 DECLARATION = """
 from asrsim.actuators import Actuator, Parameter
 
@@ -267,3 +269,33 @@ def test_each_fault_is_found_by_its_check(actuator: type[Actuator], failed: str)
 def test_wrong_stiffness_has_its_figure() -> None:
     check = next(check for check in check_actuator(WrongStiffness).checks if check.name == "stiffness")
     assert check.figure == pytest.approx(0.001 / 2.001, rel=1e-6)
+
+
+def test_what_init_writes_for_an_actuator_of_one_s_own_is_run_as_it_says(tmp_path, asrsim_command):
+    law = shutil.copy(EXAMPLE, tmp_path)
+    robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
+    said = asrsim_command("init", robot, "--actuator", "my_vsa", "--plugin", law, "--out", "arm.yaml").out
+    command = said.split("run it: asrsim ")[1].split()
+    assert command == ["run", "arm.yaml", "--plugin", str(law)]
+    assert asrsim_command(*command, "--set", "duration=0.01", "--no-plot").code == 0
+    ACTUATORS._entries.pop("my_vsa")  # as another process begins
+    refused = asrsim_command(*command[:2])
+    assert refused.code == 1
+    assert "One of your own is in a file that --plugin FILE names" in refused.err
+
+
+@pytest.mark.parametrize(("command", "file"), [("identify", FIT), ("sweep", STUDY)])
+def test_no_file_runs_code_by_itself(tmp_path, asrsim_command, command, file):
+    """A fit file or a study of somebody else may name any file of Python: it runs where its user names it too."""
+    (tmp_path / "code.py").write_text("from pathlib import Path\nPath('ran').touch()\n")
+    shutil.copy(EXAMPLE.parents[1] / "urdf/dof1_sea.urdf", tmp_path)
+    (tmp_path / "run.yaml").write_text("robot: dof1_sea.urdf\nduration: 0.1\n")
+    (tmp_path / "a.csv").write_text("time,joint_1.link_position\n0,0\n1,0.1\n")
+    (tmp_path / "file.yaml").write_text(file)
+    outcome = asrsim_command(command, "file.yaml")
+    assert outcome.code == 1
+    assert "file.yaml: plugins: is Python code, which runs only where you name it" in outcome.err
+    assert "--plugin code.py" in outcome.err.replace(f"{tmp_path}/", "")
+    assert not (tmp_path / "ran").exists()
+    asrsim_command(command, "file.yaml", "--plugin", "code.py")
+    assert (tmp_path / "ran").exists()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+import shlex
 import sys
 import traceback
 from collections.abc import Iterable
@@ -18,6 +19,18 @@ from asrsim.errors import ActuatorError, Problem
 
 MODULES = "asrsim_plugin_"
 """What the names of users' files begin with, as modules."""
+
+
+def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
+    """Raise ActuatorError where a file wants plugins that its user has not named too: no file runs code by itself."""
+    known = {Path(one).resolve() for one in named}
+    problems = [
+        Problem("is Python code, which runs only where you name it", file=file, key="plugins", value=one,
+                hint=f"If you trust it: --plugin {shlex.quote(str(one))}", code="plugin-not-named")
+        for one in wanted if one.resolve() not in known
+    ]  # fmt: skip
+    if problems:
+        raise ActuatorError(problems)
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:

@@ -104,7 +104,7 @@ def main() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        # Whoever read our output has gone, or its disk is full; Python must not complain of it once more when it ends.
+        # The reader of our output has gone, or its disk is full; without this Python complains once more at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f"asrsim: cannot write the output: {error.strerror}\n")
@@ -134,7 +134,7 @@ def _call() -> int:
             complain(f"asrsim: {line}")
         return 1
     except BrokenPipeError:
-        # Whoever read our output has gone: there is nobody to tell.
+        # The reader of our output has gone: no message would arrive.
         return 0
     except OSError as error:
         if _debugging():

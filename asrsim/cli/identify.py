@@ -123,7 +123,7 @@ def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
         said = [name for name in lists if given[name]] + (["experiment"] if experiments else [])
         if said:
             raise typer.BadParameter(f"a fit file says itself what is fitted; without it: {', '.join(said)}")
-        return read_task(path)
+        return read_task(path, given["plugins"])
     if not experiments:
         raise typer.BadParameter("name a recording: --experiment FILE", param_hint="--experiment")
     return make_task(path, experiments, **given)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,7 +63,7 @@ def init(
             force=overwrite, schema=schema, arguments=arguments, packages=packages,
         )  # fmt: skip
         if not quiet:
-            _print(made, out)
+            _print(made, _run_command(out, plugin))
         return
     if mapping or rate is not None:
         raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
@@ -75,10 +76,14 @@ def init(
         from asrsim.cli.console import say, say_problems
 
         say_problems(notes, "warning")
-        say(f"wrote {', '.join(map(str, written))}; run it: asrsim run {shlex.quote(str(out))}")
+        say(f"wrote {', '.join(map(str, written))}; run it: {_run_command(out, plugin)}")
 
 
-def _print(made: Written, out: Path) -> None:
+def _run_command(scenario: Path, plugins: Sequence[Path] | None) -> str:
+    return shlex.join(["asrsim", "run", str(scenario), *(word for one in plugins or () for word in ("--plugin", str(one)))])
+
+
+def _print(made: Written, command: str) -> None:
     from asrsim.cli.console import say, say_problems
     from asrsim.cli.recording_table import say_columns
 
@@ -88,7 +93,6 @@ def _print(made: Written, out: Path) -> None:
     for text in (*made.remarks, *([made.message] if made.message else [])):
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
-    command = f"asrsim run {shlex.quote(str(out))}"
     say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {command}")
     if made.fit is not None:
         say(f"what it tells of the robot's numbers: asrsim identify {shlex.quote(str(made.fit))}")

@@ -66,7 +66,7 @@ class Interruption:
         """For the simulation: whether to end the run."""
         self._asked = True
         if self._pipe is not None and not self.requested:
-            # Nobody reads any more (`| head -1`): nobody is told.
+            # The reader of our output has gone (`| head -1`): the run ends, without a message.
             self.requested = any(event & (select.POLLERR | select.POLLNVAL) for _, event in self._pipe.poll(0))
         return self.requested
 

@@ -117,7 +117,7 @@ def _run(
                 failure = (title, error)
             if len(done) > before:
                 print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, printed=printed)
-                # Whoever reads along sees it now, and is missed at once when he goes.
+                # A reader sees it now; that one has gone shows at the next line, not at the end.
                 sys.stdout.flush()
             if failure is not None or interruption.requested:
                 break

@@ -85,7 +85,7 @@ def sweep(
     with json_errors(json):
         load_plugins(plugin)
         if study.is_dir():
-            table = _opened(study, run, out, quiet=quiet or json)
+            table = _opened(study, run, out, given["plugins"], quiet=quiet or json)
             code = 0
         else:
             if run is not None:
@@ -124,11 +124,11 @@ def _swept(
 
     if is_study(path):
         defaults = {"design": "random", "seed": 0, "rate": 100.0}
-        said = [name for name, value in given.items() if value and value != defaults.get(name)]
+        said = [name for name, value in given.items() if value and value != defaults.get(name) and name != "plugins"]
         if over or said:
             names = ", ".join((["over"] if over else []) + said)
             raise typer.BadParameter(f"a study file says itself what is varied; without it: {names}")
-        study = read_study(path)
+        study = read_study(path, given["plugins"])
     else:
         study = make_study(path, over, **given)
     if study.joint and study.joint.left_out:
@@ -143,7 +143,7 @@ def _swept(
     return table, INTERRUPTED if interruption.requested and table.missing else 0
 
 
-def _opened(folder: Path, run: int | None, out: Path | None, *, quiet: bool) -> Table | None:
+def _opened(folder: Path, run: int | None, out: Path | None, plugins: list[Path], *, quiet: bool) -> Table | None:
     from asrsim.cli.report import print_run
     from asrsim.sweeps import Table
     from asrsim.sweeps.again import run_again
@@ -151,7 +151,7 @@ def _opened(folder: Path, run: int | None, out: Path | None, *, quiet: bool) -> 
     table = Table(folder)
     if run is None:
         return table
-    summary = run_again(table, run, out or folder / f"run_{run:06d}")
+    summary = run_again(table, run, out or folder / f"run_{run:06d}", plugins)
     print_run(summary, quiet=quiet, silent=quiet)
     return None
 

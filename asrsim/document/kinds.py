@@ -171,6 +171,8 @@ class Choice(Kind[str]):
     options: tuple[str, ...] | Callable[[], Iterable[str]]
     noun: str = ""
     """What the words name, where a table of the documentation need not list them."""
+    missing: str = ""
+    """What to do about a word that is none of them."""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -181,7 +183,7 @@ class Choice(Kind[str]):
         value = str(node.value) if isinstance(node.value, str | int) and not isinstance(node.value, bool) else None
         words = self.words
         if value not in words:
-            hint = did_you_mean(str(node.value), words)
+            hint = did_you_mean(str(node.value), words) or self.missing or None
             raise reading.fault(node, path, "is not one of the choices", choices=words, hint=hint, code="choice")
         return value
 

@@ -70,7 +70,7 @@ def parse_yaml(
 ) -> Node:
     """The document of a text; raises `error` with every duplicate key, or the first fault of syntax.
 
-    faults: takes duplicate keys and the like, so that they are told together with what else is wrong.
+    faults: takes duplicate keys and the like, so that they are reported together with what else is wrong.
     """
     import yaml
 

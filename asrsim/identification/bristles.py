@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from asrsim.actuators import ACTUATORS
-from asrsim.identification.fit import fits_noise
+from asrsim.identification.fit import fits_noise, is_explained
 from asrsim.identification.keys import Parameter, parameters_of
 from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
@@ -20,7 +20,11 @@ ASKED = 20.0
 """Chi squared of one number from which on recordings ask for it: of noise alone, one time in a hundred thousand."""
 FAINT = 0.2
 """The same, as a share, beside what others do likewise."""
+MUCH = 0.5
+"""Share of the squares that may be left of a model that does not fit without."""
 STEP = 1e-4
+"""Of a difference, in the logarithm of a stiffness."""
+"""Of a logarithm, for differences."""
 FACTORS = (0.03, 0.1, 0.3, 3.0, 10.0, 30.0, 100.0)
 """Of the law's own stiffness: from friction that gives way to one that hardly does."""
 
@@ -30,22 +34,25 @@ def with_bristles(residuals: Residuals, x: Array, robot: Robot) -> tuple[Layout,
     recording asks for it. robot: with the scenario's numbers.
     """
     layout, fits = residuals.layout, fits_noise(residuals, x)
+    if is_explained(residuals, x):
+        return layout, x
     for parameter, ties in _stiffnesses(layout, robot):
         wider = residuals.under(layout.extended(parameter, ties))
         base = wider(np.append(x, 0.0))
         slope = (wider(np.append(x, STEP)) - base) / STEP
         least = ASKED * float(np.mean(base**2))
-        # What others explain is no part of what is left. Where a motor sticks, slopes tell little of bristles that are far
-        # stiffer; what a fit leaves then does.
+        # Where a motor sticks, slopes tell little of bristles that are far stiffer; what a fit leaves then does.
         if not np.any(slope) or (fits and float(slope @ base) ** 2 < FAINT * least * float(slope @ slope)):
             continue
+        # What others explain is no part of what is left.
         others = np.linalg.qr(residuals.under(layout).jacobian(x, base=base))[0]
         places = [np.append(x, move) for move in np.log(FACTORS)]
         sizes = [(track, track.prepared.resolution) for track in residuals.tracks]
         left = [_left(wider, place, others) for place in places]
         for track, resolution in sizes:
             track.resolve(resolution.substeps, resolution.motor_substeps)
-        if min(left) < float(base @ base) - least:
+        # Of a model that is wrong otherwise, any number more explains a part.
+        if min(left) < (float(base @ base) - least) * (1.0 if fits else MUCH):
             layout, x = wider.layout, places[int(np.argmin(left))]
     return layout, x
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from asrsim.identification.data import Channel
 from asrsim.identification.noise import is_nothing, lag_correlation, size_of, swings
 from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
@@ -217,19 +218,29 @@ def _tails(residuals: Array) -> bool:
 
 
 def fits_noise(residuals: Residuals, x: Array) -> bool:
-    """Whether what is left looks like noise in every channel of every recording."""
-    for track, one in enumerate(residuals.tracks):
-        raw = residuals.raw(x, track, residuals.until(track))
-        if raw is None:
+    """Whether what is left looks like noise in every channel of every recording, or nothing is left."""
+    for channel, left in _channels(residuals, x):
+        if left is None:
             return False
-        for channel, left in zip(one.channels, raw, strict=True):
-            if is_nothing(size_of(left), channel.noise):
-                continue
-            # Steps of an encoder swing with the motion.
-            ringing = not channel.quantum and swings(left)
-            if ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE:
-                return False
+        # Steps of an encoder swing with the motion.
+        ringing = not channel.quantum and swings(left)
+        odd = ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE
+        if odd and not is_nothing(size_of(left), channel.noise):
+            return False
     return True
+
+
+def is_explained(residuals: Residuals, x: Array) -> bool:
+    """Whether nothing is left of any channel, as of a simulation's own log."""
+    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _channels(residuals, x))
+
+
+def _channels(residuals: Residuals, x: Array) -> Iterator[tuple[Channel, Array | None]]:
+    """Each channel of each recording with what is left of it; None where the motion is not sane."""
+    for number, track in enumerate(residuals.tracks):
+        raw = residuals.raw(x, number, residuals.until(number))
+        for i, channel in enumerate(track.channels):
+            yield channel, None if raw is None else raw[i]
 
 
 def is_loud(residuals: Array, noise: float) -> bool:

@@ -158,13 +158,17 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
 
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
-    """Channels of which the fit explains nothing while it explains others: they may be of something else."""
-    lost = [one for one in fits if one.explained < 0.0]
-    if not lost or not any(one.explained > EXPLAINED for one in fits):
-        return []
+    """Channels of which the fit explains nothing while it explains others: they may be of something else. All of them, where it
+    explains little of any: a sign may be another.
+    """
+    some = any(one.explained > EXPLAINED for one in fits)
+    lost = [one.key for one in fits if one.explained < (0.0 if some else EXPLAINED)]
+    how, cure = (
+        ("not followed at all: another quantity, sign", "ignore") if some else ("hardly followed: another sign", "-{key}")
+    )
     return [
-        f"{key} is not followed at all: another quantity, sign or zero? (--map COLUMN=JOINT.QUANTITY, or COLUMN=ignore)"
-        for key in dict.fromkeys(one.key for one in lost)
+        f"{key} is {how} or zero? (--map COLUMN=JOINT.QUANTITY, or COLUMN={cure.format(key=key)})"
+        for key in dict.fromkeys(lost)
     ]
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.file import has_key, read_file
@@ -93,7 +94,9 @@ class Task:
     search: bool = declare(Boolean(), default=False, doc="a global search (differential evolution) before the fit")
     seed: int = declare(Integer(minimum=0), default=0, doc="of the starts")
     plugins: tuple[Path, ...] = declare(
-        ListOf(of=File(noun="plugin", attach=False)), default=(), doc="files with your own actuators"
+        ListOf(of=File(noun="plugin", attach=False)),
+        default=(),
+        doc="files with your own actuators; each runs only where --plugin names it too",
     )
     name: str = ""
 
@@ -107,9 +110,10 @@ def is_task(path: Path) -> bool:
     return has_key(path, "experiments")
 
 
-def read_task(path: Path) -> Task:
-    """A fit file. Raises InputError with every problem."""
+def read_task(path: Path, plugins: Sequence[Path | str] = ()) -> Task:
+    """A fit file; plugins: files of users' actuators that it may run. Raises InputError with every problem."""
     found = read_file(TASK, path)
+    check_named(found["plugins"], plugins, file=path)
     free = {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in found.pop("free").items()}
     ties = found.pop("ties")
     try:

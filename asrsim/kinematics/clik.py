@@ -64,9 +64,9 @@ def follow(
     positions = np.empty((len(time), len(q)))
     position_error, orientation_error = np.zeros(len(time)), np.zeros(len(time))
     for index in range(len(time)):
-        place, rotation = model.pose(q, link, point)
+        position, rotation = model.pose(q, link, point)
         error = np.zeros(rows)
-        error[:3] = wanted[index] - place
+        error[:3] = wanted[index] - position
         if turned is not None:
             error[3:] = between(rotation, turned[index])
             orientation_error[index] = float(np.linalg.norm(error[3:]))

@@ -7,10 +7,14 @@ link grows with the equilibrium, up to what the spring can hold.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import increasing_root, resting_motors
 from asrsim.errors import InputError, Problem
+from asrsim.samples import Array
 
 SEARCH = 16.0
 """rad (or m) from the link's position within which an equilibrium is looked for: some turns of a motor."""
@@ -70,4 +74,18 @@ def equilibrium_for_load(
                 ),
                 largest=limit,
             )
+    return found
+
+
+def equilibria_for_loads(drive: Drive, time: Array, positions: Array, loads: Array, presets: Array, *, droop: bool) -> Array:
+    """(n,) :func:`equilibrium_for_load` over a motion, all arrays (n,). Raises LoadError, which names the time in s."""
+    found = np.empty(len(time))
+    guess: float | None = None
+    rows = zip(time.tolist(), positions.tolist(), loads.tolist(), presets.tolist(), strict=True)
+    for row, (moment, position, load, preset) in enumerate(rows):
+        try:
+            found[row] = guess = equilibrium_for_load(drive, position, load, preset, droop=droop, guess=guess)
+        except LoadError as error:
+            problem = error.problems[0]
+            raise LoadError(replace(problem, message=f"at {moment:.4g} s: {problem.message}"), error.largest) from error
     return found

@@ -153,14 +153,14 @@ def _distance(
 
 def _low_pass(inertia: float, drag: float, stiffness: Array, force: Array, step: float) -> Array:
     """(n,) solution of inertia x'' + drag x' + stiffness x = force by the midpoint rule, from its rest."""
-    place, rate = float(force[0] / stiffness[0]), 0.0
-    found = [place]
+    position, rate = float(force[0] / stiffness[0]), 0.0
+    found = [position]
     middle = (0.5 * (stiffness[1:] + stiffness[:-1])).tolist()
     pushes = (0.5 * (force[1:] + force[:-1])).tolist()
     half = 0.5 * step
     for k, push in zip(middle, pushes, strict=True):
-        mean = (inertia * rate + half * (push - k * place)) / (inertia + half * (drag + half * k))
+        mean = (inertia * rate + half * (push - k * position)) / (inertia + half * (drag + half * k))
         rate = 2.0 * mean - rate
-        place += step * mean
-        found.append(place)
+        position += step * mean
+        found.append(position)
     return np.array(found)

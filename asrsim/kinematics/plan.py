@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
-from asrsim.kinematics.compensation import LoadError, equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
 from asrsim.kinematics.model import KinematicModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
@@ -86,13 +86,14 @@ def plan(
         settings=ClikSettings(gain=task.gain, damping=task.damping),
     )
     _check_path(task, model, trajectory, path, moving)
+    loads = np.array([model.gravity_torques(positions) for positions in path.positions]) if task.gravity_compensation else None
     columns, references = [], {}
     for drive in drives:
         index = model.joints.index(drive.joint)
         preset = _preset(task, drive, presets or {}, time)
         equilibria = path.positions[:, index].copy()
-        if task.gravity_compensation and drive.mode.spring:
-            equilibria = _compensated(task, model, drive, path, index, preset)
+        if loads is not None and drive.mode.spring:
+            equilibria = _compensated(task, drive, time, equilibria, loads[:, index], preset)
         columns.append(equilibria)
         references[drive.joint] = _references(drive, equilibria, preset)
     return PlannedReferences(
@@ -109,15 +110,15 @@ def _check_poses(
     problems = []
     for index, time in enumerate(trajectory.times):
         rotation = None if trajectory.rotations is None else trajectory.rotations[index]
-        place, _ = model.pose(start, task.link, task.point)
+        position, _ = model.pose(start, task.link, task.point)
         reach = closest(model, task.link, task.point, trajectory.positions[index], rotation, start, moving=moving)
         if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
             problems.append(_unreachable(f"the pose at {time:g} s", trajectory.positions[index], reach))
-        elif index == 0 and time == 0.0 and np.linalg.norm(place - trajectory.positions[0]) > max(task.tolerance, 0.01):
+        elif index == 0 and time == 0.0 and np.linalg.norm(position - trajectory.positions[0]) > max(task.tolerance, 0.01):
             wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, reach.positions, strict=True))
             problems.append(
                 Problem(
-                    f"the robot starts with the point at {_text(place)} m, but the first pose, at 0 s, is "
+                    f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
                     f"{_text(trajectory.positions[0])} m",
                     key="task.poses",
                     hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
@@ -165,26 +166,14 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
     return Problem(message, key="task.poses", code="unreachable")
 
 
-def _compensated(task: CartesianTask, model: KinematicModel, drive: Drive, path: JointPath, index: int, preset: Array) -> Array:
-    equilibria = np.empty(len(path.time))
-    guess: float | None = None
-    for row, (time, positions) in enumerate(zip(path.time, path.positions, strict=True)):
-        load = float(model.gravity_torques(positions)[index])
-        try:
-            found = equilibrium_for_load(
-                drive, float(positions[index]), load, float(preset[row]), droop=task.motor_droop, guess=guess
-            )
-        except LoadError as error:
-            problem = error.problems[0]
-            raise ScenarioError(
-                f"gravity cannot be compensated at {time:.4g} s: {problem.message}",
-                key=f"task.{drive.joint}",
-                hint=problem.hint,
-                code=problem.code,
-            ) from error
-        equilibria[row] = found
-        guess = found
-    return equilibria
+def _compensated(task: CartesianTask, drive: Drive, time: Array, positions: Array, loads: Array, preset: Array) -> Array:
+    """(n,) equilibria that hold the loads. Raises ScenarioError."""
+    try:
+        return equilibria_for_loads(drive, time, positions, loads, preset, droop=task.motor_droop)
+    except LoadError as error:
+        problem = error.problems[0]
+        message = f"gravity cannot be compensated {problem.message}"
+        raise ScenarioError(message, key=f"task.{drive.joint}", hint=problem.hint, code=problem.code) from error
 
 
 def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:

@@ -61,10 +61,10 @@ def closest(
         return q
 
     def residual(values: Array) -> Array:
-        place, turned = model.pose(spread(values), link, point)
+        reached, turned = model.pose(spread(values), link, point)
         if rotation is None:
-            return np.asarray(place - position)
-        return np.concatenate([place - position, -ORIENTATION_WEIGHT * between(turned, rotation)])
+            return np.asarray(reached - position)
+        return np.concatenate([reached - position, -ORIENTATION_WEIGHT * between(turned, rotation)])
 
     def slope(values: Array) -> Array:
         # For small errors the rotation vector's rate is the angular velocity: good enough a slope for the search.
@@ -84,11 +84,11 @@ def closest(
 
 
 def _reach(model: KinematicModel, link: str, point: Point, positions: Array, position: Array, rotation: Array | None) -> Reach:
-    place, turned = model.pose(positions, link, point)
+    reached, turned = model.pose(positions, link, point)
     return Reach(
         positions=positions,
-        point=place,
-        distance=float(np.linalg.norm(place - position)),
+        point=reached,
+        distance=float(np.linalg.norm(reached - position)),
         turn=0.0 if rotation is None else float(np.linalg.norm(between(turned, rotation))),
     )
 

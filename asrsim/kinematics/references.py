@@ -41,7 +41,7 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     references = dict(scenario.references)
     for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    # What is planned stands now: whoever prepares this scenario again does not plan it again.
+    # The plan is part of the references now: a scenario that is prepared again is not planned again.
     return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
 
 
@@ -73,7 +73,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     if problems:
         raise ScenarioError(problems)
     joints = tuple(names)
-    time = np.round(np.arange(round(scenario.duration / scenario.step) + 1) * scenario.step, 12)
+    time = scenario.step_times()
     wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])
     with model_of(scenario, robot) as model:
         arm = SoftArm(scenario=scenario, robot=robot, model=model)

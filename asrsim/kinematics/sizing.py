@@ -72,7 +72,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
     weak = Sizing(joints=joints).beyond(sag)
     if not weak or not propose:
         return Sizing(joints=joints)
-    # Parameters do not change an effort limit, which is told of by itself.
+    # No parameter changes an effort limit: a joint that it overloads gets a warning of its own.
     robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     changed = {block.joint: block for block in blocks}
     weak = Sizing(joints=holdings(scenario, robot, blocks)).beyond(sag)
@@ -144,10 +144,10 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
     """Parameters of a spring whose common factor is one of its torques: those in units with N; none if it is not so."""
     names = tuple(parameter.name for parameter in actuator.parameters if "N" in parameter.unit.split("/")[0])
-    place = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
+    point = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
     once, twice = (
         actuator.elastic_torques(
-            *place, tuple(values[p.name] * (factor if p.name in names else 1.0) for p in actuator.parameters)
+            *point, tuple(values[p.name] * (factor if p.name in names else 1.0) for p in actuator.parameters)
         )
         for factor in (1.0, 2.0)
     )

@@ -66,10 +66,10 @@ class SoftArm:
             drive = self.drives[joint]
             resting = resting_motors(drive, position, drive.actuator.motor_references(reference, preset))
             return Start(resting, integrals=resting_integrals(drive, position, resting))
-        places = for_joint(self.scenario.initial_motor_positions, joint, (position,))
-        rates = for_joint(self.scenario.initial_motor_velocities, joint, (0.0,))
+        positions = for_joint(self.scenario.initial_motor_positions, joint, (position,))
+        velocities = for_joint(self.scenario.initial_motor_velocities, joint, (0.0,))
         # With one motor the second number is not used.
-        return Start((places[0], places[-1]), (rates[0], rates[-1]))
+        return Start((positions[0], positions[-1]), (velocities[0], velocities[-1]))
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
         """The motion of all joints of the model, in which `joints` move as `positions` (n, joints) at `time` (n,).

@@ -62,8 +62,8 @@ def swings(scenario: Scenario, robot: Robot) -> tuple[Swing, ...]:
     blocks = [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
     drives = [drive_of(block) for block in blocks]
     inertia = zero_pose_inertia(robot)
-    places = [inertia.names.index(drive.joint) for drive in drives]
-    masses = inertia.matrix[np.ix_(places, places)]
+    columns = [inertia.names.index(drive.joint) for drive in drives]
+    masses = inertia.matrix[np.ix_(columns, columns)]
     if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
         return ()
     goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]

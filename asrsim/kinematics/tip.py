@@ -31,29 +31,29 @@ class TipPoses:
             joint.name: np.array([float(for_joint(scenario.initial_positions, joint.name, 0.0))])
             for joint in robot.moving_joints
         }
-        place, rotation = self._tip(start, None)
-        self._path = PoseTrajectory.through(task.poses, task.interpolation, (place[0], rotation[0]))
+        position, rotation = self._tip(start, None)
+        self._path = PoseTrajectory.through(task.poses, task.interpolation, (position[0], rotation[0]))
 
     def _tip(self, positions: dict[str, Array], base: Pose | None) -> tuple[Array, Array]:
         """Position (n, 3) and rotation (n, 3, 3) of the task's point."""
-        rotation, place = self._chain.poses(positions, base)[self._task.link]
-        return place + rotation @ np.array(self._task.point), rotation
+        rotation, position = self._chain.poses(positions, base)[self._task.link]
+        return position + rotation @ np.array(self._task.point), rotation
 
     def added(self, samples: Samples) -> Samples:
         """The samples with the bodies `tip` and `tip_goal`; the goal turns with the tip where its orientation is free."""
         table = dict(zip(samples.joints, samples.values["link_position"].T, strict=True))
         root = self._chain.robot.root.name
-        place, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)
+        position, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)
         goal, turned = self._path.at(samples.time)
-        poses = {TIP: _row(place, rotation), TIP_GOAL: _row(goal, rotation if turned is None else turned)}
+        poses = {TIP: _row(position, rotation), TIP_GOAL: _row(goal, rotation if turned is None else turned)}
         return replace(samples, bodies={**samples.bodies, **poses})
 
 
-def _row(place: Array, rotation: Array) -> Array:
+def _row(position: Array, rotation: Array) -> Array:
     """(n, 7): position in m, orientation as quaternion x y z w."""
     from scipy.spatial.transform import Rotation
 
-    return np.concatenate([place, Rotation.from_matrix(rotation).as_quat()], axis=1)
+    return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=1)
 
 
 def _pose(rows: Array) -> Pose:

@@ -81,15 +81,14 @@ class ArmModel:
             # The first inputs hold the links where the motion begins.
             begun: tuple[Array, ...] = wanted[0], np.zeros(len(columns)), wanted[2], np.zeros((len(columns), 2))
         else:
-            places, speeds = (
+            positions, velocities = (
                 np.array([for_joint(values, joint, 0.0) for joint in self.plant.joints])
                 for values in (scenario.initial_positions, scenario.initial_velocities)
             )
-            states = [
-                self.arm.motors_at_start(joint, place, 0.0, 0.0) for joint, place in zip(self.plant.joints, places, strict=True)
-            ]
+            starts = zip(self.plant.joints, positions, strict=True)
+            states = [self.arm.motors_at_start(joint, position, 0.0, 0.0) for joint, position in starts]
             motors_begun = (np.array([getattr(state, name) for state in states]) for name in ("positions", "velocities"))
-            begun = places, speeds, *motors_begun
+            begun = positions, velocities, *motors_begun
         moved = linear.released(*(self._among(is_ - should) for is_, should in zip(begun, wanted, strict=True)))
         return self._learned(linear.time, moved)
 

@@ -14,7 +14,7 @@ from asrsim.samples import Array
 Expect = Callable[[Trial, Array], Array]
 """A trial and the inputs (n, joints) after it -> the outputs (n, joints) that a model expects of them."""
 CREEP = 1.1
-"""Growth of the error over the trials of `patience` below which nobody gives up."""
+"""Growth of the error over the trials of `patience` below which learning goes on."""
 
 
 class FixedGain:

@@ -107,18 +107,18 @@ class Linearised:
                 driven = self.springs[:, joint] @ _rho(drive)
                 b[:, m : 2 * m, joint] = inverse[:, :, joint] * driven[:, None]
         for index, (joint, motor) in enumerate(motors):
-            drive, place = self.drives[joint], 2 * m + 2 * index
+            drive, row = self.drives[joint], 2 * m + 2 * index
             k, inertia = self.springs[:, joint, motor], drive.motor_inertia[motor]
-            a[:, m : 2 * m, place] += inverse[:, :, joint] * k[:, None]
-            a[:, place, place + 1] = 1.0
-            a[:, place + 1, place] = -(drive.proportional[motor] + k) / inertia
-            a[:, place + 1, place + 1] = -(drive.motor_damping[motor] + drive.derivative[motor]) / inertia
-            a[:, place + 1, joint] = k / inertia
-            b[:, place + 1, joint] = drive.proportional[motor] * _rho(drive)[motor] / inertia
+            a[:, m : 2 * m, row] += inverse[:, :, joint] * k[:, None]
+            a[:, row, row + 1] = 1.0
+            a[:, row + 1, row] = -(drive.proportional[motor] + k) / inertia
+            a[:, row + 1, row + 1] = -(drive.motor_damping[motor] + drive.derivative[motor]) / inertia
+            a[:, row + 1, joint] = k / inertia
+            b[:, row + 1, joint] = drive.proportional[motor] * _rho(drive)[motor] / inertia
         for index, (which, joint, motor) in enumerate(integrals):
-            drive, place, own = self.drives[joint], 2 * m + 2 * which, 2 * m + 2 * len(motors) + index
-            a[:, place + 1, own] = drive.integral[motor] / drive.motor_inertia[motor]
-            a[:, own, place] = -1.0
+            drive, row, own = self.drives[joint], 2 * m + 2 * which, 2 * m + 2 * len(motors) + index
+            a[:, row + 1, own] = drive.integral[motor] / drive.motor_inertia[motor]
+            a[:, own, row] = -1.0
             b[:, own, joint] = _rho(drive)[motor]
         return a, b
 

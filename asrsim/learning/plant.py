@@ -179,7 +179,7 @@ def make_plant(scenario: Scenario) -> Plant:
                 for block in unfit
             ]
         )
-    time = np.round(np.arange(round(scenario.duration / scenario.step) + 1) * scenario.step, 12)
+    time = scenario.step_times()
     signals = [for_joint(trajectory, block.joint, Constant(value=0.0)) for block in blocks]
     return Plant(
         scenario=scenario,

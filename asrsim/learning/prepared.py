@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from asrsim.errors import ScenarioError
-from asrsim.kinematics.compensation import LoadError, equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
 from asrsim.kinematics.inverse import Demand, InverseDynamics
 from asrsim.learning.arm import ArmModel
 from asrsim.learning.contraction import choose_gains, learnable, safe_filter
@@ -216,14 +216,12 @@ def compensated_guess(plant: Plant, model: ArmModel) -> Array:
     for column, drive in enumerate(plant.drives):
         if not drive.mode.spring:
             continue
-        presets = model.arm.preset(drive.joint, plant.time[rows])
-        guess: float | None = None
-        for row, position in enumerate(plant.reference[rows, column].tolist()):
-            load = float(loads[row, column])
-            try:
-                guess = equilibrium_for_load(drive, position, load, float(presets[row]), droop=True, guess=guess)
-            except LoadError as error:
-                message = f"at {plant.time[rows[row]]:.4g} s: {error.problems[0].message}"
-                raise ScenarioError([replace(problem, message=message) for problem in error.problems]) from error
-            found[row, column] = guess
+        time = plant.time[rows]
+        presets = model.arm.preset(drive.joint, time)
+        try:
+            found[:, column] = equilibria_for_loads(
+                drive, time, plant.reference[rows, column], loads[:, column], presets, droop=True
+            )
+        except LoadError as error:
+            raise ScenarioError(error.problems) from error
     return np.column_stack([np.interp(plant.time, plant.time[rows], column) for column in found.T])

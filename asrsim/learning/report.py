@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from asrsim.kinematics.inverse import Demand
 from asrsim.learning.transfer import TransferReport
 from asrsim.learning.trial import LearningResult, Trial
+from asrsim.plain import finite_or_none
 
 
 def trial_data(trial: Trial, joints: tuple[str, ...]) -> dict[str, Any]:
     """One trial's numbers; rad and s."""
     return {
         "iteration": trial.number,
-        "largest_error": {joint: _plain(value) for joint, value in zip(joints, trial.largest, strict=True)},
-        "rms_error": {joint: _plain(value) for joint, value in zip(joints, trial.rms, strict=True)},
-        "largest_norm": _plain(trial.norm),
+        "largest_error": {joint: finite_or_none(value) for joint, value in zip(joints, trial.largest, strict=True)},
+        "rms_error": {joint: finite_or_none(value) for joint, value in zip(joints, trial.rms, strict=True)},
+        "largest_norm": finite_or_none(trial.norm),
         "ratio": trial.ratio,
         "predicted_ratio": trial.predicted,
         "wall_time": trial.seconds,
@@ -41,11 +41,11 @@ def demand_data(demand: Demand) -> dict[str, Any]:
         "joint": demand.joint,
         "what": demand.what,
         "motor": demand.motor or None,
-        "needed": _plain(demand.needed),
-        "limit": _plain(demand.limit),
+        "needed": finite_or_none(demand.needed),
+        "limit": finite_or_none(demand.limit),
         "unit": demand.unit,
         "time": demand.time,
-        "score": _plain(demand.score),
+        "score": finite_or_none(demand.score),
     }
 
 
@@ -56,7 +56,7 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
         "tolerance": report.tolerance,
         "within_tolerance": report.within,
         "within_tolerance_95": list(report.within_interval),
-        "largest_error_quantiles": {f"{share:g}": _plain(value) for share, value in report.quantiles().items()},
+        "largest_error_quantiles": {f"{share:g}": finite_or_none(value) for share, value in report.quantiles().items()},
         "influences": [
             {
                 "factor": item.factor,
@@ -69,11 +69,7 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
             for item in report.influences
         ],
         "errors": [
-            {"draw": dict(draw), "largest_error": [_plain(float(value)) for value in row]}
+            {"draw": dict(draw), "largest_error": [finite_or_none(float(value)) for value in row]}
             for draw, row in zip(report.draws, report.largest, strict=True)
         ],
     }
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None

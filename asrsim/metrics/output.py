@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from asrsim.outfile import write_json, write_text
+from asrsim.plain import finite_or_none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,7 @@ _FIELDS = ("source", "joint", "quantity", "measure", "value", "unit")
 
 def write_metrics_json(path: Path, rows: Sequence[MetricRow]) -> None:
     """Writes `metrics.json`: a list of rows; undefined numbers are null. Raises OutputError."""
-    data = [{**row.__dict__, "value": row.value if math.isfinite(row.value) else None} for row in rows]
+    data = [{**row.__dict__, "value": finite_or_none(row.value)} for row in rows]
     write_json(path, {"metrics": data})
 
 

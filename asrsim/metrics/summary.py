@@ -13,6 +13,7 @@ from asrsim.metrics.measures import measure
 from asrsim.metrics.oscillation import frequencies
 from asrsim.metrics.step import normalised, overshoots, settlings
 from asrsim.metrics.values import SHARE, last_part, means
+from asrsim.plain import finite_or_none
 from asrsim.samples import Array
 
 
@@ -35,7 +36,7 @@ class JointSummary:
 
     def as_dict(self) -> dict[str, float | None]:
         """For JSON: undefined numbers are null."""
-        return {name: value if math.isfinite(value) else None for name, value in self.__dict__.items()}
+        return {name: finite_or_none(value) for name, value in self.__dict__.items()}
 
 
 def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0) -> JointSummary:
@@ -92,9 +93,9 @@ def _steps(time: Array, positions: Array, steady: Array, steps: Sequence[int | N
     beyond, settled = [math.nan] * len(steps), [math.nan] * len(steps)
     for step in {step for step in steps if step is not None and step < len(time)}:
         rows = [i for i, other in enumerate(steps) if other == step]
-        moments, places = time[step:], positions[rows, step:]
-        target = means(*last_part(moments, places, SHARE)) if step else steady[rows]
-        x = normalised(places, places[:, 0], target)
+        moments, later = time[step:], positions[rows, step:]
+        target = means(*last_part(moments, later, SHARE)) if step else steady[rows]
+        x = normalised(later, later[:, 0], target)
         for i, over, seconds in zip(rows, overshoots(x).tolist(), settlings(moments, x), strict=True):
             beyond[i], settled[i] = over, seconds
     return beyond, settled

@@ -38,15 +38,18 @@ class Page:
 def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False) -> Iterator[Page]:
     """All pages of one run or of several variants, made one at a time: joints, energies, objects.
 
-    quantities: these instead, one row each. brief: the first of the joints' pages only, and no energies.
+    quantities: these instead, one row each. brief: no energies, and where an overview shows all joints, the first of their
+    pages only.
     """
     if quantities is not None:
         yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
         return
-    joints = joint_names(runs)
-    if len(joints) >= OVERVIEW_FROM:
+    many = len(joint_names(runs)) >= OVERVIEW_FROM
+    if many:
         yield Page(name="overview", figure=overview_figure(runs))
-    yield from islice(_grid_pages("joints", "", [PANELS[key] for key in JOINT_PANELS], runs), 1 if brief else None)
+    first = brief and many
+    subject = "all pages: asrsim plot" if first else ""
+    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
     if not brief:
         yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
     if any(run.bodies for run in runs):

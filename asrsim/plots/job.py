@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
 from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
 from asrsim.outfile import make_folder
+from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
@@ -101,10 +101,10 @@ class PlotResult:
                 for one in self.compared for name, a in one.alignments.items()
             ],
             "metrics": [
-                {**row.__dict__, "value": row.value if math.isfinite(row.value) else None} for row in self.rows
+                {**row.__dict__, "value": finite_or_none(row.value)} for row in self.rows
             ],
             "expect": [
-                {"run": label, "holds": r.holds, "measured": r.measured if math.isfinite(r.measured) else None, "text": r.text}
+                {"run": label, "holds": r.holds, "measured": finite_or_none(r.measured), "text": r.text}
                 for label, r in self.claims
             ],
             "findings": [problem.as_dict() for problem in self.findings],

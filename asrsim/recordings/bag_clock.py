@@ -18,6 +18,8 @@ from asrsim.samples import Array
 
 _AWAY = 60_000_000_000
 """ns that a stamp may be away from the others of its topic, or ten times what most of these span."""
+_OVERTAKEN = 500_000_000
+"""ns by which messages may overtake each other on their way to the recorder."""
 _SAME_CLOCK = 1.0
 """s by which a header's stamp may differ from the time of recording and still be of the same clock."""
 
@@ -49,6 +51,8 @@ def series_of_groups(groups: list[Group], path: Path, findings: list[Problem]) -
                         "topics have them; the time of recording is used", file=path, key=group.topic, code="two-time-bases")
             )  # fmt: skip
         nanoseconds.append(np.array(group.stamped if stamps else group.logged, dtype=np.int64))
+        if stamps:
+            nanoseconds[-1] = _in_order(nanoseconds[-1], group, path, findings)
     sound = [_sound(ns, group, path, findings) for ns, group in zip(nanoseconds, groups, strict=True)]
     first = min(int(ns[keep].min()) for ns, keep in zip(nanoseconds, sound, strict=True))
     zero = first if first * 1e-9 > EPOCH else 0
@@ -73,6 +77,18 @@ def series_of_groups(groups: list[Group], path: Path, findings: list[Problem]) -
         raise RecordingError(condense(broken))
     findings += [replace(problem, message=f"topic is not read: {problem.message}", code="unread-topic") for problem in broken]
     return tuple(series), (zero * 1e-9 if zero else None)
+
+
+def _in_order(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Problem]) -> NDArray[np.int64]:
+    """Stamps in their order, and the group's rows with them, where messages only overtook each other on their way."""
+    late = np.maximum.accumulate(ns) - ns
+    if not late.any() or late.max() > _OVERTAKEN:
+        return ns
+    order = np.argsort(ns, kind="stable")
+    group.rows = [group.rows[i] for i in order]
+    message = f"{int((late > 0).sum())} messages were recorded after later ones; all are put in the order of their stamps"
+    findings.append(Problem(message, file=path, key=group.topic, code="overtaken"))
+    return ns[order]
 
 
 def _sound(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Problem]) -> NDArray[np.bool_]:

@@ -207,7 +207,12 @@ def _collect(
         key = (topic_id, tuple(labels))
         group = groups.get(key)
         if group is None:
-            group = groups[key] = Group(topic.name, topic.kind, labels)
+            # Joints that are named may come in any order: such a message belongs to those with the same ones.
+            alike = (one for (other, _), one in groups.items() if other == topic_id and sorted(one.labels) == sorted(labels))
+            group = next(alike, None) if all(joint is not None for _, joint in labels) else None
+            group = groups[key] = group or Group(topic.name, topic.kind, labels)
+        if labels != group.labels:
+            values = [dict(zip(labels, values, strict=True))[label] for label in group.labels]
         group.logged.append(logged)
         group.stamped.append(stamp_of(message))
         group.rows.append(values)
@@ -216,9 +221,10 @@ def _collect(
             Problem(f"{count} messages do not fit their type's definition and are left out", file=path,
                     key=topics[topic_id].name, value=topics[topic_id].kind, code="broken-message")
         )  # fmt: skip
+    every = list({id(group): group for group in groups.values()}.values())
     findings += [
         Problem("one message only; not a series", file=path, key=group.topic, code="too-short")
-        for group in groups.values()
+        for group in every
         if len(group.rows) < 2
     ]
-    return [group for group in groups.values() if len(group.rows) > 1]
+    return [group for group in every if len(group.rows) > 1]

@@ -59,7 +59,7 @@ def set_aside(findings: Sequence[Problem], used: Collection[str], unused: Collec
 
 _OF_COLUMNS = {
     "jitter": "jitter", "dropped-samples": "lost samples", "duplicate-time": "repeated stamps",
-    "backward-time": "backward stamps", "stray-time": "stray stamps",
+    "backward-time": "backward stamps", "overtaken": "overtaken messages", "stray-time": "stray stamps",
     "bad-time": "bad stamps", "too-short": "one message", "two-time-bases": "other clocks", "broken-message": "broken messages",
     "time-unit-assumed": "times without unit", "missing-mark": "marked cells", "missing-cells": "empty cells",
     "not-a-number": "cells that are no numbers", "unknown-message-type": "not readable", "unread-topic": "not readable",

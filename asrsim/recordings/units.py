@@ -193,7 +193,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
         found = find_unit(tail)
-        if found is None or found.si == "counts" or tail in ("1", "-", "min", "h"):
+        if found is None or found.si == "counts" or tail in ("1", "-", "min", "h") or tail[-1] in "])}>":
             continue
         if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from asrsim.metrics.expect import compares
+from asrsim.plain import finite_or_none
 
 Origin = Literal["paper", "theory", "simulation", "beyond"]
 ORIGINS: dict[str, str] = {
@@ -93,6 +94,6 @@ class Claim:
             "value": self.bound.value,
             "tolerance": self.bound.tolerance,
             "unit": self.bound.unit,
-            "measured": self.measured if math.isfinite(self.measured) else None,
+            "measured": finite_or_none(self.measured),
             "holds": self.holds,
         }

@@ -16,25 +16,25 @@ TEMPLATE_VALUES = {"damping": 0.0019, "friction_torque": 0.5}
 def advise(actuator: type[Actuator], block: ActuatorBlock, joint: Joint, findings: Findings) -> None:
     """Add the warnings of one block. Tags of equal standing (motor 1 and 2) share a warning."""
     given = {name: value for name, value in block.parameters.items() if value.origin == "tag"}
-    place = block.plugin_name or block.joint
-    _template_values(actuator, given, place, findings)
-    _without_effect(actuator, given, place, findings)
-    _infinite_limits(given, place, findings)
-    _second_controller(block, given, place, findings)
+    key = block.plugin_name or block.joint
+    _template_values(actuator, given, key, findings)
+    _without_effect(actuator, given, key, findings)
+    _infinite_limits(given, key, findings)
+    _second_controller(block, given, key, findings)
     if joint.kind == "prismatic":
         findings.warn(
             "the joint is prismatic: the actuator's rad and N m are taken as m and N",
-            code="prismatic-joint", line=block.line, key=place,
+            code="prismatic-joint", line=block.line, key=key,
         )  # fmt: skip
     if block.mode in (1,) and any(name.startswith("controller_1") for name in given):
         findings.warn(
             f"mode 1: <{given_tags(given, 'controller_1')}> set the link's controller; spring and motors are not simulated",
-            code="link-controller", line=block.line, key=place,
+            code="link-controller", line=block.line, key=key,
         )  # fmt: skip
     if block.mode not in TOOLBOX_MODES:
         findings.warn(
             f"mode {block.mode} ({MODES[block.mode].name}) is asrsim's: the toolbox's plugin has none of this number",
-            code="own-mode", line=block.line, key=place,
+            code="own-mode", line=block.line, key=key,
         )  # fmt: skip
     if joint.effort is None:
         findings.warn(
@@ -52,7 +52,7 @@ def given_tags(given: dict[str, ParameterValue], prefix: str) -> str:
     return ">, <".join(value.tag for name, value in given.items() if name.startswith(prefix))
 
 
-def _template_values(actuator: type[Actuator], given: dict[str, ParameterValue], place: str, findings: Findings) -> None:
+def _template_values(actuator: type[Actuator], given: dict[str, ParameterValue], key: str, findings: Findings) -> None:
     for ending, shown in TEMPLATE_VALUES.items():
         found = [value for name, value in given.items() if name.endswith(ending) and value.value == shown]
         if not found:
@@ -60,33 +60,33 @@ def _template_values(actuator: type[Actuator], given: dict[str, ParameterValue],
         default = next(parameter.default for parameter in actuator.all_parameters() if parameter.name == found[0].name)
         findings.warn(
             f"{shown:g} is what the toolbox's template shows; its code's default, used where the tag is absent, is {default:g}",
-            code="template-value", line=found[0].line, key=f"{place}.{', '.join(value.tag for value in found)}",
+            code="template-value", line=found[0].line, key=f"{key}.{', '.join(value.tag for value in found)}",
         )  # fmt: skip
 
 
-def _without_effect(actuator: type[Actuator], given: dict[str, ParameterValue], place: str, findings: Findings) -> None:
+def _without_effect(actuator: type[Actuator], given: dict[str, ParameterValue], key: str, findings: Findings) -> None:
     for parameter in actuator.parameters:
         if parameter.unused and parameter.name in given:
             value = given[parameter.name]
-            findings.warn(f"has no effect: {parameter.unused}", code="unused-tag", line=value.line, key=f"{place}.{value.tag}")
+            findings.warn(f"has no effect: {parameter.unused}", code="unused-tag", line=value.line, key=f"{key}.{value.tag}")
     limits = [value for name, value in given.items() if name.endswith("max_velocity")]
     if limits:
         findings.warn(
             "the toolbox reads this limit and never enforces it; asrsim does",
-            code="ignored-by-toolbox", line=limits[0].line, key=f"{place}.{', '.join(value.tag for value in limits)}",
+            code="ignored-by-toolbox", line=limits[0].line, key=f"{key}.{', '.join(value.tag for value in limits)}",
         )  # fmt: skip
 
 
-def _infinite_limits(given: dict[str, ParameterValue], place: str, findings: Findings) -> None:
+def _infinite_limits(given: dict[str, ParameterValue], key: str, findings: Findings) -> None:
     infinite = [value for value in given.values() if math.isinf(value.value)]
     if infinite:
         findings.warn(
             "infinite, taken as no limit; some Gazebo versions read it as 0",
-            code="misread-value", line=infinite[0].line, key=f"{place}.{', '.join(value.tag for value in infinite)}",
+            code="misread-value", line=infinite[0].line, key=f"{key}.{', '.join(value.tag for value in infinite)}",
         )  # fmt: skip
 
 
-def _second_controller(block: ActuatorBlock, given: dict[str, ParameterValue], place: str, findings: Findings) -> None:
+def _second_controller(block: ActuatorBlock, given: dict[str, ParameterValue], key: str, findings: Findings) -> None:
     """A block that sets controller 1 alone leaves motor 2 on defaults: worth a word where the two then differ."""
     if not MODES[block.mode].motor or not MODES[block.mode].controller:
         return
@@ -99,5 +99,5 @@ def _second_controller(block: ActuatorBlock, given: dict[str, ParameterValue], p
     if differing:
         findings.warn(
             f"motor 2 keeps the default gains: {'; '.join(differing)}",
-            code="one-controller-set", line=block.line, key=place,
+            code="one-controller-set", line=block.line, key=key,
         )  # fmt: skip

@@ -154,22 +154,22 @@ class _BlockReader(Reader):
             self.findings.error("required tag <joint> is missing", code="missing-tag", line=line, key=shown, choices=movable)
             return None
         tag = by_tag["joint"]
-        name, place = text_of(tag), f"{shown}.joint"
+        name, key = text_of(tag), f"{shown}.joint"
         joint = self.joints.get(name)
         if joint is None:
             self.error(
-                "the robot has no such joint", tag, place, code="unknown-joint", value=name, choices=movable,
+                "the robot has no such joint", tag, key, code="unknown-joint", value=name, choices=movable,
                 hint=did_you_mean(name, tuple(self.joints)),
             )  # fmt: skip
             return None
         if not joint.moves:
             self.error(
-                f"a {joint.kind} joint cannot have an actuator", tag, place, code="joint-type", value=name, choices=movable
+                f"a {joint.kind} joint cannot have an actuator", tag, key, code="joint-type", value=name, choices=movable
             )
             return None
         if name in self._block_lines:
             first = f", the other on line {self._block_lines[name]}" if self._block_lines[name] else ""
-            self.error(f"two actuators on one joint{first}", tag, place, code="two-actuators", value=name)
+            self.error(f"two actuators on one joint{first}", tag, key, code="two-actuators", value=name)
             return None
         self._block_lines[name] = line
         return joint
@@ -241,13 +241,13 @@ class _BlockReader(Reader):
         return values
 
     def _tag_value(self, parameter: Parameter, name: str, tag: Any, shown: str) -> ParameterValue | None:
-        place = f"{shown}.{name}"
-        value = self._number(tag, place)
+        key = f"{shown}.{name}"
+        value = self._number(tag, key)
         if value is None:
             return None
         fault = parameter_fault(parameter, value)
         if fault:
-            self.error(fault, tag, place, code="out-of-range", value=text_of(tag))
+            self.error(fault, tag, key, code="out-of-range", value=text_of(tag))
             return None
         return ParameterValue(
             name=parameter.name,
@@ -259,19 +259,19 @@ class _BlockReader(Reader):
             text=text_of(tag),
         )
 
-    def _number(self, tag: Any, place: str) -> float | None:
+    def _number(self, tag: Any, key: str) -> float | None:
         text = text_of(tag)
         try:
             number = read_number(text)
         except ValueError as error:
             self.error(
-                str(error), tag, place, code="not-a-number", value=text,
+                str(error), tag, key, code="not-a-number", value=text,
                 hint=f"The toolbox would read {leading_number(text):g}" if text else None,
             )  # fmt: skip
             return None
         if number.arithmetic:
             self.warn(
                 f"arithmetic, taken as {number.value:g}; the toolbox reads only the leading number {leading_number(text):g}",
-                tag, place, code="misread-value", value=text,
+                tag, key, code="misread-value", value=text,
             )  # fmt: skip
         return number.value

@@ -44,7 +44,7 @@ def _diffuse(effect: Any) -> Colour | None:
             numbers = colour_numbers(colour.text or "")
             if len(numbers) in (3, 4):
                 red, green, blue = numbers[:3]
-                # Exporters write opacity 0 where they mean none given: a mesh that nobody can see is not meant.
+                # Exporters write opacity 0 where they have none: an invisible mesh is not meant.
                 return red, green, blue, numbers[3] if len(numbers) == 4 and numbers[3] > 0.0 else 1.0
     return None
 

@@ -81,23 +81,23 @@ class PassiveReader(AttributeReader):
                 self.warn(f"{what} without effect: {why}", tag, f"{name}.{tag.tag}", code=code, hint=hint)
 
     def _value(self, tag: Any, name: str) -> float:
-        text, place = text_of(tag), f"{name}.{tag.tag}"
+        text, key = text_of(tag), f"{name}.{tag.tag}"
         try:
             value = plain_number(text)
         except ValueError as error:
-            self.error(str(error), tag, place, code="not-a-number", value=text)
+            self.error(str(error), tag, key, code="not-a-number", value=text)
             return 0.0
-        return self.bounded(value, text, tag, place, finite=True)
+        return self.bounded(value, text, tag, key, finite=True)
 
     def _judge(self, joint: Joint, line: int | None) -> None:
-        place = f"{joint.name}.{STIFFNESS}"
+        key = f"{joint.name}.{STIFFNESS}"
         if joint.spring_stiffness < 0.0:
             self.findings.warn(
                 "the passive spring pushes the joint away from its reference: its stiffness is negative",
-                code="negative-spring", line=line, key=place, value=f"{joint.spring_stiffness:g}",
+                code="negative-spring", line=line, key=key, value=f"{joint.spring_stiffness:g}",
             )  # fmt: skip
         elif joint.spring_stiffness == 0.0:
-            self.findings.warn("the passive spring has no stiffness: it does nothing", code="no-spring", line=line, key=place)
+            self.findings.warn("the passive spring has no stiffness: it does nothing", code="no-spring", line=line, key=key)
 
     def judge(self, joints: Sequence[Joint], blocks: Sequence[ActuatorBlock]) -> None:
         """Warn of springs on joints that an actuator drives, and of joints that should follow others."""

@@ -106,7 +106,7 @@ def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
 
 
 def _drop_consequences(findings: Findings, root: Any, joints: Sequence[Joint]) -> None:
-    """A joint that is in the file but could not be read is told of once, not again as missing."""
+    """Take out the errors about joints that are in the file and could not be read: they have an error already."""
     known = {joint.name for joint in joints}
     unread = {name_of(element) for element in elements(root, "joint")} - known
     findings.errors = [error for error in findings.errors if error.code != "unknown-joint" or error.value not in unread]

@@ -39,8 +39,8 @@ def mode_fault(block: ActuatorBlock) -> str | None:
 
 
 def law_fault(block: ActuatorBlock) -> str | None:
-    """Why the actuator's laws give no number with its parameters around rest, or None. Laws of users that raise something of
-    their own are told of where they are used.
+    """Why the actuator's laws give no number with its parameters around rest, or None. Other errors that a user's
+    laws raise are reported where the laws are used.
     """
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     if not MODES[block.mode].spring:

@@ -1,4 +1,4 @@
-"""What standard URDF calls things: elements and attributes that nobody knows, or that are repeated, are told of."""
+"""The elements and attributes of the URDF format: a warning for every one that is unknown or repeated."""
 
 from __future__ import annotations
 

@@ -18,6 +18,8 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.certify import Certificate
+from asrsim.simulation.certify import certify as certify_run
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.run import Run, Sink, simulate
@@ -27,7 +29,6 @@ from asrsim.summary.claims import Claims, check_claims, needs_of
 
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
-    from asrsim.simulation.certify import Certificate
 
 PLUGINS = "plugins/"
 """Folder among a log's attachments for users' actuator files."""
@@ -83,8 +84,7 @@ def execute(
     with new_log(folder, earlier) as path, ExitStack() as stack:
 
         def open_sinks(info: RunInfo) -> Sequence[Sink]:
-            check_claims(scenario.expect, info.joints, file=scenario.path)
-            collector = Collector(info.joints, samples=steps_of(scenario) + 1, needs=needs_of(scenario.expect, info.joints))
+            collector = collector_of(scenario, info)
             writer = stack.enter_context(LogWriter(path, as_run(info, scenario, robot)))
             made.append((writer, collector))
             if started is not None:
@@ -98,24 +98,32 @@ def execute(
                 raise
             error, run = caught, caught.run
         if certify and run.status == "complete":
-            from asrsim.simulation.certify import certify as certify_run
-
             certificate = certify_run(scenario, run, robot, progress=certifying, stop=stop)
         ((writer, collector),) = made
         writer.close(result_metadata(run, error, certificate))
-    claims: tuple[ExpectationResult, ...] = ()
-    if run.status == "complete":
-        claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
     log = folder / LOG
-    seen = collector.seen(scenario.desired)
-    summary = make_summary(run, seen, samples=writer.samples, claims=claims, files={"log": log}, replaced=earlier)
-    if certificate is not None:
-        summary = replace(summary, certificate=certificate.as_dict())
+    summary = judged(scenario, run, collector, certificate, samples=writer.samples)
+    summary = replace(summary, files={"log": log}, replaced=earlier)
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
         logged = open_log(log).iter_samples(quantities=COMPARED)
         found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
         summary = replace(summary, cross_check=found.as_dict())
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
+
+
+def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
+    """A sink for what summary and claims need. Raises ScenarioError for claims that cannot be evaluated, whatever comes."""
+    check_claims(scenario.expect, info.joints, file=scenario.path)
+    return Collector(info.joints, samples=scenario.steps + 1, needs=needs_of(scenario.expect, info.joints))
+
+
+def judged(scenario: Scenario, run: Run, collector: Collector, certificate: Certificate | None, *, samples: int) -> RunSummary:
+    """The summary of a run that has ended, with its claims and its numerical error. samples: how many were logged."""
+    claims: tuple[ExpectationResult, ...] = ()
+    if run.status == "complete":
+        claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
+    summary = make_summary(run, collector.seen(scenario.desired), samples=samples, claims=claims)
+    return summary if certificate is None else replace(summary, certificate=certificate.as_dict())
 
 
 def write_summary(executed: Executed) -> Executed:
@@ -129,11 +137,6 @@ def write_summary(executed: Executed) -> Executed:
 def save_summary(summary: RunSummary, path: Path) -> None:
     """A summary as a file. Raises OutputError."""
     write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
-
-
-def steps_of(scenario: Scenario) -> int:
-    """Steps that a run of the scenario takes."""
-    return round(scenario.duration / scenario.step)
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None, certificate: Certificate | None = None) -> dict[str, str]:

@@ -28,7 +28,7 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # While it is still ours: whoever waits for this file sees that it is gone, and makes a new one.
+            # While we still hold it: a process that waits for this lock sees that the file is gone, and makes a new one.
             with suppress(OSError):
                 path.unlink()
         os.close(file)

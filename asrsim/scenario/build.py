@@ -87,7 +87,7 @@ def _lines(root: Node, path: Path | None) -> dict[str, int]:
 
 
 def _readable(root: Node) -> dict[str, Any]:
-    """What can be read of the times, so that their faults are told beside the others."""
+    """What can be read of the times, so that their faults are reported beside the others."""
     quiet = Reading()
     keys: dict[str, Any] = {"step": 1e-3, "duration": 1e-3, "log_every": None}
     for key in SCENARIO.keys:

@@ -187,7 +187,7 @@ def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Effects of sensors that nobody reads, and delays that the steps of the simulation cut."""
+    """Effects on sensors that no controller reads, and delays that are no whole number of steps."""
     for name, effects in scenario.sensor_effects.items():
         blocks = [block for block in robot.actuators if name in ("*", block.joint)]
         if effects.active and blocks and not any(MODES[block.mode].controller for block in blocks):

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
+import numpy as np
+
 from asrsim.document.block import REQUIRED, declare
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
+from asrsim.samples import Array
 from asrsim.scenario.choices import default_engine, engines, steppings
 from asrsim.scenario.claim_keys import CLAIMS, Expectation
 from asrsim.scenario.joint_keys import (
@@ -232,6 +235,15 @@ class Scenario:
     def references_of(self, joint: str) -> dict[str, Signal]:
         """Reference by name of one joint: those given for all, and its own, which win."""
         return {**self.references.get("*", {}), **self.references.get(joint, {})}
+
+    @property
+    def steps(self) -> int:
+        """Steps of the simulation in the whole run."""
+        return round(self.duration / self.step)
+
+    def step_times(self) -> Array:
+        """(n,) s: the start, and the end of every step."""
+        return np.round(np.arange(self.steps + 1) * self.step, 12)
 
     @property
     def trajectories(self) -> dict[str, Mapping[str, Signal]]:

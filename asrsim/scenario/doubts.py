@@ -107,9 +107,9 @@ def _start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 message = f"is more than {FARTHEST:g} a step of {scenario.step:g} s (in rad/s or m/s)"
                 yield Problem(message, key=key, value=fastest, code="fast-start")
     for block in robot.actuators:
-        table, place = scenario.initial_motor_positions, for_joint(scenario.initial_positions, block.joint, 0.0)
-        places = for_joint(table, block.joint, ())[: ACTUATORS.get(block.actuator).motors]
-        farthest = max((abs(one - place) for one in places), default=0.0)
+        table, position = scenario.initial_motor_positions, for_joint(scenario.initial_positions, block.joint, 0.0)
+        positions = for_joint(table, block.joint, ())[: ACTUATORS.get(block.actuator).motors]
+        farthest = max((abs(one - position) for one in positions), default=0.0)
         limit = min(block.values().get("max_deflection", math.inf), math.tau)
         if farthest > limit:
             key = f"initial.{block.joint if block.joint in table else '*'}.motor_positions"

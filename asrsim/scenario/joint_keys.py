@@ -65,7 +65,10 @@ class LinkDamping:
 class GivenActuator:
     """An actuator that the scenario puts on a joint, in the place of the robot file's if there is one."""
 
-    type: str = declare(Choice(lambda: ACTUATORS, "name of an actuator"), doc="which actuator; `asrsim actuators` lists them")
+    type: str = declare(
+        Choice(lambda: ACTUATORS, "name of an actuator", missing="One of your own is in a file that --plugin FILE names"),
+        doc="which actuator; `asrsim actuators` lists them",
+    )
     mode: int = declare(MODE, default=6, doc="operation mode")
     parameters: Mapping[str, float] = declare(PARAMETERS, default={}, doc="by our name or the toolbox's tag; others as usual")
 

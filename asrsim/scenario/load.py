@@ -158,5 +158,5 @@ def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) 
 
 
 def _distinct(problems: Iterable[Problem]) -> list[Problem]:
-    """Variants share their faults: each is told once."""
+    """Each problem once: variants share most of theirs."""
     return list({str(problem): problem for problem in problems}.values())

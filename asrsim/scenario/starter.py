@@ -195,8 +195,14 @@ def robot_lines(file: str, arguments: Mapping[str, str], packages: Mapping[str, 
 
 
 def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
-    """The starter's motion of an actuated joint: from 0 or the nearest that its limits allow, by a small step."""
+    """The starter's motion of an actuated joint: from 0 or the nearest that its limits allow, by a small step; of one that is
+    to follow another, what that one's motion asks of it."""
     joint = robot.joint(block.joint)
+    leader = next((one for one in robot.actuators if joint.mimic is not None and one.joint == joint.mimic.joint), None)
+    if joint.mimic is not None and leader is not None and robot.joint(leader.joint).mimic is None:
+        led = starter_joint(robot, leader)
+        start, target = (joint.mimic.multiplier * place + joint.mimic.offset for place in (led.start, led.target))
+        return StarterJoint(block=block, joint=joint, start=start, target=target)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
     bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)

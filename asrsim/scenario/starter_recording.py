@@ -94,7 +94,7 @@ def recording_text(
 
 
 def placeholders(plan: Plan) -> list[Claim]:
-    """A claim for each quantity that is compared: an RMSE of a tenth of the recorded range, which nobody has tried."""
+    """A claim for each quantity that is compared: an RMSE of a tenth of the recorded range, before any comparison."""
     claims = []
     for joint, column in plan.compared:
         values = column.values[np.isfinite(column.values)]

@@ -12,6 +12,13 @@ from asrsim.errors import ScenarioError, did_you_mean
 from asrsim.signals.base import Signal
 
 FORM = "a number, or a mapping with one key, the kind of signal"
+_OTHER_WORDS = {
+    **dict.fromkeys(("sine", "sin", "cosine", "cos", "harmonic"), "sinusoid"), "sweep": "chirp", "sines": "multisine",
+    **dict.fromkeys(("square", "pulse", "pulses", "impulse", "rectangle"), "pulse_train"),
+    **dict.fromkeys(("spline", "trajectory", "points", "path"), "waypoints"), "quintic": "minimum_jerk", "line": "ramp",
+    **dict.fromkeys(("csv", "file", "recording", "replay"), "playback"), "gain": "scale", "offset": "sum",
+}  # fmt: skip
+"""What others call these signals."""
 
 
 class SignalKind(Kind[Signal]):
@@ -38,7 +45,7 @@ class SignalKind(Kind[Signal]):
                 f"no signal is called '{kind}'",
                 line=node.key_line(kind),
                 choices=SIGNALS.names(),
-                hint=did_you_mean(kind, SIGNALS.names()),
+                hint=did_you_mean(_OTHER_WORDS.get(kind.lower(), kind), SIGNALS.names()),
                 code="unknown-signal",
                 show=False,
             )

@@ -51,7 +51,7 @@ class Evaluation(Simulation):
     @property
     def steps(self) -> int:
         """Steps of a whole run; a channel has one sample more."""
-        return round(self.scenario.duration / self.scenario.step)
+        return self.scenario.steps
 
     def run(
         self,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import Problem
+from asrsim.plain import finite_or_none
 from asrsim.quantities import LIMITS
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ class RunSummary:
             "format": FORMAT,
             "ok": self.ok,
             **{name: getattr(self, name) for name in _BEFORE_SPEED},
-            "speed": _finite(self.speed),
+            "speed": finite_or_none(self.speed),
             **{name: getattr(self, name) for name in _AFTER_SPEED},
             "joints": [joint.as_dict() for joint in self.joints],
             "expect": [_claim(claim) for claim in self.claims],
@@ -163,13 +164,9 @@ def _claim(result: ExpectationResult) -> dict[str, Any]:
         **{name: getattr(claim, name) for name in _OF_CLAIM},
         "against": str(claim.against) if claim.against is not None else None,
         "line": claim.line,
-        "measured": _finite(result.measured),
+        "measured": finite_or_none(result.measured),
         "unit": result.unit,
         "holds": result.holds,
         "text": result.text,
     }
     return {key: value for key, value in items.items() if value is not None or key == "measured"}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

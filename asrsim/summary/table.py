@@ -20,7 +20,7 @@ class Column:
 
 
 def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
-    """The table of joints; columns of limits that nobody met are left out."""
+    """The table of joints; columns of limits that no joint met are left out."""
     joints = summary.joints
     length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
     columns = [

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from asrsim.actuators.user import check_named
 from asrsim.errors import InputError
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
@@ -17,8 +19,12 @@ from asrsim.sweeps.study import Axis, Study
 from asrsim.sweeps.table import Table
 
 
-def run_again(table: Table, run: int, folder: Path) -> RunSummary:
-    """Do a run of a finished row again, with log and summary in `folder`. Raises InputError where there is no such row."""
+def run_again(table: Table, run: int, folder: Path, plugins: Sequence[Path | str] = ()) -> RunSummary:
+    """Do a run of a finished row again, with log and summary in `folder`; plugins: files of users' actuators that it may run.
+    Raises InputError where there is no such row.
+    """
+    wanted = tuple(Path(path) for path in table.manifest["plugins"])
+    check_named(wanted, plugins, file=table.folder)
     places = (table["run"] == run).nonzero()[0]
     if not len(places):
         raise InputError(f"there is no row of run {run}", file=table.folder, code="no-run")
@@ -30,7 +36,7 @@ def run_again(table: Table, run: int, folder: Path) -> RunSummary:
         axes=axes,
         variants=(variant,),
         overrides=tuple(table.manifest["overrides"]),
-        plugins=tuple(Path(path) for path in table.manifest["plugins"]),
+        plugins=wanted,
     )
     case = replace(make_payload(study).cases[variant], substeps=table.manifest["substeps"][variant])
     values = study.point(0)[1]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from asrsim.runs.execute import steps_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.together import deferred, fit_together
 from asrsim.summary.claims import check_claims
@@ -29,7 +28,7 @@ class Base:
         scenario = self.prepared.scenario
         check_claims(scenario.expect, self.prepared.info.joints, file=scenario.path)
         self._study = study
-        steps = steps_of(scenario) * self.prepared.resolution.substeps
+        steps = scenario.steps * self.prepared.resolution.substeps
         runs = math.prod(study.grid) * study.draws if not plan.read_again(values) else 1
         self._expected = max(steps, steps * runs // share)
         self.together = min(runs, fit_together(self.prepared, steps))

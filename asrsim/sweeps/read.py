@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
 from asrsim.document.file import has_key, read_file
@@ -76,7 +77,11 @@ class StudyFile:
     signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
     rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="of the kept signals")
     logs: bool = declare(Boolean(), default=False, doc="a log of every run")
-    plugins: tuple[Path, ...] = declare(ListOf(of=File(noun="plugin")), default=(), doc="files with your own actuators")
+    plugins: tuple[Path, ...] = declare(
+        ListOf(of=File(noun="plugin")),
+        default=(),
+        doc="files with your own actuators; each runs only where --plugin names it too",
+    )
 
 
 STUDY = block_of(StudyFile, "study")
@@ -87,9 +92,10 @@ def is_study(path: Path) -> bool:
     return has_key(path, "scenario")
 
 
-def read_study(path: Path) -> Study:
-    """A study file. Raises InputError with every problem."""
+def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
+    """A study file; plugins: files of users' actuators that it may run. Raises InputError with every problem."""
     found = read_file(STUDY, path)
+    check_named(found.plugins, plugins, file=path)
     try:
         return make_study(
             found.scenario,
@@ -104,7 +110,7 @@ def read_study(path: Path) -> Study:
             signals=found.signals,
             rate=found.rate,
             logs=found.logs,
-            plugins=found.plugins,
+            plugins=plugins or found.plugins,
             name=path.stem,
         )
     except InputError as error:

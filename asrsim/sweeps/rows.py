@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from typing import Any
 
+from asrsim.plain import finite_or_none
 from asrsim.quantities import LIMITS
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import MEASURES, TIP, Payload
@@ -28,11 +28,11 @@ def summary_cells(summary: RunSummary) -> dict[str, Any]:
     if summary.claims:
         cells["claims_met"] = sum(claim.holds for claim in summary.claims) / len(summary.claims)
     for joint in summary.joints:
-        cells |= {f"{joint.name}.{name}": _finite(getattr(joint.measures, name)) for name in MEASURES}
+        cells |= {f"{joint.name}.{name}": finite_or_none(getattr(joint.measures, name)) for name in MEASURES}
         cells |= {f"{joint.name}.{name}_count": getattr(joint, name) for name in LIMITS}
     cells |= {f"tip.{name}": summary.tip[name] for name in TIP if name in summary.tip}
     for index, claim in enumerate(summary.claims):
-        cells |= {f"claim_{index}": claim.holds, f"claim_{index}.measured": _finite(claim.measured)}
+        cells |= {f"claim_{index}": claim.holds, f"claim_{index}.measured": finite_or_none(claim.measured)}
     return cells
 
 
@@ -43,10 +43,6 @@ def plain_cells(values: Mapping[str, Any], payload: Payload) -> dict[str, Any]:
         key: float(value) if kinds[key] == "float" else (value if isinstance(value, str) else json.dumps(value))
         for key, value in values.items()
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def one_line(error: BaseException) -> str:

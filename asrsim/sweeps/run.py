@@ -104,7 +104,8 @@ def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) 
     if isinstance(scenario, Study):
         study = scenario
     elif is_study(Path(scenario)):
-        study = read_study(Path(scenario))
+        options = dict(options)
+        study = read_study(Path(scenario), options.pop("plugins", ()))
     else:
         return make_study(scenario, over, **options)
     if over or options:

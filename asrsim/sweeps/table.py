@@ -160,16 +160,18 @@ class Table:
         variant = str(self["variant"][position])
         texts: Mapping[str, str] = self.manifest["settings"][variant]
         if set(texts) != set(self.keys):
-            return shlex.join(["asrsim", "sweep", str(self.folder), "--run", str(run)])
+            return shlex.join(["asrsim", "sweep", str(self.folder), "--run", str(run), *self._plugins])
         settings = [*self.manifest["overrides"]]
         settings += [f"{texts[key]}={_shown(self[key][position])}" for key in self.keys]
         settings += [f"{name}={value}" for name, value in self.manifest["substeps"][variant].items()]
-        words = ["asrsim", "run", self.manifest["scenario"], "--variant", variant]
-        for plugin in self.manifest["plugins"]:
-            words += ["--plugin", plugin]
+        words = ["asrsim", "run", self.manifest["scenario"], "--variant", variant, *self._plugins]
         for setting in settings:
             words += ["--set", setting]
         return shlex.join(words)
+
+    @property
+    def _plugins(self) -> list[str]:
+        return [word for plugin in self.manifest["plugins"] for word in ("--plugin", plugin)]
 
     def __repr__(self) -> str:
         return f"Table({self.folder}: {len(self)} of {self.manifest['runs']} runs, {', '.join(self.keys)})"

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.runs.execute import steps_of
 from asrsim.samples import RunInfo, Samples
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run
@@ -28,7 +27,7 @@ class Tap:
     def __init__(self, prepared: Prepared, study: Study, *, checked: bool) -> None:
         """checked: the scenario's claims are."""
         scenario, self._study = prepared.scenario, study
-        self._info, self._step, self._samples = prepared.info, scenario.step, steps_of(scenario) + 1
+        self._info, self._step, self._samples = prepared.info, scenario.step, scenario.steps + 1
         self._needs, self.bodies = needs_of(scenario.expect, self._info.joints)
         self._claims = Claims(scenario.expect, self._info.joints, file=scenario.path, checked=checked)
         self._desired = scenario.desired

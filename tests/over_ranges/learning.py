@@ -31,11 +31,6 @@ def of_learning() -> Asked:
         [(r, n, c) for r in (-0.9, 0.0, 0.3, 0.99, 1.0) for n in (3, 4, 5, 20) for c in (0.5, 0.95)],
     )
     yield (
-        "hits",
-        found("learning.transfer.share_interval"),
-        [(h, n, c) for n in (1, 5, 20) for h in (0, 1, n // 2, n) for c in (0.5, 0.95)],
-    )
-    yield (
         "rounded up",
         found("learning.playback.rounded_up"),
         [(m * 10.0**e,) for e in range(-9, 10, 3) for m in (1.0, 2.0)],

@@ -196,3 +196,25 @@ def of_recordings() -> Asked:
         found("recordings.align.require_overlap"),
         [(T, gapped + s, lag) for s in (0.0, 1.5, 1.9, 1.99, 2.0, 2.1) for lag in (0.0, 0.1, -0.1)],
     )
+
+
+HEADERS = (
+    "time;q;v", "t;q;q\ns;rad;rad/s", ";j1;j1\ntime;q;v", ";j1;\nt;q;v\ns;rad;rad/s", ";j1;j2\n;q;q\ntime;;", "1;2;3\ntime;q;v",
+    "time;q;v\nindex;;", "Name;a;Name\ntime;q;v", "Y_Unit_Label;rad;V\ntime;q;v\nmore;x;y", "a;b\ntime;q;v",
+    "time;q", "time;q;v;w;x", "time;q;v\n1;x;3", "j1;j1;j1\n\ntime;q;q", "time;q;q\n[s];[deg];[deg/s]", "time;;\ns;rad;",
+)  # fmt: skip
+"""Lines above rows of three numbers."""
+
+
+def of_headers() -> Asked:
+    data = [["0.0", "1.5", "2.5"], ["0.1", "1.6", "2.4"]]
+    paired = [["0.0", "1.5", "0.0", "2.5"]]
+
+    def header(text: str, rows: list[list[str]]) -> object:
+        lines = [(count, line.split(";")) for count, line in enumerate(text.split("\n"), start=1) if line]
+        return found("recordings.header.find_header")(lines, rows, ".")
+
+    yield "headers", header, [(text, data) for text in ("", *HEADERS)]
+    for first, second in (("Name", "Name"), ("name", "x"), ("time", "time")):
+        for more in ("", "\nUnit;rad;Unit;V", "\nUnit;rad;x;V"):
+            yield "pairs", header, [(f"{first};a;{second};b{more}", paired)]
