@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from asrsim.actuators import ACTUATORS
-from asrsim.identification.fit import fits_noise, is_explained
+from asrsim.identification.fit import fits_noise, is_explained, is_far
 from asrsim.identification.keys import Parameter, parameters_of
 from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
@@ -21,7 +21,7 @@ ASKED = 20.0
 FAINT = 0.2
 """The same, as a share, beside what others do likewise."""
 MUCH = 0.5
-"""Share of the squares that may be left of a model that does not fit without."""
+"""Share of the squares that may be left of a model that is far off without."""
 STEP = 1e-4
 """Of a difference, in the logarithm of a stiffness."""
 """Of a logarithm, for differences."""
@@ -36,6 +36,7 @@ def with_bristles(residuals: Residuals, x: Array, robot: Robot) -> tuple[Layout,
     layout, fits = residuals.layout, fits_noise(residuals, x)
     if is_explained(residuals, x):
         return layout, x
+    wrong = not fits and is_far(residuals, x)
     for parameter, ties in _stiffnesses(layout, robot):
         wider = residuals.under(layout.extended(parameter, ties))
         base = wider(np.append(x, 0.0))
@@ -52,7 +53,7 @@ def with_bristles(residuals: Residuals, x: Array, robot: Robot) -> tuple[Layout,
         for track, resolution in sizes:
             track.resolve(resolution.substeps, resolution.motor_substeps)
         # Of a model that is wrong otherwise, any number more explains a part.
-        if min(left) < (float(base @ base) - least) * (1.0 if fits else MUCH):
+        if min(left) < (float(base @ base) - least) * (MUCH if wrong else 1.0):
             layout, x = wider.layout, places[int(np.argmin(left))]
     return layout, x
 

@@ -24,6 +24,8 @@ FITS = 1.25
 """Deviations, in those of the noise's fine structure, up to which residuals may be noise."""
 TOLD = 2.0
 """Share by which a single sample tells that deviation, times its confidence."""
+FAR_OFF = 2.0
+"""Deviations of the noise that residuals have of a model that is wrong in more than a detail."""
 WHITE = 0.3
 """Correlation of neighbouring residuals below which they may be noise."""
 AGREED = 2
@@ -233,6 +235,11 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
 def is_explained(residuals: Residuals, x: Array) -> bool:
     """Whether nothing is left of any channel, as of a simulation's own log."""
     return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _channels(residuals, x))
+
+
+def is_far(residuals: Residuals, x: Array) -> bool:
+    """Whether much more than noise is left of any channel."""
+    return any(left is None or size_of(left) > FAR_OFF * channel.floor for channel, left in _channels(residuals, x))
 
 
 def _channels(residuals: Residuals, x: Array) -> Iterator[tuple[Channel, Array | None]]:
