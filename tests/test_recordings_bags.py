@@ -103,7 +103,7 @@ def test_joints_in_any_order_and_messages_that_overtake_each_other(tmp_path: Pat
         states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
         for i in np.argsort(got).tolist():
             message = joint_state(store, i, int(STAMPS[i]), ["shoulder", "elbow"], ros1=True)
-            if i % 2:
+            if i % 2 == 0:
                 message.name.reverse()
                 message.position[:], message.effort[:] = message.position[::-1].copy(), message.effort[::-1].copy()
             writer.write(states, int(got[i]), store.serialize_ros1(message, "sensor_msgs/msg/JointState"))

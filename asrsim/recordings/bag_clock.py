@@ -20,6 +20,8 @@ _AWAY = 60_000_000_000
 """ns that a stamp may be away from the others of its topic, or ten times what most of these span."""
 _OVERTAKEN = 500_000_000
 """ns by which messages may overtake each other on their way to the recorder."""
+_STALLED = 100_000_000
+"""ns of recording without a newer stamp, from which on a clock began anew and nothing was overtaken."""
 _SAME_CLOCK = 1.0
 """s by which a header's stamp may differ from the time of recording and still be of the same clock."""
 
@@ -82,7 +84,9 @@ def series_of_groups(groups: list[Group], path: Path, findings: list[Problem]) -
 def _in_order(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Problem]) -> NDArray[np.int64]:
     """Stamps in their order, and the group's rows with them, where messages only overtook each other on their way."""
     late = np.maximum.accumulate(ns) - ns
-    if not late.any() or late.max() > _OVERTAKEN:
+    newest = np.array(group.logged, dtype=np.int64)[late == 0]
+    stalled = np.diff(np.append(newest, group.logged[-1])).max()
+    if not late.any() or late.max() > _OVERTAKEN or stalled > max(_STALLED, late.max()):
         return ns
     order = np.argsort(ns, kind="stable")
     group.rows = [group.rows[i] for i in order]
