@@ -86,7 +86,7 @@ def _in_order(ns: NDArray[np.int64], group: Group, path: Path, findings: list[Pr
     late = np.maximum.accumulate(ns) - ns
     newest = np.array(group.logged, dtype=np.int64)[late == 0]
     stalled = np.diff(np.append(newest, group.logged[-1])).max()
-    if not late.any() or late.max() > _OVERTAKEN or stalled > max(_STALLED, late.max()):
+    if not late.any() or late.max() > _OVERTAKEN or stalled > max(_STALLED, 0.5 * late.max()):
         return ns
     order = np.argsort(ns, kind="stable")
     group.rows = [group.rows[i] for i in order]

@@ -16,6 +16,8 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Sum
 
+ROUNDING = 1e-9
+"""Share of a limit by which a number is not beyond it."""
 LOOKS = 2000
 """Points of the run at which a signal is looked at."""
 BETWEEN = (0.5, 0.5 * (3.0 - math.sqrt(5.0)))
@@ -195,9 +197,10 @@ def _beyond_torques(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 if name in scenario.reference_ranges.get(joint, {}):
                     asked[f"reference_ranges.{joint}.{name}"] = scenario.reference_ranges[joint][name]
             for key, bounds in asked.items():
-                if limit and max(map(abs, bounds)) > limit:
+                if limit and max(map(abs, bounds)) > limit * (1.0 + ROUNDING):
                     message = f"is cut at {what}, {limit:g} N m"
-                    yield Problem(message, key=key, value=f"{bounds[0]:g} to {bounds[1]:g} N m", code="reference-limits")
+                    shown = " to ".join(dict.fromkeys(f"{bound:g}" for bound in bounds))
+                    yield Problem(message, key=key, value=f"{shown} N m", code="reference-limits")
 
 
 def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float, float]]:
