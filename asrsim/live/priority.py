@@ -35,7 +35,7 @@ class RealTime:
             try:
                 os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_LEAST))
                 self._taken = True
-            except PermissionError:
+            except OSError:  # not permitted, or not there in a container
                 pass
         return self
 
