@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from asrsim.actuators import ACTUATORS
-from asrsim.identification.fit import fits_noise, is_explained, is_far
+from asrsim.identification.fit import fits_noise, is_explained, is_far, left_of
 from asrsim.identification.keys import Parameter, parameters_of
 from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
@@ -24,7 +24,6 @@ MUCH = 0.5
 """Share of the squares that may be left of a model that is far off without."""
 STEP = 1e-4
 """Of a difference, in the logarithm of a stiffness."""
-"""Of a logarithm, for differences."""
 FACTORS = (0.03, 0.1, 0.3, 3.0, 10.0, 30.0, 100.0)
 """Of the law's own stiffness: from friction that gives way to one that hardly does."""
 
@@ -33,10 +32,11 @@ def with_bristles(residuals: Residuals, x: Array, robot: Robot) -> tuple[Layout,
     """Layout and vector with such a stiffness free beside the rest, as near as a look along it comes; the same where no
     recording asks for it. robot: with the scenario's numbers.
     """
-    layout, fits = residuals.layout, fits_noise(residuals, x)
-    if is_explained(residuals, x):
+    layout, found = residuals.layout, left_of(residuals, x)
+    if is_explained(found):
         return layout, x
-    wrong = not fits and is_far(residuals, x)
+    fits = fits_noise(found)
+    wrong = not fits and is_far(found)
     for parameter, ties in _stiffnesses(layout, robot):
         wider = residuals.under(layout.extended(parameter, ties))
         base = wider(np.append(x, 0.0))

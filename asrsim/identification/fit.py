@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,8 +93,8 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(residuals, best.x) or (
-            not number and _as_stairs(residuals, best, loss) and fits_noise(residuals, best.x)
+        if fits_noise(left_of(residuals, best.x)) or (
+            not number and _as_stairs(residuals, best, loss) and fits_noise(left_of(residuals, best.x))
         ):
             break
 
@@ -219,9 +219,22 @@ def _tails(residuals: Array) -> bool:
     return float(np.mean(alone)) > 1e-3
 
 
-def fits_noise(residuals: Residuals, x: Array) -> bool:
+Left = Sequence[tuple[Channel, Array | None]]
+"""Channels with what is left of each; None where the motion is not sane."""
+
+
+def left_of(residuals: Residuals, x: Array) -> Left:
+    """What is left of each channel of each recording, up to the end of what counts."""
+    found: list[tuple[Channel, Array | None]] = []
+    for number, track in enumerate(residuals.tracks):
+        raw = residuals.raw(x, number, residuals.until(number))
+        found += [(channel, None if raw is None else raw[i]) for i, channel in enumerate(track.channels)]
+    return found
+
+
+def fits_noise(found: Left) -> bool:
     """Whether what is left looks like noise in every channel of every recording, or nothing is left."""
-    for channel, left in _channels(residuals, x):
+    for channel, left in found:
         if left is None:
             return False
         # Steps of an encoder swing with the motion.
@@ -232,22 +245,14 @@ def fits_noise(residuals: Residuals, x: Array) -> bool:
     return True
 
 
-def is_explained(residuals: Residuals, x: Array) -> bool:
+def is_explained(found: Left) -> bool:
     """Whether nothing is left of any channel, as of a simulation's own log."""
-    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _channels(residuals, x))
+    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in found)
 
 
-def is_far(residuals: Residuals, x: Array) -> bool:
+def is_far(found: Left) -> bool:
     """Whether much more than noise is left of any channel."""
-    return any(left is None or size_of(left) > FAR_OFF * channel.floor for channel, left in _channels(residuals, x))
-
-
-def _channels(residuals: Residuals, x: Array) -> Iterator[tuple[Channel, Array | None]]:
-    """Each channel of each recording with what is left of it; None where the motion is not sane."""
-    for number, track in enumerate(residuals.tracks):
-        raw = residuals.raw(x, number, residuals.until(number))
-        for i, channel in enumerate(track.channels):
-            yield channel, None if raw is None else raw[i]
+    return any(left is None or size_of(left) > FAR_OFF * channel.floor for channel, left in found)
 
 
 def is_loud(residuals: Array, noise: float) -> bool:
