@@ -33,6 +33,11 @@ def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Pa
         raise ActuatorError(problems)
 
 
+def plugin_options(files: Iterable[Path | str]) -> list[str]:
+    """Words of a command that names these files."""
+    return [word for file in files for word in ("--plugin", str(file))]
+
+
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a user's file and register every actuator class that it defines; a file may be loaded again.
 

@@ -80,7 +80,9 @@ def init(
 
 
 def _run_command(scenario: Path, plugins: Sequence[Path] | None) -> str:
-    return shlex.join(["asrsim", "run", str(scenario), *(word for one in plugins or () for word in ("--plugin", str(one)))])
+    from asrsim.actuators.user import plugin_options
+
+    return shlex.join(["asrsim", "run", str(scenario), *plugin_options(plugins or ())])
 
 
 def _print(made: Written, command: str) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.user import plugin_options
 from asrsim.outfile import write_text
 from asrsim.plots.output import styled
 from asrsim.report.html import bullets, number, section, table
@@ -140,7 +141,7 @@ def _data(study: Table, axes: list[str]) -> dict[str, Any]:
     data: dict[str, Any] = {
         "axes": [{"name": name, "values": _packed(study[name][picked])} for name in axes],
         "runs": _packed(study["run"][picked]),
-        "again": shlex.join(["asrsim", "sweep", str(study.folder)]),
+        "again": shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(manifest["plugins"])]),
         "command": "",
     }
     variants, kinds = manifest["variants"], study.kinds
@@ -148,7 +149,7 @@ def _data(study: Table, axes: list[str]) -> dict[str, Any]:
     if len(variants) == 1 and set(texts) == set(study.keys) and all(kinds[key] == "float" for key in study.keys):
         command = ["asrsim", "run", manifest["scenario"], "--variant", variants[0]]
         fixed = [*manifest["overrides"], *(f"{name}={value}" for name, value in manifest["substeps"][variants[0]].items())]
-        data["command"] = shlex.join([*command, *(word for plugin in manifest["plugins"] for word in ("--plugin", plugin))])
+        data["command"] = shlex.join([*command, *plugin_options(manifest["plugins"])])
         data["settings"] = [{"key": texts[key], "values": _packed(study[key][picked])} for key in study.keys]
         data["rest"] = shlex.join([word for setting in fixed for word in ("--set", setting)])
     return data

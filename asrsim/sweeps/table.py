@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.user import plugin_options
 from asrsim.errors import InputError, did_you_mean
 from asrsim.samples import Array
 from asrsim.sweeps.kept import read_manifest, read_rows, schema_of
@@ -158,20 +159,17 @@ class Table:
         if position >= len(self) or self["run"][position] != run:
             raise InputError(f"there is no row of run {run}", file=self.folder, code="no-run")
         variant = str(self["variant"][position])
+        plugins = plugin_options(self.manifest["plugins"])
         texts: Mapping[str, str] = self.manifest["settings"][variant]
         if set(texts) != set(self.keys):
-            return shlex.join(["asrsim", "sweep", str(self.folder), "--run", str(run), *self._plugins])
+            return shlex.join(["asrsim", "sweep", str(self.folder), "--run", str(run), *plugins])
         settings = [*self.manifest["overrides"]]
         settings += [f"{texts[key]}={_shown(self[key][position])}" for key in self.keys]
         settings += [f"{name}={value}" for name, value in self.manifest["substeps"][variant].items()]
-        words = ["asrsim", "run", self.manifest["scenario"], "--variant", variant, *self._plugins]
+        words = ["asrsim", "run", self.manifest["scenario"], "--variant", variant, *plugins]
         for setting in settings:
             words += ["--set", setting]
         return shlex.join(words)
-
-    @property
-    def _plugins(self) -> list[str]:
-        return [word for plugin in self.manifest["plugins"] for word in ("--plugin", plugin)]
 
     def __repr__(self) -> str:
         return f"Table({self.folder}: {len(self)} of {self.manifest['runs']} runs, {', '.join(self.keys)})"
