@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2, cos, sin
 
 import numpy as np
 
-from asrsim.robot.model import Joint, Robot, Vector
+from asrsim.robot.model import Robot, Vector
 
 Array = np.ndarray
 
@@ -67,22 +66,9 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
     )  # fmt: skip
 
 
-def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> dict[str, Pose]:
-    """Pose of every link in the root's frame, parents before children; positions: rad or m of joints that are not at zero."""
+def link_poses(robot: Robot) -> dict[str, Pose]:
+    """Pose of every link in the root's frame at the zero pose, parents before children."""
     poses = {robot.root.name: HERE}
     for joint in robot.outward_joints:
-        frame = poses[joint.parent].then(joint.origin, joint.rpy)
-        poses[joint.child] = _moved(frame, joint, (positions or {}).get(joint.name, 0.0))
+        poses[joint.child] = poses[joint.parent].then(joint.origin, joint.rpy)
     return poses
-
-
-def _moved(pose: Pose, joint: Joint, place: float) -> Pose:
-    """A joint's frame where the joint is at `place` (rad or m)."""
-    if place == 0.0:
-        return pose
-    if joint.kind == "prismatic":
-        return Pose(position=pose.position + place * pose.rotation @ joint.axis, rotation=pose.rotation)
-    x, y, z = joint.axis
-    across = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-    turned = np.eye(3) + sin(place) * across + (1.0 - cos(place)) * across @ across
-    return Pose(position=pose.position, rotation=pose.rotation @ turned)
