@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, SimulationError
-from asrsim.identification.keys import parameters_of
 from asrsim.quantities import unit_of
 from asrsim.runs.lock import owned
 from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
@@ -194,6 +193,9 @@ def manifest(payload: Payload) -> dict[str, Any]:
 
 def units_of(payload: Payload) -> dict[str, str]:
     """Column -> SI unit, of the robot's numbers, results and kept signals that have one."""
+    # Workers, which import this module, need nothing of fits.
+    from asrsim.identification.keys import parameters_of
+
     prismatic = {name: case.robot.joint(name).kind == "prismatic" for case in payload.cases.values() for name in case.joints}
     found = {f"tip.{name}": "m" for name in TIP}
     for joint, slides in prismatic.items():
