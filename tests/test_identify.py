@@ -22,15 +22,16 @@ from asrsim.identification.data import Command
 from asrsim.identification.fit import is_loud
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, foreign
+from asrsim.identification.layout import Tie
 from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
-from asrsim.identification.track import physical
-from asrsim.identification.write import torn_numbers, write_robot
+from asrsim.identification.write import as_dict, torn_numbers, write_robot
 from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
+from asrsim.robot.vary import physical
 
 pytestmark = pytest.mark.once
 
@@ -324,6 +325,24 @@ def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(t
     recorded = np.genfromtxt(recording, delimiter=",", names=True)
     found = np.interp(recorded["time_s"], run.samples.time, run.samples.joint("joint_1")["link_position"])
     assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
+
+
+def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_path):
+    """With what is tied, and with the moments of inertia that a larger one asks for."""
+    ties = (
+        Tie(key="joint_1.friction", to="joint_1.damping", factor=0.5),
+        Tie(key="link_1.izz", to="joint_1.damping", factor=5.0),
+    )
+    tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
+    files, _ = write_robot(tied, tmp_path, everything=True)
+    sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
+    moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
+    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", workers=1, logs=True, overrides=moves)
+    drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
+    assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
+    moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]
+    np.testing.assert_allclose(*moved, atol=1e-6)
+    assert np.ptp(moved[0]) > 0.1
 
 
 def test_what_goes_together_and_is_torn_is_told_of(fitted):
