@@ -16,6 +16,7 @@ from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
 from asrsim.identification.layout import Layout
+from asrsim.identification.series import smoothed
 from asrsim.identification.track import Track, numbers_of
 from asrsim.robot.model import Link, Robot
 from asrsim.samples import Array
@@ -150,10 +151,8 @@ class _Balance:
         return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
 
     def _smooth(self, values: Array | None) -> Array | None:
-        """(n,) filtered forwards and backwards, where it counts."""
-        from scipy.signal import butter, sosfiltfilt
-
-        return None if values is None else sosfiltfilt(butter(4, self._filter, output="sos"), values)[self._kept]
+        """(n,) where it counts."""
+        return None if values is None else smoothed(values, self._filter)[self._kept]
 
     def _motion(self, values: Array | None) -> Motion | None:
         if values is None:
