@@ -29,9 +29,11 @@ from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
 from asrsim.identification.write import as_dict, torn_numbers, write_robot
+from asrsim.recordings import read_recording
 from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
+from asrsim.scenario.starter_playback import make_plan
 
 pytestmark = pytest.mark.once
 
@@ -391,6 +393,18 @@ def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):
     assert [one.value for one in checked.estimates] == [0.0, 0.0]
     assert {one.verdict for one in checked.estimates} <= {"identified", "weak"}
     assert all(0.0 <= one.high < 0.05 for one in checked.estimates)
+
+
+@pytest.mark.parametrize(("unit", "modes"), [("", {}), (" [rad]", {"joint_1": 6})])
+def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
+    write(tmp_path, "lab", {**SEA, "mode": 8, "tags": "<mot_kt>0.1</mot_kt>"})
+    time = np.arange(50.0)
+    rows = np.column_stack([time, np.sin(time), np.cos(time)])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t_ms,i_A,theta", comments="")
+    read = read_recording(
+        tmp_path / "a.csv", mapping=[f"i_A=joint_1.reference_1{unit}", "theta=joint_1.motor_1_position"], joints=["joint_1"]
+    )
+    assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, strict=True).modes == modes
 
 
 @pytest.mark.restless

@@ -193,6 +193,9 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
         return mode.number
     if command.unit in ("N m", "N"):
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
+    if not command.unit and command.quantity == "reference_1" and command.origin in ("command line", "map file"):
+        # The user says that it is what the mode takes, and in no other unit.
+        return mode.number
     if mode.direct or mode.number == 0:
         return 6 if mode.direct else 1
     if mode.number in (2, 5) and actuator.motors > 1 and second is None:
