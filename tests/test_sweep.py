@@ -234,6 +234,7 @@ def test_what_no_study_is(over, options, word):
     ("key", "word"),
     [
         ("link_1.mas", "Did you mean 'mass'"),
+        ("link_1.inertial.mass", "has no such number; choose from mass"),
         ("lnk_1.mass", "link_1"),
         ("parameters.*.nonsense", "no such parameter"),
         ("references.*.stiffness_preset", "changes nothing"),
