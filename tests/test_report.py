@@ -332,3 +332,12 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
     assert moved["turn"] == turned["turn"]
     assert browser.evaluate(look)[1] != first
     assert browser.complaints == []
+
+
+def test_where_the_logs_of_a_study_are_is_told(tmp_path):
+    (tmp_path / "study/logs/run_000000").mkdir(parents=True)
+    (tmp_path / "study/logs/run_000000/log.mcap").touch()
+    with pytest.raises(InputError, match=r"further down have some: .*study.logs$"):
+        find_logs(tmp_path / "study")
+    with pytest.raises(InputError, match="Run a scenario first"):
+        find_logs(tmp_path)
