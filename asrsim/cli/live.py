@@ -81,7 +81,7 @@ def live(
     if json:
         say_json({"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]})
     else:
-        print_live(session, summary, quiet=quiet)
+        print_live(session, summary, plugin or [], quiet=quiet)
     if not summary.ok:
         raise typer.Exit(1)
 
