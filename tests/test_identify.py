@@ -366,10 +366,23 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     checked = CliRunner().invoke(app, ["identify", str(path), "--check"])
     assert checked.exit_code == 0, checked.output
     assert "only looked" in checked.output
+    assert identify(str(path), check=True).status == "checked"
+    refused = CliRunner().invoke(app, ["identify", str(path), "--hold-out", "0", "--loss", "linear"])
+    assert refused.exit_code == 1
+    with pytest.raises(InputError, match="without it: experiments"):
+        identify(path, [lab / "a.csv"])
     path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
     with pytest.raises(InputError) as found:
         read_task(path)
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+
+
+def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):
+    free = {"joint_1.damping": 0.0, "joint_1.reference_1.delay": 0.0}
+    checked = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True, workers=1)
+    assert [one.value for one in checked.estimates] == [0.0, 0.0]
+    assert {one.verdict for one in checked.estimates} <= {"identified", "weak"}
+    assert all(0.0 <= one.high < 0.05 for one in checked.estimates)
 
 
 @pytest.mark.restless
