@@ -53,7 +53,7 @@ def origin_of(scenario: Scenario) -> str:
     return json.dumps([run_origin(scenario), scenario.variant])
 
 
-def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool = False) -> Earlier:
+def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool) -> Earlier:
     """Look what the folder, which must be ours, holds; with `resume` nothing is to be replaced.
 
     Raises OutputError if it holds what another scenario or variant learned, what asrsim did not write, or what is read here.

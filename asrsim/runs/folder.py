@@ -88,7 +88,7 @@ def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
     return tuple(file for file in files if file is not None)
 
 
-def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
+def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Look what the folder holds, and whether a run of this scenario may write there.
 
     inputs: what the command reads beside the scenario's files. Returns the files of an earlier run of the same scenario and
