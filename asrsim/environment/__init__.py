@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import InputError
+from asrsim.extras import library
 
 if TYPE_CHECKING:
     from asrsim.environment.env import SoftRobotEnv, State
@@ -54,11 +54,9 @@ def make_env(
         InputError: gymnasium is not installed, or something named does not exist.
         ScenarioError, RobotError: as :func:`asrsim.run`.
     """
-    try:
-        from asrsim.environment.env import SoftRobotEnv
-    except ImportError as error:
-        hint = "pip install 'asrsim[gym]'"
-        raise InputError(f"{error.name} is not installed here", hint=hint, code="no-library") from error
+    library("gymnasium", "gym")
+    from asrsim.environment.env import SoftRobotEnv
+
     return SoftRobotEnv(
         scenario, variant=variant, overrides=overrides, control_rate=control_rate, observe=observe, act=act, reward=reward,
         terminated=terminated, randomise=randomise or {}, initial=initial or {}, goal=goal or {}, tip=tip,
