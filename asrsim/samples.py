@@ -83,6 +83,16 @@ class Samples:
         span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
         return f"Samples({len(self.time)} of {', '.join(self.joints)}{span}: {', '.join(self.values)})"
 
+    def forces_on(self, body: str) -> dict[str, Array]:
+        """What can touch a body -> (n, 3) N, its force on the body in the world frame, 0 without contact."""
+        forces = {}
+        for pair, force in self.contacts.items():
+            first, _, second = pair.partition("/")
+            if body in (first, second):
+                # The force acts on the first body; on the second it is opposite. NaN: no contact then.
+                forces[second if body == first else first] = np.nan_to_num(force) * (1.0 if body == first else -1.0)
+        return forces
+
     def joint(self, name: str) -> dict[str, Array]:
         """All quantities of one joint, each (n,); all-NaN ones left out."""
         index = self.joints.index(name)
