@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -98,6 +98,37 @@ class Samples:
         index = self.joints.index(name)
         columns = {quantity: values[:, index] for quantity, values in self.values.items()}
         return {quantity: column for quantity, column in columns.items() if not np.all(np.isnan(column))}
+
+
+def concatenate(parts: Sequence[Samples], *, joints: Sequence[str] = (), quantities: Sequence[str] = ()) -> Samples:
+    """Joins samples in time. Bodies and contacts that a part does not have are NaN there.
+
+    joints, quantities: of the result if there are no parts.
+    """
+    if not parts:
+        return Samples(time=np.empty(0), joints=tuple(joints), values={name: np.empty((0, len(joints))) for name in quantities})
+    if len(parts) == 1:
+        return parts[0]
+
+    def joined(tables: list[Mapping[str, Array]], width: int) -> dict[str, Array]:
+        names = dict.fromkeys(name for table in tables for name in table)
+        return {
+            name: np.concatenate(
+                [
+                    table[name] if name in table else np.full((len(part.time), width), np.nan)
+                    for table, part in zip(tables, parts, strict=True)
+                ]
+            )
+            for name in names
+        }
+
+    return Samples(
+        time=np.concatenate([part.time for part in parts]),
+        joints=parts[0].joints,
+        values=joined([part.values for part in parts], len(parts[0].joints)),
+        bodies=joined([part.bodies for part in parts], 7),
+        contacts=joined([part.contacts for part in parts], 3),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
