@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Plugins, load_plugins
+from asrsim.cli.options import Plugins, into_file, load_plugins
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.outfile import check_output, csv_text, write_text
 
@@ -30,7 +30,7 @@ def bench(
             show_default=False,
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="CSV to write.")] = Path("bench.csv"),
+    out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
     stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox: the released code's order.")] = "leapfrog",
     first_step: Annotated[
         float | None,

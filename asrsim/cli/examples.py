@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from asrsim.cli.options import into_folder
+
 
 def examples(
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to copy them into.")] = Path("examples"),
+    out: Annotated[Path, into_folder("Folder to copy them into.")] = Path("examples"),
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of the same names there.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
 ) -> None:

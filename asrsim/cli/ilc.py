@@ -10,7 +10,7 @@ import typer
 
 from asrsim.cli.completion import variants
 from asrsim.cli.ilc_table import TrialTable, reach_of, report
-from asrsim.cli.options import Align, ColumnMap, Json, Overrides, Plugins, lag_of, load_plugins, mapping_of
+from asrsim.cli.options import Align, ColumnMap, Json, Overrides, Plugins, into_folder, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
     from asrsim.learning.session import Session
@@ -32,9 +32,7 @@ def ilc(
         str | None, typer.Option(help="Learn this variant.", show_default="the only one", autocompletion=variants)
     ] = None,
     overrides: Overrides = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the results.", "out/<scenario>/ilc")] = None,
     trajectory: Annotated[
         str | None, typer.Option(help="Learn this one of `ilc.trajectories`.", show_default="all, one after the other")
     ] = None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.completion import mountings
-from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, load_plugins, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, into_file, load_plugins, pairs
 
 if TYPE_CHECKING:
     from asrsim.runs.from_recording import Written
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def init(
     robot: Annotated[Path, typer.Argument(help="URDF or xacro file of the robot.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The scenario file to write.")] = Path("scenario.yaml"),
+    out: Annotated[Path, into_file("The scenario file to write.", ".yaml", ".yml")] = Path("scenario.yaml"),
     mode: Annotated[
         int | None, typer.Option("--mode", min=0, max=8, help="Operation mode of all joints instead of the robot file's.")
     ] = None,

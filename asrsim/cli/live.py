@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asrsim.cli.completion import variants
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 
 def live(
@@ -34,7 +34,7 @@ def live(
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", show_default="out/<scenario>/<variant>_live", help="Folder for log and summary."),
+        into_folder("Folder for log and summary.", "out/<scenario>/<variant>_live"),
     ] = None,
     plugin: Plugins = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
