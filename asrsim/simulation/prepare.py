@@ -46,7 +46,7 @@ def prepare(
     """
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
-    if isinstance(scenario, str | Path):
+    if not isinstance(scenario, Scenario):
         scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
     elif variant not in (None, scenario.variant) or overrides:
         message = "a scenario that is made already takes no variant and no overrides"
