@@ -26,7 +26,7 @@ CHANGING = (
     (re.compile(re.escape(__version__)), "VERSION"),
     (re.compile(r"^( {4,6}\d+  [\d. ]+) \d+\.\d\d$", re.M), r"\1"),
     (re.compile(r"[ \t]+$", re.M), ""),
-    (re.compile(r"-?\d[\d.]*e-(?:1[5-9]|[2-9]\d)"), "0"),
+    (re.compile(r"-?\d[\d.]*e-(?:1[5-9]|2[0-4])(?!\d)"), "0"),
     (re.compile(r"\"recording\": \"[0-9a-f]{64}"), '"recording": "DIGEST'),
     (re.compile(r"(?:\.\./){3,}(?:[\w.-]+/)*(?=examples/)"), "PROJECT/"),
 )
