@@ -176,7 +176,7 @@ SESSIONS: dict[str, tuple[str, ...]] = {
     ),
     "frequency": ("run chirp.yaml -o chirp -q", "plot chirp --bode -o bode"),
     "task": ("run task.yaml -o task",),
-    "learn": ("ilc learn.yaml -o learn --transfer --processes 1",),
+    "learn": ("ilc learn.yaml -o learn --transfer --processes 1 --keep-logs all",),
     "robot": (
         "ilc learn.yaml -o robot --guess-only", "run robot/guess.yaml -o one --no-plot -q",
         "ilc learn.yaml -o robot --next one/log.mcap", "ilc learn.yaml -o robot --next one/log.mcap --json",

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, cast
 
-from asrsim.errors import AsrsimError, InputError, Problem, printable
+from asrsim.errors import AsrsimError, InputError, Problem, listed, printable
 
 STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
@@ -148,10 +148,9 @@ def _joined(group: Sequence[Problem]) -> str:
     first = group[0]
     if len(group) == 1:
         return str(first)
-    places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group[:SHOWN]]
-    more = f" and {len(group) - SHOWN} more" if len(group) > SHOWN else ""
+    places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group]
     file = f"{first.file}: " if first.file else ""
-    text = f"{file}{len(group)} times: {first.message}: {', '.join(places)}{more}"
+    text = f"{file}{len(group)} times: {first.message}: {listed(places, SHOWN)}"
     return text + (f". {first.hint}" if first.hint else "")
 
 

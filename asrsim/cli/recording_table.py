@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from asrsim.cli.console import say, say_table
+from asrsim.errors import listed
 from asrsim.recordings import Recording, guess_rows
 
 _MOST = 40
@@ -21,5 +22,4 @@ def say_columns(recording: Recording) -> None:
             say(f"  and {len(used) - _MOST} more", "dim")
     others = [row.column for row in rows if row.meaning == "-"]
     if others:
-        more = f", and {len(others) - _MOST} more" if len(others) > _MOST else ""
-        say(f"  not used: {', '.join(others[:_MOST])}{more}", "dim")
+        say(f"  not used: {listed(others, _MOST)}", "dim")

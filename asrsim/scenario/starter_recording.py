@@ -12,6 +12,7 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.actuators.user import command_line
+from asrsim.errors import listed
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
@@ -132,8 +133,7 @@ def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) 
         yield "#   " + "  ".join(text.ljust(width) for text, width in zip(line, [*widths, 0], strict=True)).rstrip()
     unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
     if unused:
-        more = f", and {len(unused) - 12} more" if len(unused) > 12 else ""
-        yield from _wrapped(f"not used: {', '.join(unused[:12])}{more}", "#   ")
+        yield from _wrapped(f"not used: {listed(unused, 12)}", "#   ")
     said = [*plan.remarks, *(f"{p.key}: {p.message}" if p.key else p.message for p in recording.findings)]
     if said:
         yield "# Assumed, or odd about the file:"
