@@ -26,7 +26,7 @@ ASKED = {
     "headers": recordings.of_headers,
     "identification": identification.of_identification, "core": core.of_the_core, "learning": learning.of_learning,
     "kicks": motors.kicks, "signals": motors.of_signals, "bodies": bodies.of_bodies, "robots": bodies.of_robots,
-    "waiting": bodies.of_waiting, "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
+    "files": bodies.of_files, "waiting": bodies.of_waiting, "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
 }  # fmt: skip
 
 

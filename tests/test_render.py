@@ -139,12 +139,6 @@ def test_a_gif_plays_for_as_long_as_the_run(log: Path, tmp_path: Path):
     assert total == pytest.approx(900, abs=20)
 
 
-def test_a_video_without_its_library_says_how_to_get_it(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(InputError, match=r"asrsim\[video\]"):
-        write_mp4(Film(log, size=60), tmp_path / "motion.mp4")
-
-
 @pytest.mark.slow
 def test_a_video_is_an_mp4(log: Path, tmp_path: Path):
     pytest.importorskip("imageio_ffmpeg")

@@ -38,6 +38,11 @@ def plugin_options(files: Iterable[Path | str]) -> list[str]:
     return [word for file in files for word in ("--plugin", str(file))]
 
 
+def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
+    """A command of asrsim's for a file, to be pasted into a shell; plugins: that the file needs."""
+    return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
+
+
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a user's file and register every actuator class that it defines; a file may be loaded again.
 

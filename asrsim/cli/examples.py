@@ -17,8 +17,11 @@ def examples(
 
     Example: asrsim examples
     """
+    from asrsim.actuators.user import command_line
     from asrsim.runs.examples import copy_examples
 
     written = copy_examples(out, overwrite=overwrite)
     if not quiet:
-        typer.echo(f"wrote {len(written)} files into {out}; run one: asrsim run {out / 'scenarios' / 'step_2dof.yaml'}")
+        typer.echo(
+            f"wrote {len(written)} files into {out}; run one: {command_line('run', out / 'scenarios' / 'step_2dof.yaml')}"
+        )

@@ -89,6 +89,7 @@ def identify(
     A file of all of it, from a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
     """
     from asrsim.cli.console import json_errors
+    from asrsim.identification.task import task_of
 
     given: dict[str, Any] = {
         "validate": validate or [], "free": free or [], "ties": tie or [], "own": own or [], "compare": tuple(compare or ()),
@@ -97,7 +98,7 @@ def identify(
     }  # fmt: skip
     with json_errors(json):
         load_plugins(plugin)
-        task = _task(scenario, experiment or [], given)
+        task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, workers=workers)
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
@@ -110,23 +111,6 @@ def identify(
             _say(result, files, said)
     if code:
         raise typer.Exit(code)
-
-
-def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
-    from asrsim.identification import make_task, read_task
-    from asrsim.identification.task import LOSSES, is_task
-
-    if given["loss"] not in LOSSES:
-        raise typer.BadParameter(f"choose from {', '.join(LOSSES)}", param_hint="--loss")
-    if is_task(path):
-        lists = ("validate", "free", "ties", "own", "compare", "mapping", "overrides")
-        said = [name for name in lists if given[name]] + (["experiment"] if experiments else [])
-        if said:
-            raise typer.BadParameter(f"a fit file says itself what is fitted; without it: {', '.join(said)}")
-        return read_task(path, given["plugins"])
-    if not experiments:
-        raise typer.BadParameter("name a recording: --experiment FILE", param_hint="--experiment")
-    return make_task(path, experiments, **given)
 
 
 def _run(

@@ -91,7 +91,7 @@ def ilc(
                 if name and not json:
                     say(f"trajectory {name}", "bold")
                 if guess_only:
-                    found.append(_guess(one, folder, overwrite=overwrite, silent=json))
+                    found.append(_guess(one, folder, plugin or [], overwrite=overwrite, silent=json))
                     continue
                 if recording is not None:
                     step = _next(one, folder, recording, mapping_of(mapping), lag_of(align), silent=json)
@@ -103,7 +103,7 @@ def ilc(
                     processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
                 )  # fmt: skip
                 converged = converged and session.result.converged
-                found.append(report(session, folder, silent=json))
+                found.append(report(session, folder, plugin or [], silent=json))
     except KeyboardInterrupt:
         where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
         complain(f"\nasrsim: interrupted{where}")
@@ -129,7 +129,8 @@ def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
     return {name: known[name]}
 
 
-def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -> dict[str, Any]:
+def _guess(scenario: Scenario, folder: Path, plugins: list[Path], *, overwrite: bool, silent: bool) -> dict[str, Any]:
+    from asrsim.actuators.user import command_line
     from asrsim.cli.console import say
     from asrsim.learning.folder import GUESS, GUESS_PLAYBACK
     from asrsim.learning.plant import make_plant
@@ -140,7 +141,7 @@ def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -
     if not silent:
         for line in (*prepared.notes, *reach_of(prepared)):
             say(line, "yellow" if line.startswith("out of reach") else "")
-        say(f"wrote {folder / GUESS}, of inverse dynamics; play it: asrsim run {folder / GUESS_PLAYBACK}")
+        say(f"wrote {folder / GUESS}, of inverse dynamics; play it: {command_line('run', folder / GUESS_PLAYBACK, plugins)}")
     demands = [demand_data(demand) for demand in prepared.demands]
     return {"ok": True, "folder": str(folder), "demands": demands}
 

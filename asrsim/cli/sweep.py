@@ -133,6 +133,8 @@ def _swept(
         study = make_study(path, over, **given)
     if study.joint and study.joint.left_out:
         complain(f"warning the fit does not say how to draw {', '.join(study.joint.left_out)}: as the scenario has them")
+    if study.joint and study.joint.fixed:
+        complain(f"warning the fit has no interval for {', '.join(study.joint.fixed)}: as it found them, in every run")
     folder = out or Path("out") / study.name / "sweep"
     message = "asrsim: stopping; rows that have come are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, SweepBar(study.name, show=not quiet) as progress:

@@ -29,7 +29,7 @@ from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import cost_of, solve
 from asrsim.identification.steps import ROUNDS, followed, refined
 from asrsim.identification.steps import remarks as substep_remarks
-from asrsim.identification.task import Task, make_task
+from asrsim.identification.task import Task, task_of
 from asrsim.identification.teller import Progress, Teller
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
@@ -54,8 +54,8 @@ def identify(
         result.find("joint_1.spring_k_1").value
 
     Args:
-        scenario: Scenario file, or a task of :func:`make_task` or :func:`read_task`.
-        experiments, options: As :func:`make_task` takes them.
+        scenario: Scenario or fit file, or a task of :func:`make_task` or :func:`read_task`.
+        experiments, options: As :func:`make_task` takes them; of a fit file, only `plugins`.
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
         check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
@@ -65,7 +65,7 @@ def identify(
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
         SimulationError: The motion is not sane at the start.
     """
-    task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
+    task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
     teller = Teller(progress, stop)
     with ExitStack() as stack:
         teller.stage("reading and preparing")
@@ -226,13 +226,16 @@ def _judged(
         teller.stage("what may be missing")
     causes = [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, trained, start))] if misfit else []
     x = unbiased(residuals, _whole(setup, residuals, trained)) if status == "complete" else trained
-    found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
+    # What is only looked at may begin at a bound, as a delay of 0: it has not ended there.
+    met = [status != "checked" and one for one in bounds_met(layout, x)]
+    found = uncertainty(residuals, x, met, foreseen=status == "checked")
     if status == "complete":
-        there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
+        there = settled(residuals, x, start, found, [i for i, one in enumerate(met) if not one])
         if there is not x:
-            x, found = there, uncertainty(residuals, there, bounds_met(layout, there))
+            x, met = there, bounds_met(layout, there)
+            found = uncertainty(residuals, x, met)
         found = with_quanta(residuals, x, found)
-    told, combined = estimates(residuals, x, found, still_joints(setup.fitted), coarse_joints(setup.fitted))
+    told, combined = estimates(residuals, x, found, met, still_joints(setup.fitted), coarse_joints(setup.fitted))
     known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     whole = residuals.ends is not setup.ends
     if (

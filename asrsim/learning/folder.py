@@ -44,7 +44,7 @@ class Earlier:
         return f"replaced {len(self.files)} file{'s' * (len(self.files) != 1)} of an earlier {what} of this scenario"
 
 
-def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool = False) -> Earlier:
+def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool) -> Earlier:
     """Look what the folder, which must be ours, holds; with `resume` nothing is to be replaced.
 
     Raises OutputError if it holds what another scenario or variant learned, what asrsim did not write, or what is read here.

@@ -106,7 +106,7 @@ def evaluate_expectation(
     return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
 
 
-def compares(measured: float, comparison: str, value: float, tolerance: float = 0.0) -> bool:
+def compares(measured: float, comparison: str, value: float, tolerance: float) -> bool:
     """Whether `measured comparison value` holds; `==` within the tolerance, which means nothing elsewhere; NaN never holds."""
     if math.isnan(measured):
         return False

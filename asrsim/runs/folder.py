@@ -77,10 +77,12 @@ def find_logs(place: Path) -> list[Path]:
     own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
     logs = own or sorted(place.glob(f"*/{LOG}"))
     if not logs:
-        message = "no such file or folder"
+        message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
             message = "holds no log of a run (log.mcap), nor does a folder in it"
-        hint = "Run a scenario first: asrsim run scenario.yaml"
+            # Of a study with logs, or of several scenarios.
+            deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
+            hint = f"Folders further down have some: {', '.join(map(str, deeper[:3]))}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
     return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
 
@@ -110,7 +112,7 @@ def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
     return tuple(file for file in files if file is not None)
 
 
-def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
+def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Look what the folder holds, and whether a run of this scenario may write there.
 
     inputs: what the command reads beside the scenario's files. Returns the files of an earlier run of the same scenario and

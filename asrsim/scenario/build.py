@@ -67,16 +67,15 @@ def _lines(root: Node, path: Path | None) -> dict[str, int]:
     found: dict[str, int] = {}
 
     def walk(node: Node, key: str) -> None:
-        items: Mapping[str, Node] = {}
+        items: list[tuple[str, Node, int | None]] = []
         if isinstance(node.value, dict):
-            items = node.value
+            items = [(name, item, node.key_line(name)) for name, item in node.value.items()]
         elif isinstance(node.value, list):
-            items = {str(index): item for index, item in enumerate(node.value)}
-        for name, item in items.items():
+            items = [(str(index), item, item.line) for index, item in enumerate(node.value)]
+        for name, item, line in items:
             inner = f"{key}.{name}" if key else name
-            if item.file == path and item.line is not None:
-                line = node.key_line(name) if isinstance(node.value, dict) else item.line
-                found[inner] = line if line is not None else item.line
+            if item.file == path and line is not None:
+                found[inner] = line
             walk(item, inner)
 
     walk(root, "")

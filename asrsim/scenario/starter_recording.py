@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.actuators.user import command_line
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
@@ -47,6 +48,8 @@ class Names:
     """Of xacro."""
     packages: Mapping[str, str] = field(default_factory=dict)
     """Of ROS, with their folders."""
+    plugins: tuple[str, ...] = ()
+    """Files of users' actuators."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +120,7 @@ def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) 
     ]
     yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`."
     yield "# It plays the recorded commands into the simulation and compares the motion with the recorded one. Units are SI."
-    yield f"#   asrsim run {shlex.quote(names.scenario)}"
+    yield f"#   {command_line('run', names.scenario, names.plugins)}"
     yield f"#   asrsim plot {log} --experiment {recorded} {' '.join(options)}"
     yield "#"
     yield f"# How the file was read ({recording.format}, {_sampling(recording)}); --map COLUMN=JOINT.QUANTITY corrects it:"
