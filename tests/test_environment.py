@@ -184,7 +184,8 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"randomise": {"joint_1.damping": "uniform(2, 1)"}}, "must be above the low one"),
         ({"randomise": {"step": [0.001]}}, "read anew"),
         ({"randomise": {"joint_1.damping": ["much"]}}, "numbers only"),
-        ({"initial": {"elbow": [0.1]}}, "no joint is called 'elbow'"),
+        ({"initial": {"elbow": [0.1]}}, "initial.elbow: the robot has no moving joint"),
+        ({"initial": {"joint_1": "uniform(1, 3)"}}, "initial.joint_1: lies outside the limits"),
         ({"render_mode": "human"}, "no render mode"),
     ],
 )

@@ -320,6 +320,9 @@ def test_guesses_by_name(tmp_path: Path, names: list[str], expected: list[str | 
         (["hip_pos", "knee_pos_ref"], ["left_knee_joint", "left_hip_joint"], ["left_hip_joint", "left_knee_joint"]),
         (["hip_pos_meas", "knee_pos_meas"], None, ["hip", "knee"]),
         (["filtered_pos", "filtered_vel"], None, ["joint_1", "joint_1"]),
+        # Another robot's file: the joint's number stands before the dot, the quantity's own behind it.
+        (["joint_1.reference_1", "joint_1.reference_2", "joint_2.motor_2_position"], ["a1", "a2"], ["a1", "a1", "a2"]),
+        (["trial_2.q1", "joint_2.q2"], None, ["joint_1", "joint_2"]),
     ],
 )
 def test_guesses_of_joints(tmp_path: Path, names: list[str], joints: list[str] | None, expected: list[str | None]) -> None:

@@ -168,7 +168,8 @@ def test_a_fit_of_logarithms_is_drawn_above_0_and_what_it_leaves_out_is_known():
     sure = study_of(
         {}, samples=20, fit={**fit, "covariance": [[0.25, 0.0], [0.0, 0.0]], "estimates": [{"key": "a.y", "verdict": "weak"}]}
     )
-    assert (sure.joint.left_out, sure.joint.fixed) == ((), ("a.y (weak)",))
+    assert (sure.joint.left_out, sure.joint.fixed, sure.joint.fits) == ((), ("a.y (weak)",), True)
+    assert not study_of({}, samples=20, fit={**fit, "fits": False}).joint.fits
     assert np.ptp(sure.table[:, 1]) == 0.0 < np.ptp(sure.table[:, 0])
     with pytest.raises(InputError, match="logarithmic"):
         study_of({}, samples=20, fit={**fit, "logarithmic": [True]})

@@ -151,9 +151,7 @@ def _results(actuator: type[Actuator]) -> Iterable[Problem]:
 
 def law_fault(error: BaseException) -> ActuatorError | None:
     """The error as one of a user's law, if it came up in a user's file."""
-    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    lines = [line for _, line in traceback.walk_tb(error.__traceback__)]
-    for frame, line in reversed(list(zip(frames, lines, strict=True))):
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         if str(frame.f_globals.get("__name__", "")).startswith(MODULES):
             message = f"the law raised {type(error).__name__}: {error}"
             hint = "asrsim check --actuator NAME --plugin FILE tries a law over its whole range"

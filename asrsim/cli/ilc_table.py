@@ -23,8 +23,10 @@ def before_trials(prepared: Prepared) -> list[str]:
     if settings.law == "auto":
         lines = ["law auto: norm-optimal over three models, from inverse dynamics"]
     else:
-        gains, advice = (", ".join(f"{gain:.3g}" for gain in values) for values in (settings.gains, prepared.gain_advice()))
-        cutoff = "no filter" if settings.filter_cutoff is None else f"filter {settings.filter_cutoff:.3g} Hz"
+        gains, advice = (
+            ", ".join(f"{gain:.3g}" for gain in values) for values in (settings.joint_gains.values(), prepared.gain_advice())
+        )
+        cutoff = "no filter" if settings.filter is None else f"filter {settings.filter.cutoff:.3g} Hz"
         lines = [
             f"law {settings.law}: gains {gains} (the model's {advice}), {cutoff}; errors shrink below {prepared.reach:.2g} Hz"
         ]

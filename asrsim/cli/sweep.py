@@ -129,6 +129,8 @@ def _swept(
         study = read_study(path, given["plugins"])
     else:
         study = make_study(path, over, **given)
+    if study.joint and not study.joint.fits:
+        complain("warning the fit says that its model does not fit: what is drawn is what a wrong model would be sure of")
     if study.joint and study.joint.left_out:
         complain(f"warning the fit does not say how to draw {', '.join(study.joint.left_out)}: as the scenario has them")
     if study.joint and study.joint.fixed:

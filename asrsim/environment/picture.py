@@ -29,14 +29,7 @@ class Picture:
         self._scene = Scene(drawable(robot, scenario.package_paths).robot, scenario)
         self._painter = Painter(self._scene)
         joints = [drive.joint for drive in simulation.prepared.drives]
-        ranges = {
-            joint.name: np.linspace(
-                -np.pi if joint.lower is None else max(joint.lower, -np.pi),
-                np.pi if joint.upper is None else min(joint.upper, np.pi),
-                LOOKS,
-            )
-            for joint in joints
-        }
+        ranges = {joint.name: np.linspace(max(joint.stops[0], -np.pi), min(joint.stops[1], np.pi), LOOKS) for joint in joints}
         reach = [
             self._scene.frames(dict(zip(ranges, pose, strict=True)), {})
             for pose, _ in zip(product(*ranges.values()), range(MOST), strict=False)

@@ -126,11 +126,15 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
         return Guess(quantity=exact, joint=joint, reason=f"'{name}' is {exact}")
     words = tokens_of(rest)
     numbers = [int(word) for word in words if word.isdigit()]
-    last = rest.rpartition(".")[2]
+    head, _, last = rest.rpartition(".")
     if len(numbers) > 1 and sum(word.isdigit() for word in tokens_of(last)) == 1 and not last.endswith("]"):
         # trial_2.q1: the numbers before the last dot count something else.
         words = tokens_of(last)
         numbers = [int(word) for word in words if word.isdigit()]
+        # joint_2.reference_1: unless they count joints, and the last one is the quantity's own.
+        holders = [int(number) for word, number in pairwise(tokens_of(head)) if word in _AXIS and number.isdigit()]
+    else:
+        holders = []
     plain = [word for word in words if not word.isdigit()]
     if joint is not None and re.search(rf"(^|\.){re.escape(joint)}(\.data|\.values?)?$", name, re.IGNORECASE):
         # trial.elbow, elbow.Data: what holds the joint's series may be called anything, but is no other quantity.
@@ -140,6 +144,8 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
         return Guess(quantity=None, joint=joint, reason="no quantity of the simulation in its name")
     if unit is not None and (unit.si in ("V", "A") or not fits(unit.si, (QUANTITIES | DERIVED)[quantity].unit)):
         return Guess(quantity=None, joint=joint, reason=f"looks like {quantity}, but its unit is {unit.symbol}")
+    if own_number is not None:
+        numbers = [*holders, *numbers]
     # reference_1, motor_2, theta_1: the number is the quantity's own unless numbers count joints in this file.
     if own_number is not None and (len(numbers) > 1 or joint is not None or not counted):
         numbers.remove(own_number)

@@ -73,7 +73,7 @@ class Film:
         """Positions, poses and contacts, thinned where the log is long."""
         if not len(self.samples.time):
             what = "the log holds no samples" + ("" if start is None and end is None else " in that time")
-            raise LogError(what, file=self.path, code="empty-log")
+            raise LogError(what, file=self.path, hint=f"It lasts {reader.duration:g} s", code="empty-log")
         self.scene, self.notes = self._open()
         self._painter = Painter(self.scene)
         self.camera, self.width, self.height = common_view([self])

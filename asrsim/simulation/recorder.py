@@ -117,9 +117,8 @@ class Recorder:
         self._limits = [_limits_of(group) for group in groups]
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
-        self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
-        self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
-        self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
+        self._efforts = np.array([[drive.joint.most_effort] for drive in drives])
+        self._lowest, self._highest = np.array([drive.joint.stops for drive in drives]).T[:, :, None]
         self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
 
     def __deepcopy__(self, memo: Any) -> Recorder:

@@ -71,13 +71,6 @@ def kicks() -> Asked:
         lambda p, v, w, i, r, load: found("simulation.toolbox.toolbox_motor")(p, v, w, 4 * r, load, 0.002, constants),
         STATES,
     )
-    damped = [
-        (t, v, 0.1, 1.0, d, b, 0.01, 0.5, 0.2, 0.3)
-        for t in (-0.9, 0.2)
-        for v in (-20.0, 1.0, 30.0)
-        for d, b in ((0.0, 0.0), (0.3, 0.0), (0.3, 0.2))
-    ]
-    yield "damped", found("simulation.kernels.damp"), damped
 
 
 def of_signals() -> Asked:
