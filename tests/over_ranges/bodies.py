@@ -65,7 +65,7 @@ def of_bodies() -> Asked:
     for explicit in (False, True):
         for coupled in (None, True, False):
             how = {"explicit": explicit, "coupled": coupled}
-            asked = [([c, 0.1 * c], h) for c in (0.0, 0.1, 10.0, 1e3) for h in (1e-4, 1e-3)]
+            asked = [([c, 0.1 * c], h) for c in (0.0, 0.1, 10.0, 1e3, 2e4) for h in (1e-4, 1e-3)]
             yield f"response {how}", lambda c, h, how=how: found("simulation.damping.mean_response")(mass, c, h, **how), asked
     yield (
         "between samples",
