@@ -211,6 +211,13 @@ def test_a_file_that_is_no_log_of_ours_is_kept(tiny, asrsim_command) -> None:
     assert (tiny.folder / "results" / "log.mcap").read_text() == "my diary"
 
 
+def test_what_a_run_no_longer_makes_goes_with_the_earlier_one(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "--report", "-q")
+    assert (tiny.folder / "out" / "report.html").exists()
+    asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "-q")
+    assert sorted(path.name for path in (tiny.folder / "out").iterdir()) == ["log.mcap", "summary.json"]
+
+
 def test_a_run_that_cannot_be_built_leaves_the_earlier_results(tiny, asrsim_command) -> None:
     asrsim_command("run", tiny.scenario, "--no-plot")
     before = log_of(tiny).read_bytes()

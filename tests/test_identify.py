@@ -22,15 +22,16 @@ from asrsim.identification.data import Command
 from asrsim.identification.fit import is_loud
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, foreign
+from asrsim.identification.layout import Tie
 from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
-from asrsim.identification.track import physical
-from asrsim.identification.write import torn_numbers, write_robot
+from asrsim.identification.write import as_dict, torn_numbers, write_robot
 from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
+from asrsim.robot.vary import physical
 
 pytestmark = pytest.mark.once
 
@@ -77,6 +78,30 @@ def test_a_start_far_off_comes_near_by_regression(lab):
         setup = set_up(make_task(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness=4e5"]), stack)
         (there,) = setup.layout.values(regressed(setup.tracks, setup.layout, np.zeros(1)))
     assert there == pytest.approx(4.0, rel=0.2)
+
+
+RECORDED = {
+    1: ("link_position",),
+    3: ("link_position", "elastic_torque_1"),
+    5: ("link_position", "motor_1_position"),
+}
+"""Mode -> what is recorded in it."""
+
+
+@pytest.mark.parametrize("mode", RECORDED)
+def test_torques_balance_at_the_truth_in_every_mode(tmp_path, mode):
+    free = {"joint_1.damping": 0.02, "link_1.izz": 0.009} | ({"joint_1.motor_1_inertia": 0.0233} if mode == 5 else {})
+    told = {1: "link_position", 3: "equilibrium_position", 5: "reference_1"}[mode]
+    numbers = {**SEA, "mode": mode}
+    truth = write(tmp_path, "truth", numbers, f"{{{told}: {CHIRP}}}")
+    guess = write(tmp_path, "guess", numbers)
+    for path in (truth, guess):
+        path.write_text(path.read_text() + "compiled: false\n")
+    recording = record(truth, tmp_path / "r.csv", RECORDED[mode], noise=1e-6, every=4)
+    with ExitStack() as stack:
+        setup = set_up(make_task(guess, [recording], free=[f"{key}={3 * value}" for key, value in free.items()]), stack)
+        found = setup.layout.values(regressed(setup.tracks, setup.layout, np.zeros(len(setup.layout.entries))))
+    assert dict(zip(free, found, strict=False)) == pytest.approx(free, rel=0.02)
 
 
 def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):
@@ -326,6 +351,24 @@ def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(t
     assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
 
 
+def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_path):
+    """With what is tied, and with the moments of inertia that a larger one asks for."""
+    ties = (
+        Tie(key="joint_1.friction", to="joint_1.damping", factor=0.5),
+        Tie(key="link_1.izz", to="joint_1.damping", factor=5.0),
+    )
+    tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
+    files, _ = write_robot(tied, tmp_path, everything=True)
+    sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
+    moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
+    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", workers=1, logs=True, overrides=moves)
+    drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
+    assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
+    moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]
+    np.testing.assert_allclose(*moved, atol=1e-6)
+    assert np.ptp(moved[0]) > 0.1
+
+
 def test_what_goes_together_and_is_torn_is_told_of(fitted):
     torn = replace(fitted, estimates=(replace(fitted.estimates[0], verdict="weak"), *fitted.estimates[1:]))
     for correlation, word in ((0.95, "goes with joint_1.damping"), (0.5, "")):
@@ -347,10 +390,23 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     checked = CliRunner().invoke(app, ["identify", str(path), "--check"])
     assert checked.exit_code == 0, checked.output
     assert "only looked" in checked.output
+    assert identify(str(path), check=True).status == "checked"
+    refused = CliRunner().invoke(app, ["identify", str(path), "--hold-out", "0", "--loss", "linear"])
+    assert refused.exit_code == 1
+    with pytest.raises(InputError, match="without it: experiments"):
+        identify(path, [lab / "a.csv"])
     path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
     with pytest.raises(InputError) as found:
         read_task(path)
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+
+
+def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):
+    free = {"joint_1.damping": 0.0, "joint_1.reference_1.delay": 0.0}
+    checked = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True, workers=1)
+    assert [one.value for one in checked.estimates] == [0.0, 0.0]
+    assert {one.verdict for one in checked.estimates} <= {"identified", "weak"}
+    assert all(0.0 <= one.high < 0.05 for one in checked.estimates)
 
 
 @pytest.mark.restless

@@ -157,8 +157,11 @@ def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path:
     assert result.fits, (result.misfit, result.causes)
     assert result.find("joint_1.motor_1_friction_stiffness").value > 1e4
     assert any("bristles" in text for text in result.remarks)
+    # They are tried once the first start does not fit, and no other is needed then.
+    assert result.attempts == 1
     for one, value in zip(result.estimates, (inertia, loss, friction, stiff, fade, link), strict=False):
-        assert one.value == pytest.approx(value, rel=0.005), one
+        assert one.low < value < one.high, one
+        assert one.value == pytest.approx(value, rel=max(0.005, one.margin)), one
 
 
 @pytest.mark.slow

@@ -177,13 +177,12 @@ def test_pictures_need_neither_engine_nor_plugin(log: Path, tmp_path: Path):
 @pytest.mark.parametrize("scenario", ["box_push_5dof", "step_2dof"])
 def test_links_are_drawn_where_the_engine_has_them(scenario: str):
     from asrsim.kinematics.engine_model import model_of
-    from asrsim.render.frames import rpy_frame
     from asrsim.render.scene import Scene
     from asrsim.scenario import load_scenario
 
     loaded = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml")[0]
     robot = load_robot(loaded.robot)
-    scene = Scene(drawable(robot).robot, rpy_frame(loaded.base_position, loaded.base_rpy), loaded.world)
+    scene = Scene(drawable(robot).robot, loaded)
     rng = np.random.default_rng(3)
     with model_of(loaded, robot) as model:
         positions = rng.uniform(-1.0, 1.0, size=len(model.joints))

@@ -165,8 +165,35 @@ def test_a_fit_of_logarithms_is_drawn_above_0_and_what_it_leaves_out_is_known():
     np.testing.assert_allclose(np.cov(drawn.T), fit["covariance"], atol=0.01)
     np.testing.assert_allclose(drawn.mean(axis=0), fit["mean"], atol=0.02)
     assert study.joint.left_out == ("a.z (only as ratio)",)
+    sure = study_of(
+        {}, samples=20, fit={**fit, "covariance": [[0.25, 0.0], [0.0, 0.0]], "estimates": [{"key": "a.y", "verdict": "weak"}]}
+    )
+    assert (sure.joint.left_out, sure.joint.fixed, sure.joint.fits) == ((), ("a.y (weak)",), True)
+    assert not study_of({}, samples=20, fit={**fit, "fits": False}).joint.fits
+    assert np.ptp(sure.table[:, 1]) == 0.0 < np.ptp(sure.table[:, 0])
     with pytest.raises(InputError, match="logarithmic"):
         study_of({}, samples=20, fit={**fit, "logarithmic": [True]})
+
+
+def test_what_is_tied_follows_a_fit_s_draws_and_none_leaves_its_bounds():
+    """As in the fit itself: else springs of one pair would differ, and friction be negative in runs that fail."""
+    ties = [
+        {"key": "a.y", "to": "a.x", "factor": 2},
+        {"key": "a.w", "to": "a.y", "factor": 3},
+        {"key": "b.y", "to": "b.x", "factor": 1},
+    ]
+    fit = {"keys": ["a.x", "a.z"], "mean": [1.0, 0.1], "covariance": [[1e-4, 0], [0, 1]], "ties": ties}
+    study = study_of({"c.x": "uniform(0, 1)"}, samples=50, fit={**fit, "bounds": [[None, None], [0, 0.5]]})
+    points = [study.point(run)[1] for run in range(50)]
+    assert tuple(points[0]) == study.keys == ("c.x", "a.x", "a.y", "a.w", "a.z")
+    assert study.groups == (("c.x",), ("a.x", "a.y", "a.w"), ("a.z",))
+    assert all(one["a.y"] == 2 * one["a.x"] and one["a.w"] == 6 * one["a.x"] for one in points)
+    drawn = [one["a.z"] for one in points]
+    assert (min(drawn), max(drawn)) == (0, 0.5)
+    assert len(set(drawn)) > 10
+    for wrong in ({"bounds": [[0, 1]]}, {"bounds": [[1, 0], [0, 1]]}, {"bounds": "x"}, {"ties": ["a.x = a.y"]}):
+        with pytest.raises(InputError, match="bounds"):
+            study_of({}, samples=5, fit={**fit, **wrong})
 
 
 def test_a_faulty_law_is_told_of_alone():
@@ -208,6 +235,7 @@ def test_what_no_study_is(over, options, word):
     ("key", "word"),
     [
         ("link_1.mas", "Did you mean 'mass'"),
+        ("link_1.inertial.mass", "has no such number; choose from mass"),
         ("lnk_1.mass", "link_1"),
         ("parameters.*.nonsense", "no such parameter"),
         ("references.*.stiffness_preset", "changes nothing"),

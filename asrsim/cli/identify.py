@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task
@@ -64,9 +64,7 @@ def identify(
     everything: Annotated[
         bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
     ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/fit")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
     workers: Annotated[
         int | None,
@@ -89,6 +87,7 @@ def identify(
     A file of all of it, from a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
     """
     from asrsim.cli.console import json_errors
+    from asrsim.identification.task import task_of
 
     given: dict[str, Any] = {
         "validate": validate or [], "free": free or [], "ties": tie or [], "own": own or [], "compare": tuple(compare or ()),
@@ -97,7 +96,7 @@ def identify(
     }  # fmt: skip
     with json_errors(json):
         load_plugins(plugin)
-        task = _task(scenario, experiment or [], given)
+        task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, workers=workers)
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
@@ -110,23 +109,6 @@ def identify(
             _say(result, files, said)
     if code:
         raise typer.Exit(code)
-
-
-def _task(path: Path, experiments: list[Path], given: dict[str, Any]) -> Task:
-    from asrsim.identification import make_task, read_task
-    from asrsim.identification.task import LOSSES, is_task
-
-    if given["loss"] not in LOSSES:
-        raise typer.BadParameter(f"choose from {', '.join(LOSSES)}", param_hint="--loss")
-    if is_task(path):
-        lists = ("validate", "free", "ties", "own", "compare", "mapping", "overrides")
-        said = [name for name in lists if given[name]] + (["experiment"] if experiments else [])
-        if said:
-            raise typer.BadParameter(f"a fit file says itself what is fitted; without it: {', '.join(said)}")
-        return read_task(path, given["plugins"])
-    if not experiments:
-        raise typer.BadParameter("name a recording: --experiment FILE", param_hint="--experiment")
-    return make_task(path, experiments, **given)
 
 
 def _run(

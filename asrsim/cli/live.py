@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asrsim.cli.completion import variants
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 
 def live(
@@ -34,7 +34,7 @@ def live(
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", show_default="out/<scenario>/<variant>_live", help="Folder for log and summary."),
+        into_folder("Folder for log and summary.", "out/<scenario>/<variant>_live"),
     ] = None,
     plugin: Plugins = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
@@ -82,7 +82,7 @@ def live(
     if json:
         say_json({"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]})
     else:
-        print_live(session, summary, quiet=quiet)
+        print_live(session, summary, plugin or [], quiet=quiet)
     if not summary.ok:
         raise typer.Exit(1)
 

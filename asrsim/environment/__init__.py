@@ -43,8 +43,8 @@ def make_env(
             An action is in [-1, 1] and goes through the reference's range (`reference_ranges`, else the robot's limits).
         reward: Of the state after each action; none: 0.
         terminated: Whether the episode is over, of the same state.
-        randomise: Key -> law, drawn at every reset: keys and laws as `asrsim sweep --over` takes them, of numbers that need
-            no new reading (parameters, damping, masses, constant references).
+        randomise: Key (`key & key`: tied) -> law as `asrsim sweep --over` takes them, drawn at every reset: of numbers that
+            need no new reading (parameters, damping, masses, constant references).
         initial: Joint -> law of its position at the start, rad or m.
         goal: Name -> law, drawn at every reset; the values stand at the end of the observation.
         tip: Link and point on it (m) whose position in the world is wanted.

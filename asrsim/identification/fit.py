@@ -76,14 +76,18 @@ class Best:
 
 
 def search(
-    residuals: Residuals, best: Best, *, loss: str, starts: int, spread: float, seed: int, tell: Callable[[str], None]
-) -> None:
-    """Try starts until one fits; `best` has the best of them at any time."""
+    residuals: Residuals, best: Best, *, loss: str, starts: int, spread: float, seed: int, tell: Callable[[str], None],
+    widened: Callable[[], bool],
+) -> None:  # fmt: skip
+    """Try starts until one fits; `best` has the best of them at any time. widened: asked once, after the first start, where it
+    does not fit: whether more that is free, at the vectors' end, is nearer.
+    """
     user = best.x.copy()
     for number, (how, x, horizons) in enumerate(_attempts(residuals, user, best, spread, seed)):
         if number >= starts:
             break
         tell(how)
+        x = _wide(x, residuals)
         for share in horizons:
             residuals.share = share
             last = share == 1.0
@@ -93,10 +97,14 @@ def search(
         residuals.share = 1.0
         cost = cost_of(residuals(x), loss)
         best.offer(Found(x, cost, how))
-        if fits_noise(left_of(residuals, best.x)) or (
-            not number and _as_stairs(residuals, best, loss) and fits_noise(left_of(residuals, best.x))
-        ):
+        others: Sequence[Callable[[], bool]] = () if number else (lambda: _as_stairs(residuals, best, loss), widened)
+        if fits_noise(left_of(residuals, best.x)) or any(way() and fits_noise(left_of(residuals, best.x)) for way in others):
             break
+
+
+def _wide(x: Array, residuals: Residuals) -> Array:
+    """A vector from before more was free."""
+    return np.append(x, np.zeros(len(residuals.layout) - len(x)))
 
 
 def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
@@ -128,10 +136,11 @@ def _attempts(
     """Starts, the user's first; then those that a look along each parameter finds, the same with losses divided otherwise, and
     scattered ones.
     """
-    generator, layout = np.random.default_rng(seed), residuals.layout
+    generator = np.random.default_rng(seed)
     how, first = _nearest(residuals, start)
     yield how, first, SHORT
     yield f"{how}, horizon growing", first, GROWING
+    layout, start = residuals.layout, _wide(start, residuals)
     for place in (start, best.x) if _swinging(residuals, best.x) else ():
         for how, x in _looked_along(residuals, place, float(np.log(spread)), best.cost):
             yield how, x, (1.0,)

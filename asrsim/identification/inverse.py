@@ -18,7 +18,7 @@ from asrsim.identification.noise import fine_noise
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.static import StaticTrack, is_static
-from asrsim.identification.track import Track, numbers_of, physical
+from asrsim.identification.track import Track, numbers_of
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
@@ -150,7 +150,7 @@ class InverseTrack(Track):
         q, v, _a = self._motion
         joints = self.evaluation.joints
         try:
-            changes = physical(self.prepared.robot, numbers_of(values))
+            changes = numbers_of(values)
             robot = varied_robot(self.prepared.robot, changes)
         except RobotError:
             return None

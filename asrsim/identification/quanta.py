@@ -15,9 +15,11 @@ PHASES = (0.0, 0.25, 0.5, 0.75)
 
 def with_quanta(residuals: Residuals, x: Array, found: Uncertainty) -> Uncertainty:
     """The same with deviations that hold what the encoders' steps, put on what x predicts, would make of the estimates."""
+    if not any(channel.quantum for track in residuals.tracks for channel in track.channels):
+        return found
     shifts = [found.inverse @ (found.jacobian.T @ _steps(residuals, x, phase)) for phase in PHASES]
     moved = np.sqrt(np.mean(np.square(shifts), axis=0))
-    return found.with_deviation(np.hypot(found.deviation, moved), found.quantile) if np.any(moved) else found
+    return found.with_deviation(np.hypot(found.deviation, moved), found.quantile)
 
 
 def _steps(residuals: Residuals, x: Array, phase: float) -> Array:

@@ -16,7 +16,7 @@ from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
 from asrsim.identification.layout import Layout
-from asrsim.identification.track import Track, numbers_of, physical
+from asrsim.identification.track import Track, numbers_of
 from asrsim.robot.model import Link, Robot
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
@@ -204,7 +204,7 @@ class _Balance:
 
     def rows(self, values: Mapping[str, float]) -> Iterator[Array]:
         """Torques that are left over, in shares of what drives each. Raises RobotError."""
-        varied = self._track.prepared.vary(physical(self._track.prepared.robot, numbers_of(values)))
+        varied = self._track.prepared.vary(numbers_of(values))
         springs = [self._springs(*one) for one in zip(varied.drives, self._motors, self._links, strict=True)]
         for drive, motors, goals, torques in zip(varied.drives, self._motors, self._goals, springs, strict=True):
             for i, torque in enumerate(torques, start=1):

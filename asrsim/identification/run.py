@@ -11,25 +11,23 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.bristles import with_bristles
 from asrsim.identification.causes import missing_causes
-from asrsim.identification.fit import Best, Stopped, globally, search
-from asrsim.identification.intervals import correlations, uncertainty, whitened
+from asrsim.identification.fit import NEARLY, Best, Stopped, globally, search
+from asrsim.identification.intervals import correlations, uncertainty
 from asrsim.identification.inverse import unbiased
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
 from asrsim.identification.layout import Layout
-from asrsim.identification.noise import lag_correlation
 from asrsim.identification.nulls import settled
 from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
 from asrsim.identification.quanta import with_quanta
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
+from asrsim.identification.settling import bristled, settle
 from asrsim.identification.setup import Setup, set_up
-from asrsim.identification.solver import cost_of, solve
-from asrsim.identification.steps import ROUNDS, followed, refined
-from asrsim.identification.steps import remarks as substep_remarks
-from asrsim.identification.task import Task, make_task
+from asrsim.identification.solver import solve
+from asrsim.identification.steps import with_substeps
+from asrsim.identification.task import Task, task_of
 from asrsim.identification.teller import Progress, Teller
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
@@ -54,8 +52,8 @@ def identify(
         result.find("joint_1.spring_k_1").value
 
     Args:
-        scenario: Scenario file, or a task of :func:`make_task` or :func:`read_task`.
-        experiments, options: As :func:`make_task` takes them.
+        scenario: Scenario or fit file, or a task of :func:`make_task` or :func:`read_task`.
+        experiments, options: As :func:`make_task` takes them; of a fit file, only `plugins`.
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
         check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
@@ -65,7 +63,7 @@ def identify(
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
         SimulationError: The motion is not sane at the start.
     """
-    task = scenario if isinstance(scenario, Task) else make_task(scenario, experiments, **options)
+    task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
     teller = Teller(progress, stop)
     with ExitStack() as stack:
         teller.stage("reading and preparing")
@@ -96,20 +94,17 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             if task.search:
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(
-                residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt
+                residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt,
+                widened=lambda: bristled(residuals, best, setup, NEARLY),
             )  # fmt: skip
             teller.stage("substeps and weights of what was found")
-            _settle(residuals, best, setup)
-            layout, x = with_bristles(residuals, best.x, setup.robot)
-            if len(x) > len(best.x):
-                teller.stage("bristles of the friction")
-                setup.layout, residuals.layout, best.x = layout, layout, x
-                followed(residuals, x, setup.tracks)
-                best.x = solve(residuals, x, loss=task.loss)
-                _settle(residuals, best, setup)
+            settle(residuals, best, setup)
+            teller.stage("bristles of the friction")
+            if bristled(residuals, best, setup, np.inf):
+                settle(residuals, best, setup)
         except Stopped:
             status = "interrupted"
-            residuals.share = 1.0
+            residuals.share, residuals.layout = 1.0, setup.layout
     for track in setup.tracks:
         track.held = best.held
     teller.deaf = True
@@ -117,47 +112,8 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
 
 
-def _settle(residuals: Residuals, best: Best, setup: Setup) -> None:
-    """With the substeps of a run with these numbers, or as fine ones as the recordings ask for, and weights of what is left."""
-    for _ in range(ROUNDS):
-        if not followed(residuals, best.x, setup.tracks):
-            break
-        best.x = solve(residuals, best.x, loss="linear", rounds=20)
-    best.x, best.substeps = refined(residuals, best.x, setup.tracks)
-    best.x = _reweighted(residuals, best.x, setup.task)
-
-
 APART = 10.0
 """Times that of the training part: a mean square error of whole recordings that means that they are not explained."""
-ALIKE = 0.05
-"""Of the mean square error, at most, that weights by correlated noise may cost: more, and what is correlated is the model's
-fault."""
-
-
-def _reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
-    """Once more with each channel's noise and its correlation as they are left over.
-
-    Whitening is right for noise that is correlated; where the model is wrong it would give weight to what the model does best.
-    """
-    before = residuals.weights
-    residuals.weights = whitened(residuals, x)
-    there = solve(residuals, x, loss=task.loss, rounds=15)
-    better = float(np.mean(residuals(there) ** 2)) <= float(np.mean(residuals(x) ** 2)) * (1.0 + 1e-9)
-    weights = residuals.weights
-    residuals.weights = before
-    # Of so many independent samples, a fit without these weights explains a part by chance.
-    left = np.concatenate([one for track in range(len(residuals.tracks)) for one in residuals.raw(x, track) or [np.zeros(1)]])
-    correlation = min(max(lag_correlation(left), 0.0), 1.0 - 1e-6)
-    chance = 2.0 * len(x) / (len(left) * (1.0 - correlation) / (1.0 + correlation))
-    limit = 1.0 + min(max(chance, 0.01), ALIKE)
-    if better and cost_of(residuals(there), task.loss) <= limit * cost_of(residuals(x), task.loss):
-        residuals.weights = weights
-        return there
-    residuals.weights = [
-        [Weights(float(np.sqrt(np.mean(r**2)))) for r in residuals.raw(x, track, residuals.until(track)) or []]
-        for track in range(len(residuals.tracks))
-    ]  # fmt: skip
-    return x
 
 
 def residuals_of(setup: Setup, x: Array, track: int) -> list[Array] | None:
@@ -226,13 +182,16 @@ def _judged(
         teller.stage("what may be missing")
     causes = [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, trained, start))] if misfit else []
     x = unbiased(residuals, _whole(setup, residuals, trained)) if status == "complete" else trained
-    found = uncertainty(residuals, x, bounds_met(layout, x), foreseen=status == "checked")
+    # What is only looked at may begin at a bound, as a delay of 0: it has not ended there.
+    met = [status != "checked" and one for one in bounds_met(layout, x)]
+    found, finer = uncertainty(residuals, x, met, foreseen=status == "checked"), ""
     if status == "complete":
-        there = settled(residuals, x, start, found, [i for i, met in enumerate(bounds_met(layout, x)) if not met])
+        there = settled(residuals, x, start, found, [i for i, one in enumerate(met) if not one])
         if there is not x:
-            x, found = there, uncertainty(residuals, there, bounds_met(layout, there))
-        found = with_quanta(residuals, x, found)
-    told, combined = estimates(residuals, x, found, still_joints(setup.fitted), coarse_joints(setup.fitted))
+            x, met = there, bounds_met(layout, there)
+            found = uncertainty(residuals, x, met)
+        found, finer = with_substeps(residuals, x, with_quanta(residuals, x, found))
+    told, combined = estimates(residuals, x, found, met, still_joints(setup.fitted), coarse_joints(setup.fitted))
     known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     whole = residuals.ends is not setup.ends
     if (
@@ -245,7 +204,9 @@ def _judged(
     if moved := _moved(layout, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
-    remarks += substep_remarks(residuals, x, found, best.substeps) if status == "complete" else []
+    if count := best.substeps.get("substeps"):
+        remarks.append(f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise")
+    remarks += [finer] if finer else []
     asked = {parameter.key for parameter in setup.free}
     remarks += [
         f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"

@@ -4,13 +4,14 @@ much still finer ones would make the estimates others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
 from asrsim.errors import RobotError, UnresolvedSpringError
 from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.layout import Layout
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.told import percent
@@ -51,7 +52,9 @@ def refined(residuals: Residuals, x: Array, tracks: Sequence[Track]) -> tuple[Ar
     them. x and nothing where those of runs will do, the scenario gives its own, or finer ones explain less: the recording is
     a simulation's, made with these.
     """
-    factor = 1 if tracks[0].prepared.stepping.released or tracks[0].given_substeps else _finer_times(residuals, x)
+    if tracks[0].prepared.stepping.released or tracks[0].given_substeps:
+        return x, {}
+    factor = max(_finer_times(residuals, x), FINER if sticks(residuals.layout) else 1)
     if factor == 1:
         return x, {}
     coarse = [(track, track.prepared.resolution) for track in tracks]
@@ -96,24 +99,23 @@ def _finer(residuals: Residuals) -> Iterator[None]:
             track.resolve(substeps, motor_substeps)
 
 
-def discretised(residuals: Residuals, x: Array, found: Uncertainty) -> Array:
-    """(n,) by which x would be another, could substeps be as fine as one likes: from a run with many more, by the order."""
+def sticks(layout: Layout) -> bool:
+    """Whether bristles are estimated: a stick that begins within a substep makes an error of first order."""
+    return any(entry.parameter.key.endswith("friction_stiffness") for entry in layout.entries)
+
+
+def with_substeps(residuals: Residuals, x: Array, found: Uncertainty) -> tuple[Uncertainty, str]:
+    """What is to be said of estimates that finer substeps would make others by more than their deviations; where motors stick,
+    with deviations that hold it.
+    """
+    if residuals.tracks[0].prepared.stepping.released:
+        return found, ""
     before = residuals(x)
     with _finer(residuals):
         after = residuals(x)
+    # A run with many more tells it, by the order.
     order = residuals.tracks[0].prepared.stepping.order
-    return np.asarray(-found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - FINER**-order))
-
-
-def remarks(residuals: Residuals, x: Array, found: Uncertainty, chosen: Mapping[str, int]) -> list[str]:
-    """Substeps that were chosen for a fit, and estimates that still finer ones would put outside their intervals."""
-    if residuals.tracks[0].prepared.stepping.released:
-        return []
-    texts = []
-    if chosen:
-        count = chosen["substeps"]
-        texts = [f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise"]
-    shift = discretised(residuals, x, found)
+    shift = -found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - FINER**-order)
     values, slopes = residuals.layout.values(x), residuals.layout.slopes(x)
     with np.errstate(invalid="ignore"):
         said = (np.abs(shift) > SAID * found.deviation) & (values != 0.0)
@@ -121,5 +123,8 @@ def remarks(residuals: Residuals, x: Array, found: Uncertainty, chosen: Mapping[
         f"{residuals.layout.entries[i].name} by {percent(shift[i] * slopes[i] / values[i], '+')}"
         for i in np.flatnonzero(said).tolist()
     )
-    text = "estimates are for the substeps that runs take; as fine ones as one likes would move out of their intervals"
-    return [*texts, f"{text} {moved}: `substeps:` in the scenario sets them"] if moved else texts
+    where = "out of their intervals"
+    if sticks(residuals.layout):
+        found, where = found.with_deviation(np.hypot(found.deviation, shift), found.quantile), "within their intervals"
+    text = f"estimates are for the substeps that runs take; as fine ones as one likes would move {where} {moved}"
+    return found, f"{text}: `substeps:` in the scenario sets them" if moved else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -110,8 +110,21 @@ def is_task(path: Path) -> bool:
     return has_key(path, "experiments")
 
 
-def read_task(path: Path, plugins: Sequence[Path | str] = ()) -> Task:
+def task_of(path: Path, experiments: Sequence[str | Path], *, plugins: Sequence[Path | str] = (), **options: Any) -> Task:
+    """That of a fit file, which says all of it, or of a scenario and the rest, as :func:`make_task`. Raises InputError."""
+    if not is_task(path):
+        return make_task(path, experiments, plugins=plugins, **options)
+    usual = {field.name: field.default for field in fields(Task)}
+    given = {"experiments": list(experiments), **options}
+    said = [name for name, value in given.items() if value not in (None, [], (), {}, usual.get(name))]
+    if said:
+        raise InputError(f"a fit file says itself what is fitted; without it: {', '.join(said)}", file=path, code="fit-file")
+    return read_task(path, plugins)
+
+
+def read_task(path: str | Path, plugins: Sequence[Path | str] = ()) -> Task:
     """A fit file; plugins: files of users' actuators that it may run. Raises InputError with every problem."""
+    path = Path(path)
     found = read_file(TASK, path)
     check_named(found["plugins"], plugins, file=path)
     free = {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in found.pop("free").items()}
@@ -168,6 +181,10 @@ def make_task(
     """A task from plain data: free as `KEY[=...]` texts or key -> start or Wish; ties as `KEY=[FACTOR*]KEY`; own: keys of
     which each recording has its own value. Raises InputError.
     """
+    if not experiments:
+        raise InputError("no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording")
+    if options.get("loss", LOSSES[0]) not in LOSSES:
+        raise InputError("is no loss", key="loss", value=options["loss"], choices=LOSSES, code="loss")
     if isinstance(free, Mapping):
         wishes = {key: value if isinstance(value, Wish) else Wish(start=value) for key, value in free.items()}
     else:

@@ -14,7 +14,7 @@ from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
 from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
-from asrsim.robot.model import INERTIAS, Robot
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
@@ -217,7 +217,7 @@ class Track:
                 positions[self.evaluation.joints.index(owner)] = value
             elif name == "initial_velocity":
                 velocities[self.evaluation.joints.index(owner)] = value
-        return physical(self.prepared.robot, numbers_of(values)), positions, velocities
+        return numbers_of(values), positions, velocities
 
     def close(self) -> None:
         """Release the engine."""
@@ -252,31 +252,3 @@ def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
         if owner and name not in NOT_THE_ROBOTS:
             robot.setdefault(owner, {})[name] = value
     return robot
-
-
-def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Changes of inertias with what they ask of the others: no principal moment is larger than the sum of the other two.
-
-    Diagonal moments that are not among the changes follow, by as little as will do. Raises RobotError where these cannot.
-    """
-    result = {owner: dict(values) for owner, values in changes.items()}
-    links = {link.name: link for link in robot.links}
-    for owner, values in result.items():
-        if owner not in links or not any(name in INERTIAS for name in values):
-            continue
-        old = dict(zip(INERTIAS, links[owner].inertia or (0.0,) * 6, strict=True))
-        free = [name for name in ("ixx", "iyy", "izz") if name not in values]
-        for _ in range(3):
-            full = {**old, **values}
-            matrix = np.array(
-                [[full["ix" + b] if a == "x" else full["".join(("i", *sorted(a + b)))] for b in "xyz"] for a in "xyz"]
-            )
-            moments = np.linalg.eigvalsh(matrix)
-            lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
-            if lack <= 1e-12 * abs(float(moments[2])):
-                break
-            if not free:
-                raise RobotError(f"the inertia of '{owner}' is not physical")
-            for name in free:
-                values[name] = full[name] + lack / len(free) * (1.0 + 1e-9)
-    return result

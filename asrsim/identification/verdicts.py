@@ -75,11 +75,12 @@ def bounds_met(layout: Layout, x: Array) -> list[bool]:
 
 
 def estimates(
-    residuals: Residuals, x: Array, found: Uncertainty, still: Mapping[str, str], coarse: Sequence[str]
+    residuals: Residuals, x: Array, found: Uncertainty, met: Sequence[bool], still: Mapping[str, str], coarse: Sequence[str]
 ) -> tuple[list[Estimate], list[Combination]]:
-    """still: joint -> why nothing is told of what moves there; coarse: joints whose friction an encoder hides."""
+    """met: whether an entry ended at a bound; still: joint -> why nothing is told of what moves there; coarse: joints whose
+    friction an encoder hides.
+    """
     layout, tracks = residuals.layout, residuals.tracks
-    met = bounds_met(layout, x)
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
     without = [NONE * norm < 1.96 for norm in norms]
@@ -91,7 +92,8 @@ def estimates(
         value = float(values[i])
         low, high = _interval(entry, float(x[i]), float(found.deviation[i] * found.quantile[i]))
         margin = 0.5 * (high - low) / max(abs(value), 1e-300)
-        if entry.parameter.key.rpartition(".")[2] in ("offset", "delay", "clock", "x", "y", "z") or "initial" in entry.name:
+        place = entry.parameter.key.rpartition(".")[2] in ("offset", "delay", "clock", "x", "y", "z") or "initial" in entry.name
+        if place or value == 0.0:
             # A zero that is well known is known, however small it is.
             margin = 0.5 * (high - low) / max(abs(value), 0.2 * entry.parameter.size)
         own = [one for one in known if i in one.keys]

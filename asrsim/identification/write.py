@@ -12,12 +12,11 @@ import numpy as np
 
 from asrsim.errors import InputError
 from asrsim.identification.result import Result
-from asrsim.identification.track import physical
-from asrsim.identification.verdicts import IDENTIFIED, WEAK, Estimate
+from asrsim.identification.verdicts import AT_BOUND, IDENTIFIED, RATIO, WEAK, WITHHELD, Estimate
 from asrsim.outfile import written
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
-from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES
+from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES, physical
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.start_file import relative_path
 
@@ -27,16 +26,17 @@ TOGETHER = 0.9
 
 
 def as_dict(result: Result) -> dict[str, Any]:
-    """Plain values for JSON; `keys`, `mean`, `covariance` and `logarithmic` are what `asrsim sweep --fit` draws from."""
+    """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are for `asrsim sweep --fit`."""
     from asrsim import __version__
 
-    drawn = [
-        i for i, one in enumerate(result.estimates) if one.track is None and not math.isnan(one.low) and _sweeps(result, one)
-    ]
     # What is estimated by its logarithm is drawn by it: as its interval, a draw does not fall below 0.
     logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
+    bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
     slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
-    covariance = result.covariance * np.outer(slopes, slopes)
+    drawn = [i for i, one in enumerate(result.estimates) if _is_drawn(one, logarithmic=logarithmic[i]) and _sweeps(result, one)]
+    # What goes with the others but has no interval is always what it was found with them.
+    spread = np.where([math.isnan(one.low) for one in result.estimates], 0.0, slopes)
+    covariance = np.nan_to_num(result.covariance) * np.outer(spread, spread)
     return {
         "generator": f"asrsim {__version__}",
         "format": 1,
@@ -48,7 +48,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
         "estimates": [_finite(one.as_dict()) for one in result.estimates],
-        "ties": [f"{tie.key} = {tie.factor:g} * {tie.to}" for tie in result.layout.ties],
+        "ties": [{"key": tie.key, "to": tie.to, "factor": tie.factor} for tie in result.layout.ties],
         "combinations": [
             {"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations
         ],
@@ -64,11 +64,18 @@ def as_dict(result: Result) -> dict[str, Any]:
         "mean": [math.log(result.estimates[i].value) if logarithmic[i] else result.estimates[i].value for i in drawn],
         "covariance": covariance[np.ix_(drawn, drawn)].tolist(),
         "logarithmic": [logarithmic[i] for i in drawn],
+        "bounds": [[limit if math.isfinite(limit) else None for limit in bounds[i]] for i in drawn],
     }  # fmt: skip
 
 
 def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
     return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in data.items()}
+
+
+def _is_drawn(one: Estimate, *, logarithmic: bool) -> bool:
+    """Whether an estimate is part of what a sweep draws: not what has no effect, nor what became nothing."""
+    together = one.verdict in (RATIO, WITHHELD) or (one.verdict == AT_BOUND and not logarithmic)
+    return one.track is None and (together or not math.isnan(one.low))
 
 
 def _sweeps(result: Result, one: Estimate) -> bool:

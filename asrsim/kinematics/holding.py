@@ -119,8 +119,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     for springs in groups:
         springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
         springs.low, springs.high = np.array([robot.joint(name).stops for name in springs.names]).T[:, :, None]
-        efforts = (robot.joint(name).effort for name in springs.names)
-        springs.efforts = np.array([[math.inf if effort is None else effort] for effort in efforts])
+        springs.efforts = np.array([[robot.joint(name).most_effort] for name in springs.names])
     share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, listed
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.foreign import from_hdf5
@@ -48,7 +48,7 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         if not clocks and rate is None:
             said = "\n".join(f"{key} = {value}" for key, value in plain.items() if isinstance(value, int | float))
             findings.append(
-                Problem(f"no time among {_listed(table)}; these are not read", file=path, key=prefix.rstrip(".") or None,
+                Problem(f"no time among {listed(table, 8)}; these are not read", file=path, key=prefix.rstrip(".") or None,
                         code="no-time", hint=told_rate(said) or "Name the time with --map NAME=time or give --rate")
             )  # fmt: skip
             continue
@@ -79,7 +79,7 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
         lengths = ", ".join(str(len(time)) for time, _, _ in bases.values())
         findings += [
             Problem(f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read",
-                    file=path, key=_listed(names), code="length")
+                    file=path, key=listed(names, 8), code="length")
             for count, names in others.items()
         ]  # fmt: skip
     if not series:
@@ -253,8 +253,3 @@ def _shared(a: str, b: str) -> int:
     """Letters at the end of both names that are the same."""
     pairs = zip(reversed(a), reversed(b), strict=False)
     return next((i for i, (x, y) in enumerate(pairs) if x != y), min(len(a), len(b)))
-
-
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

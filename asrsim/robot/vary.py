@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError, did_you_mean
 from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, Robot
@@ -27,7 +29,11 @@ LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
 
 
 def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) -> Robot:
-    """`robot` with joint or link -> name -> value replaced; raises RobotError with all that is unknown or not physical."""
+    """`robot` with joint or link -> name -> value replaced, inertias as :func:`physical` keeps them.
+
+    Raises RobotError with all that is unknown or not physical.
+    """
+    parameters = physical(robot, parameters)
     problems: list[Problem] = []
     blocks = {block.joint: block for block in robot.actuators}
     joints = {joint.name: joint for joint in robot.joints}
@@ -113,3 +119,31 @@ def _with_inertial(link: Link, name: str, value: float, key: str, problems: list
     inertia[INERTIAS.index(name)] = value
     _check(name[1] != name[2] or value >= 0.0, key, value, "must be at least 0 kg m^2", problems)
     return replace(link, inertia=(inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]))
+
+
+def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Changes of inertias with what they ask of the others: no principal moment is larger than the sum of the other two.
+
+    Diagonal moments that are not among the changes follow, by as little as will do. Raises RobotError where these cannot.
+    """
+    result = {owner: dict(values) for owner, values in changes.items()}
+    links = {link.name: link for link in robot.links}
+    for owner, values in result.items():
+        if owner not in links or not any(name in INERTIAS for name in values):
+            continue
+        old = dict(zip(INERTIAS, links[owner].inertia or (0.0,) * 6, strict=True))
+        free = [name for name in ("ixx", "iyy", "izz") if name not in values]
+        for _ in range(3):
+            full = {**old, **values}
+            matrix = np.array(
+                [[full["ix" + b] if a == "x" else full["".join(("i", *sorted(a + b)))] for b in "xyz"] for a in "xyz"]
+            )
+            moments = np.linalg.eigvalsh(matrix)
+            lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
+            if lack <= 1e-12 * abs(float(moments[2])):
+                break
+            if not free:
+                raise RobotError(f"the inertia of '{owner}' is not physical")
+            for name in free:
+                values[name] = full[name] + lack / len(free) * (1.0 + 1e-9)
+    return result

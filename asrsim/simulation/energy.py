@@ -51,7 +51,7 @@ class EnergyMeter:
         """Rows, of those of a block and the one after, at which springs' and motors' energies count."""
         self._springs = [SpringMeter(group, substep, self._ends) for group in groups]
         joints = len(drives)
-        self._stiffness = np.array([[drive.passive_stiffness] for drive in drives])
+        self._stiffness = np.array([[drive.joint.spring_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
         self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
         self._totals = np.zeros((FLOWS, joints))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -108,7 +107,7 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> fl
         torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
-    return _limited(drive, torque) + drive.passive_stiffness * (drive.joint.spring_reference - q)
+    return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
@@ -126,7 +125,7 @@ def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
 def _gives_way(drive: SteppedJoint) -> bool:
     """The joint moves until spring or controller carries its load. Motors without controller carry none."""
     driven = drive.mode is not None and (drive.mode.spring or drive.mode.controller) and not drive.mode.direct
-    return (driven or drive.passive_stiffness > 0.0) and not _holds(drive)
+    return (driven or drive.joint.spring_stiffness > 0.0) and not _holds(drive)
 
 
 def _holds(drive: SteppedJoint) -> bool:
@@ -136,5 +135,4 @@ def _holds(drive: SteppedJoint) -> bool:
 
 def _limited(drive: SteppedJoint, torque: float) -> float:
     """Within the joint's effort limit."""
-    most = math.inf if drive.joint.effort is None else drive.joint.effort
-    return min(max(torque, -most), most)
+    return min(max(torque, -drive.joint.most_effort), drive.joint.most_effort)

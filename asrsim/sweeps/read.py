@@ -15,11 +15,11 @@ from asrsim.document.file import has_key, read_file
 from asrsim.document.kinds import Boolean, Choice, File, Integer, Kind, Number, Optional, Schema, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 from asrsim.scenario.claim_keys import AnyData
-from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
-from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Joint, Study
+from asrsim.sweeps.fitted import Joint, read_fit
+from asrsim.sweeps.laws import FORMS, Distribution, law_of
+from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Study, axis_of
 
 SAMPLES = 100
 """Draws where a study with distributions names no number."""
@@ -72,7 +72,7 @@ class StudyFile:
     )  # fmt: skip
     fit: Path | None = declare(
         Optional(File(noun="fit")), default=None,
-        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`): drawn together, normally",
+        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
     )  # fmt: skip
     signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
     rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="of the kept signals")
@@ -142,8 +142,7 @@ def make_study(
     for item in over.items() if isinstance(over, Mapping) else map(_split, over):
         try:
             key, value = item
-            law = value if isinstance(value, Distribution | Values) else law_of(value, key)
-            axes.append(Axis(tuple(part.strip() for part in key.split("&")), law))
+            axes.append(axis_of(key, value))
         except InputError as error:
             problems += error.problems
     joint: Joint | None = None
@@ -154,7 +153,8 @@ def make_study(
     read = not problems
     if design not in DESIGNS:
         problems.append(Problem(f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
-    problems += _twice([key for axis in axes for key in axis.keys] + list(joint.keys if joint else ()))
+    groups = [*(axis.keys for axis in axes), *(joint.groups if joint else ())]
+    problems += _twice([key for group in groups for key in group])
     drawn = joint is not None or any(isinstance(axis.law, Distribution) for axis in axes)
     pairs = []
     for first, second, value in correlations:
@@ -200,46 +200,6 @@ def make_study(
     if pairs:
         _ = study.correlation_root
     return study
-
-
-def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
-    """A multivariate normal distribution from a file or plain data. Raises InputError."""
-    import numpy as np
-
-    file = None if isinstance(fit, Mapping) else Path(fit)
-    data = fit if file is None else read_yaml(file)[0].plain()
-    if isinstance(data, Mapping) and isinstance(data.get("parameters"), Mapping) and "keys" not in data:
-        data = {"keys": list(data["parameters"]), "mean": list(data["parameters"].values()), **data}
-
-    def wrong(message: str) -> InputError:
-        hint = "It has `keys` (n names), `mean` (n numbers) and `covariance` (n rows of n numbers)"
-        return InputError(message, file=file, key="fit", hint=hint, code="sweep-fit")
-
-    if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
-        raise wrong("lacks keys, mean or covariance")
-    keys = tuple(map(str, data["keys"]))
-    try:
-        mean, covariance = np.array(data["mean"], float), np.array(data["covariance"], float)
-    except (TypeError, ValueError):
-        raise wrong("mean and covariance must be numbers") from None
-    n = len(keys)
-    if mean.shape != (n,) or covariance.shape != (n, n):
-        raise wrong(f"{n} keys need {n} means and {n} x {n} covariances")
-    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-        raise wrong("mean and covariance must be finite")
-    scale = float(np.abs(covariance).max(initial=0.0))
-    if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or np.linalg.eigvalsh(covariance)[0] < -1e-9 * scale:
-        raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
-    logarithmic = data.get("logarithmic", False)
-    flags = [logarithmic] * n if isinstance(logarithmic, bool) else logarithmic
-    if not isinstance(flags, list) or len(flags) != n or not all(isinstance(flag, bool) for flag in flags):
-        raise wrong(f"logarithmic must be true, false, or a list of {n} of these")
-    rows = tuple(tuple(map(float, row)) for row in covariance)
-    others = [one for one in data.get("estimates", ()) if isinstance(one, Mapping) and str(one.get("key")) not in keys]
-    return Joint(
-        keys=keys, mean=tuple(map(float, mean)), covariance=rows, logarithmic=tuple(flags),
-        left_out=tuple(f"{one.get('key')} ({one.get('verdict')})" for one in others),
-    )  # fmt: skip
 
 
 def _split(text: str) -> tuple[str, str]:

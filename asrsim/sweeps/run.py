@@ -180,7 +180,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
         "seed": study.seed,
         "grid": list(study.grid),
         "listed": [list(axis.keys) for axis in study.listed],
-        "drawn": [list(axis.keys) for axis in study.drawn],
+        "drawn": [list(group) for group in study.groups],
         "overrides": list(study.overrides),
         "plugins": [str(path.absolute()) for path in study.plugins],
         "columns": [list(column) for column in payload.columns],

@@ -14,7 +14,8 @@ import numpy as np
 
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.sweeps.laws import Distribution, Values
+from asrsim.sweeps.fitted import Joint
+from asrsim.sweeps.laws import Distribution, Values, law_of
 
 DESIGNS = ("random", "lhs", "sobol", "saltelli")
 """How draws are placed. saltelli: rows from which Sobol indices follow, samples x (drawn axes + 2) of them."""
@@ -42,23 +43,9 @@ class Axis:
         return dict.fromkeys(self.keys, value)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Joint:
-    """Keys drawn together from a multivariate normal distribution: the result of a fit."""
-
-    keys: tuple[str, ...]
-    mean: tuple[float, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    logarithmic: tuple[bool, ...]
-    """Whether mean and covariance are those of the key's logarithm."""
-    left_out: tuple[str, ...]
-    """What the fit estimated and has no interval for, or no sweep varies, with the verdict."""
-
-    @cached_property
-    def root(self) -> Array:
-        """(n, n) with root root' = covariance; semi-definite ones serve too."""
-        values, vectors = np.linalg.eigh(np.array(self.covariance))
-        return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
+def axis_of(name: str, value: Any) -> Axis:
+    """Of `key` or `key & key` (tied) and what it takes, as :func:`asrsim.sweeps.laws.law_of` reads it. Raises InputError."""
+    return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +82,14 @@ class Study:
         return tuple(axis for axis in self.axes if isinstance(axis.law, Distribution))
 
     @cached_property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """Drawn keys, those of one draw together."""
+        return (*(axis.keys for axis in self.drawn), *(self.joint.groups if self.joint else ()))
+
+    @cached_property
     def dimensions(self) -> int:
         """Independent numbers of a draw."""
-        return len(self.drawn) + (len(self.joint.keys) if self.joint else 0)
+        return len(self.groups)
 
     @cached_property
     def draws(self) -> int:
@@ -117,8 +109,8 @@ class Study:
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """Every key that varies, in the order of the columns."""
-        found = [key for axis in self.axes for key in axis.keys] + list(self.joint.keys if self.joint else ())
-        return tuple(dict.fromkeys(found))
+        groups = [axis.keys for axis in self.axes] + list(self.joint.groups if self.joint else ())
+        return tuple(dict.fromkeys(key for group in groups for key in group))
 
     def point(self, run: int) -> tuple[str, dict[str, Any]]:
         """Variant and key -> value of a run, counted from 0: variants outermost, then the grid, then the draws."""
@@ -132,7 +124,7 @@ class Study:
             for axis, number in zip(self.drawn, row, strict=False):
                 values |= axis.assign(float(number))
             if self.joint:
-                values |= dict(zip(self.joint.keys, map(float, row[len(self.drawn) :]), strict=True))
+                values |= self.joint.assign(row[len(self.drawn) :])
         return self.variants[variant] if self.variants else "", {key: values[key] for key in self.keys}
 
     @cached_property
@@ -153,10 +145,7 @@ class Study:
             if isinstance(axis.law, Distribution):
                 columns.append(axis.law.quantile(unit[:, j]) if scores is None else axis.law.from_scores(scores[:, j]))
         if self.joint:
-            fit = np.array(self.joint.mean) + ndtri(unit[:, count:]) @ self.joint.root.T
-            flags = np.array(self.joint.logarithmic)
-            fit[:, flags] = np.exp(fit[:, flags])
-            columns += list(fit.T)
+            columns += list(self.joint.from_scores(ndtri(unit[:, count:])).T)
         return np.column_stack(columns)
 
     @cached_property

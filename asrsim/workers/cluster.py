@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, SimulationError
+from asrsim.errors import AsrsimError, InputError, SimulationError, listed
 from asrsim.extras import library
 from asrsim.versions import numeric_versions
 from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
@@ -94,8 +94,7 @@ class Cluster:
             if found.get(name) != mine[name]
         ]
         if faults:
-            more = f" and {len(faults) - 5} more" if len(faults) > 5 else ""
-            raise SimulationError("rows would differ between machines: " + "; ".join(faults[:5]) + more)
+            raise SimulationError(f"rows would differ between machines: {listed(faults, 5, '; ')}")
 
     def results(
         self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None

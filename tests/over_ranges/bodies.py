@@ -9,7 +9,7 @@ import numpy as np
 
 from over_ranges import NOISE, Asked, T, found, shapes
 
-URDFS = Path(__file__).parents[2] / "examples" / "urdf"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 ROWS = NOISE[:60].reshape(4, 15)
 
 
@@ -66,7 +66,7 @@ def of_bodies() -> Asked:
 def of_robots() -> Asked:
     """What follows from the files of the examples, without an engine."""
     load, scenario = found("robot.load_robot"), np.linspace(-0.5, 0.7, 4)
-    for path in sorted(URDFS.glob("*.urdf")):
+    for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         robot = load(path)
         joints = {joint.name: scenario for joint in robot.moving_joints}
         chain = found("robot.chain.Chain")(robot=robot, base_position=(0.1, 0.2, 0.3), base_rpy=(0.1, -0.2, 0.3))
@@ -88,6 +88,13 @@ def of_robots() -> Asked:
             lambda r: [(j.kind, j.axis, j.origin, j.rpy, j.lower, j.upper, j.effort) for j in r.joints[-1:]],
             [(robot,)],
         )
+
+
+def of_files() -> Asked:
+    """Where the keys of the examples' scenarios stand."""
+    load = found("scenario.load_scenario")
+    for path in sorted((EXAMPLES / "scenarios").glob("*.yaml")):
+        yield path.stem, lambda p: np.array(list(load(p)[-1].lines.values())), [(path,)]
 
 
 def of_waiting() -> Asked:
