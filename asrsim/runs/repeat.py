@@ -21,7 +21,8 @@ from asrsim.runs.folder import LOG, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.recording import Sink
+from asrsim.simulation.run import Run, simulate
 
 
 @dataclass(frozen=True, kw_only=True)
