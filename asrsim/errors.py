@@ -173,6 +173,12 @@ def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
     return f"Did you mean '{found}'?" if found else None
 
 
+def listed(words: Iterable[object], most: int, between: str = ", ") -> str:
+    """Words in a row: `a, b and 3 more`."""
+    texts = [str(word) for word in words]
+    return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
 def similar_file(path: Path) -> str | None:
     """A hint naming the file that was perhaps meant by a path that is not there, or None."""
     try:

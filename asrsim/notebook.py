@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.errors import InputError
+from asrsim.extras import library
 from asrsim.quantities import unit_of
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def columns_of(result: Result) -> dict[tuple[str, str], Array]:
 
 def as_pandas(result: Result) -> Any:
     """A DataFrame: a row a sample, indexed by time in s, columns by joint and quantity."""
-    pandas = library("pandas")
+    pandas = library("pandas", "notebook")
     table = columns_of(result)
     index = pandas.Index(result.time, name="time")
     columns = pandas.MultiIndex.from_tuples(list(table), names=("joint", "quantity"))
@@ -87,7 +87,7 @@ def as_pandas(result: Result) -> Any:
 
 def as_xarray(result: Result) -> Any:
     """A Dataset: a variable a quantity over time and joint, with its unit; NaN where a joint does not have it."""
-    xarray = library("xarray")
+    xarray = library("xarray", "notebook")
     table = columns_of(result)
     prismatic = [joint.prismatic for joint in result.run.info.joints]
     variables = {}
@@ -97,14 +97,3 @@ def as_xarray(result: Result) -> Any:
         units = dict.fromkeys(unit_of(name, prismatic=one) for one in prismatic)
         variables[name] = (("time", "joint"), values, {"units": " or ".join(unit for unit in units if unit)})
     return xarray.Dataset(variables, coords={"time": ("time", result.time, {"units": "s"}), "joint": list(result.joints)})
-
-
-def library(name: str) -> Any:
-    """A library that not everybody has. Raises InputError with how to get it."""
-    from importlib import import_module
-
-    try:
-        return import_module(name)
-    except ImportError:
-        hint = f"pip install {name}, or asrsim with the extra 'notebook'"
-        raise InputError(f"{name} is not installed here", hint=hint, code="no-library") from None

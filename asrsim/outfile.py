@@ -146,5 +146,7 @@ def make_folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot make the folder: {error.strerror or error}") from error
+        file = next((one for one in (folder, *folder.parents) if one.is_file()), None)
+        why = f"{file} is a file" if file is not None else error.strerror or error
+        raise OutputError(f"{folder}: cannot make the folder: {why}") from error
     return folder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 Shape = Any
@@ -13,6 +14,13 @@ mapping from keys to shapes: `"key?"` may be missing, `"*"` stands for all that 
 def finite_or_none(value: float) -> float | None:
     """A number for JSON, which has neither infinity nor NaN: null stands for both."""
     return value if math.isfinite(value) else None
+
+
+def mapped(data: Any, leaf: Callable[[Any], Any]) -> Any:
+    """Plain data with all that is neither a mapping nor a list (or tuple, which becomes one) as `leaf` makes it."""
+    if isinstance(data, Mapping):
+        return {key: mapped(value, leaf) for key, value in data.items()}
+    return [mapped(value, leaf) for value in data] if isinstance(data, list | tuple) else leaf(data)
 
 
 def misfit(data: Any, shape: Shape, place: str = "") -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,11 +83,52 @@ class Samples:
         span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
         return f"Samples({len(self.time)} of {', '.join(self.joints)}{span}: {', '.join(self.values)})"
 
+    def forces_on(self, body: str) -> dict[str, Array]:
+        """What can touch a body -> (n, 3) N, its force on the body in the world frame, 0 without contact."""
+        forces = {}
+        for pair, force in self.contacts.items():
+            first, _, second = pair.partition("/")
+            if body in (first, second):
+                # The force acts on the first body; on the second it is opposite. NaN: no contact then.
+                forces[second if body == first else first] = np.nan_to_num(force) * (1.0 if body == first else -1.0)
+        return forces
+
     def joint(self, name: str) -> dict[str, Array]:
         """All quantities of one joint, each (n,); all-NaN ones left out."""
         index = self.joints.index(name)
         columns = {quantity: values[:, index] for quantity, values in self.values.items()}
         return {quantity: column for quantity, column in columns.items() if not np.all(np.isnan(column))}
+
+
+def concatenate(parts: Sequence[Samples], *, joints: Sequence[str] = (), quantities: Sequence[str] = ()) -> Samples:
+    """Joins samples in time. Bodies and contacts that a part does not have are NaN there.
+
+    joints, quantities: of the result if there are no parts.
+    """
+    if not parts:
+        return Samples(time=np.empty(0), joints=tuple(joints), values={name: np.empty((0, len(joints))) for name in quantities})
+    if len(parts) == 1:
+        return parts[0]
+
+    def joined(tables: list[Mapping[str, Array]], width: int) -> dict[str, Array]:
+        names = dict.fromkeys(name for table in tables for name in table)
+        return {
+            name: np.concatenate(
+                [
+                    table[name] if name in table else np.full((len(part.time), width), np.nan)
+                    for table, part in zip(tables, parts, strict=True)
+                ]
+            )
+            for name in names
+        }
+
+    return Samples(
+        time=np.concatenate([part.time for part in parts]),
+        joints=parts[0].joints,
+        values=joined([part.values for part in parts], len(parts[0].joints)),
+        bodies=joined([part.bodies for part in parts], 7),
+        contacts=joined([part.contacts for part in parts], 3),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

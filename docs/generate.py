@@ -22,7 +22,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import asrsim
-from asrsim.document.tables import markdown_table
+
+sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this file
+from tables import markdown_table, measure_table, scenario_tables
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "asrsim"
@@ -38,12 +40,9 @@ MARK = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTAL
 @cache
 def parts() -> dict[str, str]:
     """Name of a generated part -> its Markdown."""
-    from asrsim.metrics.docs import tables as measures
-    from asrsim.scenario.docs import tables as scenarios
-
     return {
-        **scenarios(),
-        **measures(),
+        **scenario_tables(),
+        "measures": measure_table(),
         "commands": commands(),
         "packages": packages(),
         "actuators": actuators(),

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import PathCollection, PolyCollection
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from PIL import Image
 
@@ -25,6 +26,8 @@ CHANGING = (
     (re.compile(re.escape(__version__)), "VERSION"),
     (re.compile(r"^( {4,6}\d+  [\d. ]+) \d+\.\d\d$", re.M), r"\1"),
     (re.compile(r"[ \t]+$", re.M), ""),
+    (re.compile(r"-?\d[\d.]*e-(?:1[5-9]|2[0-4])(?!\d)"), "0"),
+    (re.compile(r"\"recording\": \"[0-9a-f]{64}"), '"recording": "DIGEST'),
     (re.compile(r"(?:\.\./){3,}(?:[\w.-]+/)*(?=examples/)"), "PROJECT/"),
 )
 """What differs from run to run, or from release to release."""
@@ -45,7 +48,7 @@ def figure_lines(figure: Figure) -> list[str]:
     lines = [f"figure {_numbers(figure.get_size_inches())}", *(f"  text {text.get_text()!r}" for text in figure.texts)]
     if figure._suptitle is not None:
         lines.append(f"  title {figure._suptitle.get_text()!r}")
-    lines += [f"  legend {[text.get_text() for text in legend.get_texts()]}" for legend in figure.legends]
+    lines += [f"  {_legend(legend)}" for legend in figure.legends]
     for axes in figure.axes:
         lines.append(
             f"  axes {axes.get_title()!r} x {axes.get_xlabel()!r} {axes.get_xscale()} {_numbers(axes.get_xlim())}"
@@ -55,26 +58,52 @@ def figure_lines(figure: Figure) -> list[str]:
         style = (
             f"{edge.get_linewidth():g} {to_hex(edge.get_edgecolor())} words {word.get_fontsize():g} {to_hex(word.get_color())}"
         )
-        lines.append(f"    edge {style} label {axes.yaxis.label.get_fontsize():g} title {axes.title.get_fontsize():g}")
-        legend = axes.get_legend()
-        if legend is not None:
-            lines.append(f"    legend {[text.get_text() for text in legend.get_texts()]}")
+        lines.append(
+            f"    edge {style} label {axes.yaxis.label.get_fontsize():g} title {axes.title.get_fontsize():g}"
+            f" ticks x {_ticks(axes.xaxis)} y {_ticks(axes.yaxis)}"
+        )
+        if axes.get_legend() is not None:
+            lines.append(f"    {_legend(axes.get_legend())}")
         lines += [f"    {line}" for artist in axes.get_children() if (line := _artist(artist))]
     return lines
+
+
+def _ticks(axis: Any) -> str:
+    """First and last of the words at an axis, and its lines of a grid."""
+    words = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+    grid = axis.get_gridlines()[:1]
+    drawn = [f"grid {line.get_linewidth():g} {to_hex(line.get_color())}" for line in grid if line.get_visible()]
+    return " ".join([str([len(words), *words[:1], *words[-1:]]), f"and {len(axis.get_minorticklocs())}", *drawn])
+
+
+def _legend(legend: Any) -> str:
+    lines = []
+    for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True):
+        look = _stroke(handle) if isinstance(handle, Line2D) else type(handle).__name__
+        lines.append(f"{text.get_text()!r} {look}")
+    return f"legend {legend._ncols} {legend._loc} {legend.handlelength:g} {lines}"
+
+
+def _stroke(line: Line2D) -> str:
+    style = f"{to_hex(line.get_color(), keep_alpha=True)} {line.get_linewidth():g} {line.get_linestyle()}"
+    # Dashes of one's own have the name of the usual ones.
+    dashes = f" {_numbers(line._unscaled_dash_pattern[1])}" if line.is_dashed() else ""
+    mark = f" {line.get_markersize():g}" if line.get_marker() not in ("", "None", None) else ""
+    return f"{style}{dashes} {line.get_marker()}{mark}"
 
 
 def _artist(artist: Any) -> str:
     if not artist.get_visible():
         return ""
     kind, gid = type(artist).__name__, artist.get_gid() or ""
-    if kind == "Line2D":
+    if isinstance(artist, Line2D):
         x, y = np.asarray(artist.get_xdata(), float), np.asarray(artist.get_ydata(), float)
-        style = f"{to_hex(artist.get_color(), keep_alpha=True)} {artist.get_linewidth():g} {artist.get_linestyle()}"
-        # Dashes of one's own have the name of the usual ones.
-        style += f" {_numbers(artist._unscaled_dash_pattern[1])}" if artist.is_dashed() else ""
-        return f"line {gid} {style} {artist.get_marker()} z {artist.get_zorder():g} x {_extent(x)} y {_extent(y)}"
+        return f"line {gid} {_stroke(artist)} z {artist.get_zorder():g} x {_extent(x)} y {_extent(y)}"
     if kind in ("Text", "Annotation"):
-        return f"text {artist.get_text()!r} {to_hex(artist.get_color())}" if artist.get_text() else ""
+        look = f"{to_hex(artist.get_color())} {artist.get_fontsize():g} {artist.get_ha()} {artist.get_va()}"
+        # A title is where layout puts it.
+        place = "" if artist is artist.axes.title else _numbers(artist.get_position())
+        return f"text {artist.get_text()!r} {look} {place}" if artist.get_text() else ""
     if isinstance(artist, Rectangle) and artist.get_width() * artist.get_height():
         box = (*artist.get_xy(), artist.get_width(), artist.get_height())
         return f"box {gid} {to_hex(artist.get_facecolor(), keep_alpha=True)} {_numbers(box)}"
@@ -84,7 +113,10 @@ def _artist(artist: Any) -> str:
             points = np.asarray(artist.get_offsets(), float)
         colours = sorted({to_hex(colour, keep_alpha=True) for colour in artist.get_facecolor()})[:3]
         return f"area {gid} {colours} z {artist.get_zorder():g} x {_extent(points[:, 0])} y {_extent(points[:, 1])}"
-    if kind == "AxesImage":
+    if isinstance(artist, LineCollection):
+        points = np.concatenate([np.empty((0, 2)), *artist.get_segments()])
+        return f"strokes {_numbers(artist.get_linewidths())} x {_extent(points[:, 0])} y {_extent(points[:, 1])}"
+    if kind in ("AxesImage", "QuadMesh"):
         return f"image {_extent(np.asarray(artist.get_array(), float).ravel())}"
     return ""
 

@@ -13,9 +13,8 @@ from random_runs import random_run
 
 import asrsim
 from asrsim.engines import ENGINES
-from asrsim.samples import Samples
+from asrsim.samples import Samples, concatenate
 from asrsim.scenario import Scenario
-from asrsim.simulation.run import join
 from asrsim.simulation.simulation import Simulation
 
 INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
@@ -36,7 +35,7 @@ class Tape:
         simulation.advance_to(simulation.total if end is None else end)
         simulation.flush()
         chunks, self.chunks = self.chunks, []
-        return join(chunks)
+        return concatenate(chunks)
 
 
 def busy(folder: Path, engine: str, *, seed: int = 0, fixed: bool = True) -> Scenario:

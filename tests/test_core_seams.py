@@ -6,6 +6,7 @@ import gc
 import weakref
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,8 @@ import numpy as np
 import pytest
 from test_core_truth import INERTIA, INSTALLED, MASS, REACH
 
+import asrsim
+from asrsim import make_scenario
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.scenario.data import Effects, Scenario, Wrench
@@ -20,6 +23,7 @@ from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
 from asrsim.simulation.divergence import FLOOR, EnergyGuard
 from asrsim.simulation.effects import through
+from asrsim.simulation.evaluation import DERIVED, DIRECT, Evaluation
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
@@ -30,6 +34,7 @@ from asrsim.simulation.wrenches import wrench_table
 from validation.conservation import motors
 from validation.models import Body, chain, column, run
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
 H = 1e-3
 PULSES = PulseTrain(high=0.4, period=0.00437, width=0.0013)
@@ -307,3 +312,23 @@ def test_a_preparation_that_nobody_runs_leaves_no_client() -> None:
     for _ in range(3):
         prepared(engine="bullet")
     assert free_client() == before
+
+
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
+def test_what_a_fit_evaluates_is_what_a_run_records(stepping: str) -> None:
+    """Every channel, bit by bit, of an electric motor in mode 6 and of ideal ones in mode 3."""
+    electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.5, "motor_1_inertia": 0.01}
+    scenario = make_scenario(
+        EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.02, engine="mujoco", compiled=False, stepping=stepping,
+        modes={"joint_1": 6, "joint_2": 3}, parameters={"joint_1": electric}, substeps=3,
+        initial={"joint_1": {"position": 0.1, "velocity": 0.3}},
+        references={"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.2, "frequency": 3}}}},
+    )  # fmt: skip
+    recorded = asrsim.run(scenario)
+    channels = [(joint, name) for joint in (0, 1) for name in (*DIRECT, *DERIVED)]
+    told = 0
+    for (joint, name), values in zip(channels, Evaluation(prepare(scenario)).run({}, channels), strict=True):
+        own = getattr(recorded[f"joint_{joint + 1}"], name, None)
+        assert own is None or np.array_equal(own, values), (joint, name)
+        told += own is not None
+    assert told == 28

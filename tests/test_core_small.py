@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -193,6 +194,38 @@ def test_a_floating_base_rests_on_its_shape_wherever_its_centre_is(tmp_path: Pat
         compiled=False,
     )
     assert asrsim.run(scenario).bodies["b"][-1, 2] == pytest.approx(height, abs=2e-3)
+
+
+RESTING: dict[str, tuple[dict[str, Any], float]] = {
+    "box": ({"shape": "box", "size": [0.1, 0.2, 0.3]}, 0.15),
+    "ball": ({"shape": "sphere", "size": 0.1}, 0.1),
+    "can": ({"shape": "cylinder", "size": [0.05, 0.2]}, 0.1),
+    "can on its side": ({"shape": "cylinder", "size": [0.05, 0.2], "rpy": [math.pi / 2, 0, 0]}, 0.05),
+    "stone": ({"shape": "mesh", "mesh": "stone.stl", "size": [0.1, 0.2, 0.3]}, 0.15),
+    "heavy stone": ({"shape": "mesh", "mesh": "stone.stl", "inertia": [0.1, 0.1, 0.1]}, 0.5),
+}
+"""Objects of the world, and the height (m) of their middle on the ground."""
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) -> None:
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)], "<f4")
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    triangles = [corners[list(three)] for a, b, c, d in sides for three in ((a, b, c), (a, c, d))]
+    rows = b"".join(bytes(12) + triangle.tobytes() + bytes(2) for triangle in triangles)
+    (tmp_path / "stone.stl").write_bytes(bytes(80) + len(triangles).to_bytes(4, "little") + rows)
+    objects = {
+        name.replace(" ", "_"): {"mass": 1, "position": [5, 2 * place, height], **shape}
+        for place, (name, (shape, height)) in enumerate(RESTING.items())
+    }
+    robot = Path(__file__).parents[1] / "examples" / "urdf" / "dof1_sea.urdf"
+    scenario = asrsim.make_scenario(
+        robot, engine=engine, duration=0.05, world={"ground": {}, "objects": objects}, compiled=False,
+        base_dir=tmp_path,
+    )  # fmt: skip
+    bodies = asrsim.run(scenario).bodies
+    for name, (_, height) in RESTING.items():
+        assert bodies[name.replace(" ", "_")][-1, 2] == pytest.approx(height, abs=5e-3), name
 
 
 # -- what is recorded --------------------------------------------------------------------------------------------------

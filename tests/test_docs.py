@@ -9,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from asrsim.metrics import MEASURES
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
+from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import schema_text
+from asrsim.signals import SIGNALS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -66,6 +69,13 @@ def test_generated_parts_are_current(page):
     text = page.read_text(encoding="utf-8")
     assert GENERATE.renewed(text) == text
     assert text.count("<!-- generated: ") == len(GENERATE.MARK.findall(text)) == text.count("<!-- end -->")
+
+
+def test_every_key_signal_and_measure_is_documented():
+    parts = GENERATE.parts()
+    assert all(f"`{key.name}`" in parts["scenario-keys"] for key in KEYS)
+    assert all(f"### {name}" in parts["signal-keys"] for name in SIGNALS)
+    assert all(f"| `{name}` | " in parts["measures"] and len(MEASURES.get(name).doc) > 10 for name in MEASURES)
 
 
 def test_the_schema_is_current():

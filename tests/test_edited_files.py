@@ -156,7 +156,7 @@ def test_flipped_bits_of_a_learning_state(tmp_path: Path, flips: int) -> None:
 
     trials = _trials()
     path = tmp_path / "state.npz"
-    save_state(path, "mark", trials, origin="here")
+    save_state(path, "mark", trials, origin=("here", ""))
     whole = path.read_bytes()
     generator = np.random.default_rng(0)
     for _ in range(flips):
@@ -175,7 +175,7 @@ def test_edited_learning_states(tmp_path: Path) -> None:
     from asrsim.learning.state import load_state, save_state, state_origin
 
     path = tmp_path / "state.npz"
-    save_state(path, "mark", _trials(), origin="here")
+    save_state(path, "mark", _trials(), origin=("here", ""))
     with np.load(path) as stored:
         arrays = dict(stored)
     for other in edits(json.loads(str(arrays["head"])), seed=0, most=300):

@@ -11,8 +11,8 @@ import pytest
 
 from asrsim.actuators import ACTUATORS
 from asrsim.signals import PulseTrain, Sinusoid, Step
+from asrsim.simulation.chunks import LONGEST as CHUNK
 from asrsim.simulation.run import Run
-from asrsim.simulation.simulation import CHUNK
 from validation.conservation import energy_gain, motors
 from validation.models import Body, chain, column, run
 

@@ -88,13 +88,13 @@ def test_an_environment_is_the_simulation(scenario):
 
 
 def test_what_is_randomised_changes_the_simulation(scenario):
-    env = make_env(scenario, randomise={"link_2.mass": "uniform(0.3, 0.9)"})
+    env = make_env(scenario, randomise={"link_2.mass & link_1.mass": "uniform(0.3, 0.9)"})
     masses = []
     for seed in range(3):
         _, info = env.reset(seed=seed)
         masses.append(info["parameters"]["link_2.mass"])
         links = {link.name: link for link in env.simulation.prepared.robot.links}
-        assert links["link_2"].mass == masses[-1]
+        assert links["link_1"].mass == links["link_2"].mass == masses[-1]
     assert len(set(masses)) == 3
     assert all(0.3 < mass < 0.9 for mass in masses)
 
@@ -184,7 +184,8 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"randomise": {"joint_1.damping": "uniform(2, 1)"}}, "must be above the low one"),
         ({"randomise": {"step": [0.001]}}, "read anew"),
         ({"randomise": {"joint_1.damping": ["much"]}}, "numbers only"),
-        ({"initial": {"elbow": [0.1]}}, "no joint is called 'elbow'"),
+        ({"initial": {"elbow": [0.1]}}, "initial.elbow: the robot has no moving joint"),
+        ({"initial": {"joint_1": "uniform(1, 3)"}}, "initial.joint_1: lies outside the limits"),
         ({"render_mode": "human"}, "no render mode"),
     ],
 )

@@ -82,6 +82,30 @@ def test_a_start_far_off_comes_near_by_regression(lab):
     assert there == pytest.approx(4.0, rel=0.2)
 
 
+RECORDED = {
+    1: ("link_position",),
+    3: ("link_position", "elastic_torque_1"),
+    5: ("link_position", "motor_1_position"),
+}
+"""Mode -> what is recorded in it."""
+
+
+@pytest.mark.parametrize("mode", RECORDED)
+def test_torques_balance_at_the_truth_in_every_mode(tmp_path, mode):
+    free = {"joint_1.damping": 0.02, "link_1.izz": 0.009} | ({"joint_1.motor_1_inertia": 0.0233} if mode == 5 else {})
+    told = {1: "link_position", 3: "equilibrium_position", 5: "reference_1"}[mode]
+    numbers = {**SEA, "mode": mode}
+    truth = write(tmp_path, "truth", numbers, f"{{{told}: {CHIRP}}}")
+    guess = write(tmp_path, "guess", numbers)
+    for path in (truth, guess):
+        path.write_text(path.read_text() + "compiled: false\n")
+    recording = record(truth, tmp_path / "r.csv", RECORDED[mode], noise=1e-6, every=4)
+    with ExitStack() as stack:
+        setup = set_up(make_task(guess, [recording], free=[f"{key}={3 * value}" for key, value in free.items()]), stack)
+        found = setup.layout.values(regressed(setup.tracks, setup.layout, np.zeros(len(setup.layout.entries))))
+    assert dict(zip(free, found, strict=False)) == pytest.approx(free, rel=0.02)
+
+
 def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):
     robot = with_overrides(load_robot(lab / "lab.urdf"), modes={"*": 0})
     command = SimpleNamespace(joint="joint_1", quantity="reference_1")

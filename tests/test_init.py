@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +190,18 @@ def test_command_line(tmp_path):
     assert "asrsim run" in result.output
     assert not (tmp_path / SCHEMA_FILE).exists()
     assert load_scenario(tmp_path / "s.yaml")[0].modes == {"*": 5}
+
+
+def test_a_robot_that_nothing_drives_is_told_of_with_what_drives_it(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
+    out = tmp_path / "my start.yaml"
+    _, (note,) = write_starter(robot, out, schema=False)
+    assert note.code == "no-actuators"
+    command = shlex.split(note.hint.partition("asrsim ")[2])
+    result = CliRunner().invoke(app, [*command, "--no-schema"])
+    assert result.exit_code == 0, result.output
+    assert "qbmove" in out.read_text()
 
 
 def test_xacro_arguments_are_kept(tmp_path):

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from asrsim.errors import InputError, ScenarioError
-from asrsim.learning import LearningProblem, LearningSettings, learn, parse_settings, updated, write_inputs, zero_phase
+from asrsim.learning import LearningProblem, learn, updated, write_inputs, zero_phase
 from asrsim.learning.law import FixedGain
+from asrsim.learning.settings import decided, gains_at
 from asrsim.learning.trial import Trial
 from asrsim.scenario.learning_keys import Filter, Learning
 from asrsim.signals import parse_signal
@@ -36,8 +37,10 @@ def problem(first_guess=0.0, **changes):
     )
 
 
-def settings(**changes):
-    return LearningSettings(**{"gains": (0.5, 0.5), "gain_decay": None, "tolerance": 1e-3, **changes})
+def settings(gains=(0.5, 0.5), **changes):
+    joint_gains = dict(zip(("one", "two"), gains, strict=False))
+    given = {"law": "paper", "gain_decay": None, "tolerance": 1e-3, **changes}
+    return Learning(trajectory={"one": Constant(value=0.0)}, joint_gains=joint_gains, **given)
 
 
 def static_plant(inputs):
@@ -45,16 +48,16 @@ def static_plant(inputs):
 
 
 def test_the_paper_s_gain_falls_to_a_third_in_ten_updates():
-    paper = LearningSettings(gains=(0.5, 0.5))
-    assert paper.gain_at(0) == (0.5, 0.5)
-    assert paper.gain_at(10)[0] == pytest.approx(0.5 / math.e)
+    paper = settings(gain_decay=10.0)
+    assert gains_at(paper, ("one", "two")) == (0.5, 0.5)
+    assert gains_at(paper, ("one", "two"), 10)[0] == pytest.approx(0.5 / math.e)
 
 
 def test_without_extras_the_update_is_equation_13_to_the_last_bit():
     generator = np.random.default_rng(1)
     inputs, error = generator.normal(size=(2, 50, 2))
     gain = 0.5 * math.exp(-3 / 10)
-    following = updated(inputs, error, np.zeros((50, 2)), 3, LearningSettings(gains=(0.5, 0.5)), STEP)
+    following = updated(problem(), inputs, error, 3, settings(gain_decay=10.0))
     assert np.array_equal(following, inputs + gain * error)
 
 
@@ -107,15 +110,15 @@ def test_a_forgetful_learner_keeps_a_known_error():
 
 
 def test_forgetting_pulls_towards_the_first_guess():
-    guess = np.ones((5, 1))
-    following = updated(np.zeros((5, 1)), np.zeros((5, 1)), guess, 0, settings(gains=(0.5,), forgetting=0.2), STEP)
-    assert following == pytest.approx(0.2 * guess)
+    zero = np.zeros_like(reference())
+    following = updated(problem(first_guess=1.0), zero, zero, 0, settings(forgetting=0.2))
+    assert following == pytest.approx(0.2 + zero)
 
 
 def test_the_derivative_term_looks_ahead():
     """e(t) + T de/dt is e(t + T) to first order."""
-    error = np.sin(2 * TIME)[:, None]
-    following = updated(0 * error, error, 0 * error, 0, settings(gains=(1.0,), derivative=0.02), STEP)
+    error = np.sin(2 * TIME)[:, None] * np.ones(2)
+    following = updated(problem(), 0 * error, error, 0, settings(gains=(1.0, 1.0), derivative=0.02))
     assert following[100:-100, 0] == pytest.approx(np.sin(2 * (TIME[100:-100] + 0.02)), abs=1e-3)
 
 
@@ -134,7 +137,9 @@ def test_a_filter_keeps_noise_out_of_what_is_learned():
         return inputs * SHARE + generator.normal(scale=1e-3, size=inputs.shape)
 
     rough = learn(problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50)).inputs
-    smooth = learn(problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50, filter_cutoff=10.0)).inputs
+    smooth = learn(
+        problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50, filter=Filter(cutoff=10.0))
+    ).inputs
     assert np.abs(np.diff(smooth, 2, axis=0)).max() < 0.1 * np.abs(np.diff(rough, 2, axis=0)).max()
 
 
@@ -157,7 +162,9 @@ class PowerCutError(Exception):
 @pytest.mark.parametrize("after", [1, 4])
 def test_an_interrupted_run_goes_on_exactly_where_it_was(tmp_path, after):
     state = tmp_path / "state.npz"
-    rich = settings(gains=(0.45, 0.3), gain_decay=7.0, derivative=0.01, filter_cutoff=20.0, forgetting=0.01, max_iterations=9)
+    rich = settings(
+        gains=(0.45, 0.3), gain_decay=7.0, derivative=0.01, filter=Filter(cutoff=20.0), forgetting=0.01, max_iterations=9
+    )
     whole = learn(problem(), static_plant, rich)
     calls = []
 
@@ -221,12 +228,10 @@ def test_settings_come_from_the_scenario_s_block():
         trajectory={"one": Constant(value=0.1)}, law="paper", gain=0.4, joint_gains={"two": "model"}, gain_decay=None,
         filter=Filter(cutoff=5.0, order=3), tolerance=0.05, first_guess="gravity", keep_logs="none",
     )  # fmt: skip
-    parsed = parse_settings(learning, ("one", "two"), (9.0, 0.7))
-    assert parsed == LearningSettings(
-        gains=(0.4, 0.7), gain_decay=None, filter_cutoff=5.0, filter_order=3, tolerance=0.05, first_guess="gravity"
-    )
+    assert decided(learning, ("one", "two"), (9.0, 0.7)) == replace(learning, joint_gains={"one": 0.4, "two": 0.7})
+    assert decided(replace(learning, first_guess=None), ("one", "two"), (9.0, 0.7)).first_guess == "zero"
     with pytest.raises(ScenarioError, match="does not learn"):
-        parse_settings(replace(learning, joint_gains={"three": 1.0}), ("one", "two"))
+        decided(replace(learning, joint_gains={"three": 1.0}), ("one", "two"))
 
 
 def test_a_creeping_error_is_no_reason_to_stop():
@@ -273,5 +278,5 @@ def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(wor
               outputs=np.full((2, 1), error), ratio=None, predicted=None)
         for number, error in enumerate(worst)
     ]  # fmt: skip
-    found = FixedGain(problem, LearningSettings(gains=(0.5,))).verdict(trials, 2)
+    found = FixedGain(problem, settings()).verdict(trials, 2)
     assert (found is not None) == ends

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from log_example import INFO, assert_same, example_samples, part
 
 from asrsim.errors import LogError, OutputError
-from asrsim.log import LogWriter, concatenate, open_log, read_log
-from asrsim.samples import JointInfo, RunInfo, Samples
+from asrsim.log import LogWriter, open_log, read_log
+from asrsim.samples import JointInfo, RunInfo, Samples, concatenate
 
 
 @pytest.fixture(scope="module")

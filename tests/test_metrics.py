@@ -10,7 +10,6 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.metrics import MEASURES, MetricRow, measure, summarise, write_metrics_json
-from asrsim.metrics.docs import tables
 from asrsim.metrics.lag import _chance_by_samples as chance_by_samples
 from asrsim.metrics.lag import estimate_lag
 
@@ -262,22 +261,6 @@ def test_output(tmp_path: Path) -> None:
     ]
     write_metrics_json(tmp_path / "metrics.json", rows)
     assert '"value": null' in (tmp_path / "metrics.json").read_text()
-
-
-def test_every_measure_is_documented() -> None:
-    table = tables()["measures"]
-    for name in MEASURES:
-        assert len(MEASURES.get(name).doc) > 10
-        assert f"| `{name}` |" in table
-
-
-def test_the_documentation_holds_the_generated_table() -> None:
-    page = Path(__file__).parents[1] / "docs" / "metrics.md"
-    if not page.is_file():
-        pytest.skip("the documentation is not here")
-    begin, end = "<!-- generated: measures -->\n", "\n<!-- end -->"
-    text = page.read_text(encoding="utf-8")
-    assert text.partition(begin)[2].partition(end)[0] == tables()["measures"]
 
 
 def test_the_delay_of_a_drifting_periodic_motion_is_not_a_period():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -64,12 +63,6 @@ def test_pandas_and_xarray_hold_the_same_numbers(result):
     assert np.array_equal(data["stiffness"].sel(joint="joint_2"), result["joint_2"].stiffness)
     assert data["link_torque"].attrs["units"] == "N m"
     assert data["time"].attrs["units"] == "s"
-
-
-def test_a_missing_library_is_named(result, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(InputError, match="pandas is not installed"):
-        result.to_pandas()
 
 
 def test_overrides_as_a_mapping_are_those_as_texts(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from asrsim.errors import OutputError
-from asrsim.outfile import MARKS, check_output, is_ours, write_text, written
+from asrsim.outfile import MARKS, check_output, is_ours, make_folder, write_text, written
 
 PAGE = '<meta name="generator" content="asrsim 1">'
 
@@ -89,6 +89,13 @@ def test_a_folder_in_the_way_stays(tmp_path: Path):
     with pytest.raises(OutputError, match=r"page\.html: cannot be written: "):
         write_text(folder, "text", "page")
     assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_file_where_a_folder_should_be_is_named(tmp_path: Path):
+    (tmp_path / "file").touch()
+    for folder in (tmp_path / "file", tmp_path / "file" / "deeper" / "still"):
+        with pytest.raises(OutputError, match=r"cannot make the folder: .*/file is a file$"):
+            make_folder(folder)
 
 
 def test_a_folder_that_is_not_there_is_an_output_error(tmp_path: Path):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from given import Detail, value_line
-from over_ranges import bodies, core, identification, learning, metrics, motors, pictures, recordings
+from over_ranges import bodies, core, drives, identification, learning, metrics, motors, pictures, recordings
 from seen import differences
 
 pytestmark = pytest.mark.once
@@ -26,7 +26,8 @@ ASKED = {
     "headers": recordings.of_headers,
     "identification": identification.of_identification, "core": core.of_the_core, "learning": learning.of_learning,
     "kicks": motors.kicks, "signals": motors.of_signals, "bodies": bodies.of_bodies, "robots": bodies.of_robots,
-    "waiting": bodies.of_waiting, "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
+    "files": bodies.of_files, "waiting": bodies.of_waiting, "drives": drives.of_drives,
+    "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
 }  # fmt: skip
 
 

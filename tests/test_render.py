@@ -139,12 +139,6 @@ def test_a_gif_plays_for_as_long_as_the_run(log: Path, tmp_path: Path):
     assert total == pytest.approx(900, abs=20)
 
 
-def test_a_video_without_its_library_says_how_to_get_it(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(InputError, match=r"asrsim\[video\]"):
-        write_mp4(Film(log, size=60), tmp_path / "motion.mp4")
-
-
 @pytest.mark.slow
 def test_a_video_is_an_mp4(log: Path, tmp_path: Path):
     pytest.importorskip("imageio_ffmpeg")
@@ -183,13 +177,12 @@ def test_pictures_need_neither_engine_nor_plugin(log: Path, tmp_path: Path):
 @pytest.mark.parametrize("scenario", ["box_push_5dof", "step_2dof"])
 def test_links_are_drawn_where_the_engine_has_them(scenario: str):
     from asrsim.kinematics.engine_model import model_of
-    from asrsim.render.frames import rpy_frame
     from asrsim.render.scene import Scene
     from asrsim.scenario import load_scenario
 
     loaded = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml")[0]
     robot = load_robot(loaded.robot)
-    scene = Scene(drawable(robot).robot, rpy_frame(loaded.base_position, loaded.base_rpy), loaded.world)
+    scene = Scene(drawable(robot).robot, loaded)
     rng = np.random.default_rng(3)
     with model_of(loaded, robot) as model:
         positions = rng.uniform(-1.0, 1.0, size=len(model.joints))

@@ -21,6 +21,7 @@ from asrsim.log import read_log
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
 from asrsim.report.series import pack, read_runs, unpack
+from asrsim.runs.folder import find_logs
 
 pytestmark = pytest.mark.once
 
@@ -269,8 +270,6 @@ def test_each_comparison_of_a_folder_is_found_once(tmp_path: Path):
 
 
 def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
-    from asrsim.runs.folder import find_logs
-
     for variant in ("stiff", "nominal_soft", "soft"):
         simulated_log("step_2dof", tmp_path / variant / "log.mcap", variant=variant, duration=0.01)
     (tmp_path / "zero").mkdir()
@@ -332,3 +331,12 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
     assert moved["turn"] == turned["turn"]
     assert browser.evaluate(look)[1] != first
     assert browser.complaints == []
+
+
+def test_where_the_logs_of_a_study_are_is_told(tmp_path):
+    (tmp_path / "study/logs/run_000000").mkdir(parents=True)
+    (tmp_path / "study/logs/run_000000/log.mcap").touch()
+    with pytest.raises(InputError, match=r"further down have some: .*study.logs$"):
+        find_logs(tmp_path / "study")
+    with pytest.raises(InputError, match="Run a scenario first"):
+        find_logs(tmp_path)

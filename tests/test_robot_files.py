@@ -12,9 +12,11 @@ import pytest
 
 from asrsim.errors import RobotError
 from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot.edit import edited_urdf
 from asrsim.robot.expansion import expand_xacro
 from asrsim.robot.inertia import inertia_tensor
 from asrsim.robot.packages import packages_of
+from asrsim.robot.vary import varied_robot
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>'
 MASSLESS = INERTIAL.replace('"1"', '"0"').replace("0.1", "0")
@@ -367,3 +369,25 @@ def test_shapes_are_read_as_they_stand(read: Callable[..., Robot], name: str) ->
     assert bool([one for one in found.warnings if one.line is not None and "shape" in one.code]) == (expected is None)
     for key, value in (expected or {}).items():
         assert getattr(shapes[0], key) == value
+
+
+ORIGINS = ("", "<origin/>", "<origin rpy='0 0 0.5'/>", "<origin\n xyz='0.1\t0.2  0.3' rpy='0 0 0.5'/>")
+DYNAMICS = ("", "<dynamics/>", "<dynamics friction='0.1'/>", '<dynamics damping = "0.3"></dynamics>')
+
+
+@pytest.mark.parametrize("origin", ORIGINS)
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+def test_numbers_put_into_a_file_are_read_from_it(tmp_path: Path, origin: str, dynamics: str) -> None:
+    """Whatever the file has of the numbers already: it reads as the robot that was varied without it."""
+    path = tmp_path / "r.urdf"
+    tensor = INERTIAL.replace("/></inertial>", f" ixy='0.01'/>{origin}</inertial>")
+    path.write_text(robot(link("a", "") + joint("j", "a", "b", LIMIT + dynamics) + link("b", tensor)))
+    changes = {"j": {"damping": 0.7, "friction": 0.2}, "b": {"mass": 2.0, "ixx": 0.12, "ixz": 0.02, "y": -0.25, "z": 0.5}}
+    plain = load_robot(path)
+    wanted = varied_robot(plain, changes)
+    path.write_bytes(edited_urdf(path.read_bytes(), plain, changes))
+    found = load_robot(path)
+    assert [(one.mass, one.inertia, one.centre_of_mass, one.inertial_rpy) for one in found.links] == [
+        (one.mass, one.inertia, one.centre_of_mass, one.inertial_rpy) for one in wanted.links
+    ]
+    assert [(one.damping, one.friction) for one in found.joints] == [(one.damping, one.friction) for one in wanted.joints]

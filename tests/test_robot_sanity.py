@@ -119,6 +119,12 @@ def test_what_is_just_probable_is_not_doubted(old: str, new: str, tiny) -> None:
     assert codes(changed(tiny, (old, new)).warnings) <= codes(load_robot(EXAMPLES / "urdf" / "dof1_sea.urdf").warnings)
 
 
+def test_a_slider_has_no_usual_stiffness(tiny) -> None:
+    """What lifts a carriage is no stiffness of a joint that turns."""
+    robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ("<spring_k>10<", "<spring_k>1.1e5<"))
+    assert "unusual-value" not in codes(robot.warnings)
+
+
 def test_sound_robots_are_not_doubted() -> None:
     """Nothing improbable in the examples, nor wheels that turn for ever."""
     doubted = {

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from robots import write_plain_arm
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
-from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
 from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
@@ -144,6 +145,23 @@ def test_a_longer_lever_allows_a_larger_sigma(load):
 def test_all_errors_at_once(load):
     text = "initial: {a: 1}\nmodes: {b: 1}\nreferences: {c: {d: 1}}\nexternal_torques: {e: 1}\n"
     assert len(check_against_robot(load(text), arm())[0]) == 4
+
+
+@pytest.mark.parametrize(
+    ("wrong", "key"),
+    [
+        ({"parameters": {"nobody": {"spring_k": 1.0}}}, "parameters.nobody"),
+        ({"parameters": {"joint_2": {"sprung_k": 1.0}}}, "parameters.joint_2.sprung_k"),
+        ({"modes": {"nobody": 1}}, "modes.nobody"),
+        ({"actuators": {"*": "sea", "nobody": "sea"}}, "actuators.nobody"),
+    ],
+)
+def test_actuators_that_the_scenario_gives_stay_where_something_else_is_wrong(tmp_path, wrong, key):
+    """One fault is one line: the references of the others are not told of as well."""
+    robot = load_robot(write_plain_arm(tmp_path))
+    keys = {"actuators": "sea", "references": {"joint_1": {"equilibrium_position": 0.1}}, "duration": 1.0}
+    scenario = make_scenario(robot.path, **{**keys, **wrong})
+    assert [problem.key for problem in check_against_robot(scenario, robot)[0]] == [key]
 
 
 def test_parameters_and_namespace_are_replaced(load, tmp_path):

@@ -13,10 +13,9 @@ from jsonschema import Draft202012Validator
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario, scenario_from_data
-from asrsim.scenario.docs import tables
 from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import json_schema
-from asrsim.signals import SIGNALS, parse_signal
+from asrsim.signals import parse_signal
 
 pytestmark = pytest.mark.once
 
@@ -30,10 +29,8 @@ def validator():
     return Draft202012Validator(json_schema())
 
 
-def test_every_key_and_signal_is_documented():
-    parts = tables()
-    assert all(f"`{key.name}`" in parts["scenario-keys"] and key.doc for key in KEYS)
-    assert all(f"### {name}" in parts["signal-keys"] for name in SIGNALS)
+def test_every_key_is_described():
+    assert all(key.doc for key in KEYS)
     assert all(key["description"] for key in json_schema()["properties"].values())
 
 

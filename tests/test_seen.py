@@ -112,6 +112,19 @@ over: {link_1.mass: [0.3, 0.4], joint_1.damping: "uniform(0.1, 0.2)"}
 samples: 2
 signals: [joint_1.link_position]
 """
+GRID = """\
+scenario: play.yaml
+set: {duration: 0.01}
+over: {link_1.mass: "0.3:0.4:2", joint_1.damping: "0.1:0.2:3"}
+"""
+SHARES = """\
+scenario: play.yaml
+set: {duration: 0.01}
+over: {link_1.mass: "uniform(0.3, 0.4)", joint_1.damping: "uniform(0.1, 0.2)"}
+design: saltelli
+samples: 2
+logs: true
+"""
 PLAY = """\
 robot: arm.urdf
 duration: 0.1
@@ -147,12 +160,15 @@ FILES = {
     "fit.yaml": FIT,
     "play.yaml": PLAY,
     "study.yaml": STUDY,
+    "grid.yaml": GRID,
+    "shares.yaml": SHARES,
     "lab.csv": lab(),
     "bench.csv": bench(),
 }
 SESSIONS: dict[str, tuple[str, ...]] = {
     "check": ("check arm.urdf rich.yaml", "check arm.urdf --json -q", "check plain.urdf", "actuators", "actuators qbmove"),
     "run": ("run rich.yaml -o run --report",),
+    "certify": ("run play.yaml -o run --certify --report --no-plot",),
     "picture": ("run rich.yaml -o run --no-plot -q", "render run --frames 2 --size 120", "render run/soft --gif --size 60"),
     "compare": (
         "run rich.yaml -o run --no-plot -q", "plot run --experiment lab.csv -o overlay",
@@ -160,10 +176,17 @@ SESSIONS: dict[str, tuple[str, ...]] = {
     ),
     "frequency": ("run chirp.yaml -o chirp -q", "plot chirp --bode -o bode"),
     "task": ("run task.yaml -o task",),
-    "learn": ("ilc learn.yaml -o learn --transfer --processes 1",),
+    "learn": ("ilc learn.yaml -o learn --transfer --processes 1 --keep-logs all",),
+    "robot": (
+        "ilc learn.yaml -o robot --guess-only", "run robot/guess.yaml -o one --no-plot -q",
+        "ilc learn.yaml -o robot --next one/log.mcap", "ilc learn.yaml -o robot --next one/log.mcap --json",
+    ),
     "bench": ("bench arm.urdf bench.csv -o bench_out.csv",),
     "identify": ("identify fit.yaml -o fit", "identify fit.yaml --check -o fit_check"),
-    "sweep": ("sweep study.yaml -o sweep -j 1",),
+    "sweep": (
+        "sweep study.yaml -o sweep -j 1", "sweep grid.yaml -o grid -j 1 --no-report",
+        "sweep shares.yaml -o shares -j 1 --no-report", "sweep shares --run 3 -o again --no-plot -q",
+    ),
     "live": ("live rich.yaml --variant soft --on none --speed max --duration 0.02 -o live",),
     "start": (
         "init arm.urdf -o one.yaml --no-schema", "init plain.urdf -a qbmove -o two.yaml --no-schema",
@@ -194,13 +217,15 @@ def session(name: str, folder: Path, call: Callable[..., object], monkeypatch: p
     monkeypatch.setattr("asrsim.reproduce.lab.Lab", ShortLab)
     monkeypatch.setattr("asrsim.reproduce.teaching.DRAWS", 2)
     monkeypatch.setattr("asrsim.reproduce.pictures.FRAMES", 2)
+    monkeypatch.setattr("asrsim.sweeps.pictures.LINES", 1)
+    monkeypatch.setattr("asrsim.sweeps.pictures.MOST", 2)
     for command in SESSIONS[name]:
         before = set(folder.rglob("*"))
         drawn.clear()
         outcome = call(*command.split())
         shown += [f"$ asrsim {command}", *steady(outcome.out + outcome.err, folder), f"exit {outcome.code}", *drawn]
         for path in sorted(set(folder.rglob("*")) - before):
-            if any(path.match(pattern) for pattern in READ):
+            if any(path.match(pattern) for pattern in READ) and "logs" not in path.parts:
                 shown += [f"--- {path.relative_to(folder).as_posix()}", *_file(path, folder)]
     return shown
 

@@ -12,9 +12,9 @@ from random_runs import RandomRun, random_run
 from test_bits import INSTALLED, Tape, assert_same
 
 import asrsim
+from asrsim.samples import concatenate
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.run import join
 from asrsim.simulation.simulation import Simulation
 
 Numbers = dict[str, dict[str, float]]
@@ -114,7 +114,7 @@ class Program:
                 np.testing.assert_array_equal(values, vars(fresh.observe())[name], err_msg=name)
             assert len(self.tape.chunks) > 0 or not tape.chunks
             if tape.chunks:
-                assert_same(join(self.tape.chunks), join(tape.chunks), moves=False)
+                assert_same(concatenate(self.tape.chunks), concatenate(tape.chunks), moves=False)
 
 
 OPERATIONS = (

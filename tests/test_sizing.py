@@ -233,13 +233,16 @@ def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
         assert used <= RESERVE * block.values()["motor_1_max_torque"]
 
 
-def test_a_slider_that_rests_on_its_stop_is_lifted_from_it(tmp_path):
+@pytest.mark.parametrize("travel", [0.31, 0.6])
+def test_a_slider_that_rests_on_its_stop_is_lifted_from_it(tmp_path, travel):
     """PR2's torso: 1200 N on springs of 10 N/m, .05 m above the stop, so that the sag says nothing of what is lacking."""
     robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(120.0,), effort=10000.0)
     lift = robot.read_text().replace('type="revolute"', 'type="prismatic"').replace('xyz="0 1 0"', 'xyz="0 0 1"')
-    robot.write_text(lift.replace('lower="-2.0"', 'lower="0"').replace('upper="2.0"', 'upper="0.31"'))
+    robot.write_text(lift.replace('lower="-2.0"', 'lower="0"').replace('upper="2.0"', f'upper="{travel}"'))
     keys = {"actuators": "sea", "references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.05}}}}}
-    proposal = judged(scenario_of(robot, **keys)).proposal
+    found = judged(scenario_of(robot, **keys))
+    assert found.weak
+    proposal = found.proposal
     assert proposal
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
 

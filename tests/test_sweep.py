@@ -168,7 +168,8 @@ def test_a_fit_of_logarithms_is_drawn_above_0_and_what_it_leaves_out_is_known():
     sure = study_of(
         {}, samples=20, fit={**fit, "covariance": [[0.25, 0.0], [0.0, 0.0]], "estimates": [{"key": "a.y", "verdict": "weak"}]}
     )
-    assert (sure.joint.left_out, sure.joint.fixed) == ((), ("a.y (weak)",))
+    assert (sure.joint.left_out, sure.joint.fixed, sure.joint.fits) == ((), ("a.y (weak)",), True)
+    assert not study_of({}, samples=20, fit={**fit, "fits": False}).joint.fits
     assert np.ptp(sure.table[:, 1]) == 0.0 < np.ptp(sure.table[:, 0])
     with pytest.raises(InputError, match="logarithmic"):
         study_of({}, samples=20, fit={**fit, "logarithmic": [True]})
@@ -234,6 +235,7 @@ def test_what_no_study_is(over, options, word):
     ("key", "word"),
     [
         ("link_1.mas", "Did you mean 'mass'"),
+        ("link_1.inertial.mass", "has no such number; choose from mass"),
         ("lnk_1.mass", "link_1"),
         ("parameters.*.nonsense", "no such parameter"),
         ("references.*.stiffness_preset", "changes nothing"),
@@ -571,6 +573,7 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     assert list(table["run"]) == list(range(1000))
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
     assert not list(tmp_path.glob("part-*"))
+    assert len(Store(tmp_path, columns, 1000).missing) == 0
 
 
 @pytest.mark.parametrize(("samples", "points"), [(2, 2), (5, 8), (64, 64), (65, 128)])

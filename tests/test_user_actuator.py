@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import textwrap
 from pathlib import Path
@@ -282,6 +283,19 @@ def test_what_init_writes_for_an_actuator_of_one_s_own_is_run_as_it_says(tmp_pat
     refused = asrsim_command(*command[:2])
     assert refused.code == 1
     assert "One of your own is in a file that --plugin FILE names" in refused.err
+
+
+def test_every_command_that_init_names_for_a_recording_names_the_actuator_s_file(tmp_path, asrsim_command):
+    law = shutil.copy(EXAMPLE, tmp_path)
+    robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
+    rows = (f"{0.01 * i},{0.01 * i},{0.008 * i}" for i in range(20))
+    (tmp_path / "lab.csv").write_text("\n".join(["time,elbow.reference_1,elbow.link_position", *rows]))
+    given = ("--actuator", "my_vsa", "--plugin", str(law), "--experiment", "lab.csv", "--out", "arm.yaml")
+    said = asrsim_command("init", robot, *given).out
+    texts = [said, *((tmp_path / name).read_text() for name in ("arm.yaml", "arm.fit.yaml"))]
+    commands = [line for text in texts for line in re.findall(r"asrsim (?:run|identify) \S.*", text)]
+    assert len(commands) == 5
+    assert all("my_vsa.py" in command for command in commands)
 
 
 @pytest.mark.parametrize(("command", "file"), [("identify", FIT), ("sweep", STUDY)])

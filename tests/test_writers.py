@@ -98,8 +98,23 @@ def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, na
 def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str) -> None:
     before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
     outcome = asrsim_command(*arguments.split())
-    assert outcome.code == 1
+    assert outcome.code in (1, 2)
     assert {path: path.read_bytes() for path in place.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("render made --out film.gif", "is the name of a folder, and film.gif reads like a file's"),
+        ("rerun made/log.mcap --out made/log.mcap", "log.mcap reads like a file's"),
+        ("init pendulum.urdf --out here", "ends in .yaml or .yml, not here"),
+        ("report made --out page", "ends in .html or .htm, not page"),
+    ],
+)  # fmt: skip
+def test_a_folder_is_no_file_and_a_file_no_folder(place: Path, asrsim_command, arguments: str, said: str) -> None:
+    outcome = asrsim_command(*arguments.split())
+    assert outcome.code == 2
+    assert said in " ".join(outcome.err.split())
 
 
 def test_a_run_does_not_replace_the_log_that_it_compares_with(place: Path, asrsim_command) -> None:

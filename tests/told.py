@@ -28,6 +28,8 @@ PASSING = re.compile(r"(?:/tmp/|[^\s'\"]*\.\./\.\./)[^\s'\",:;)]*|0x[0-9a-f]{6,}
 """Places of one run."""
 CALLED = re.compile(r"python -m (?:pytest\.)?asrsim")
 """The command's name follows from how pytest was called."""
+APART = re.compile(r"(?<=\bpip) --python \S+")
+"""An environment with and one without a pip of its own."""
 SHARED = "/shared/"
 """Not every clone has this folder, and what is in it is not ours to repeat."""
 LONGEST = 240
@@ -64,6 +66,7 @@ def _recorded(module: str) -> dict[str, list[str]]:
 def _lines(heard: list[str], folder: Path) -> list[str]:
     """Different lines, without the places of one run."""
     text = CALLED.sub("asrsim", "\n".join(heard).replace(str(ROOT), "ROOT").replace(str(folder), "FOLDER"))
+    text = APART.sub("", text)
     return list(dict.fromkeys(line for line in steady(PASSING.sub("PLACE", text), folder) if line.strip()))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.sampling import Point, limit_of, link_torque, parameter_sets, sample_points
@@ -41,7 +41,7 @@ class CheckReport:
 
     actuator: str
     title: str
-    checks: tuple[Check, ...] = field(default_factory=tuple)
+    checks: tuple[Check, ...]
 
     @property
     def passed(self) -> bool:
@@ -56,14 +56,10 @@ def check_actuator(actuator: type[Actuator]) -> CheckReport:
         name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as the contract asks",
         detail="; ".join(f"{problem.key}: {problem.message}" for problem in problems),
     )  # fmt: skip
-    checks = [declaration]
-    if not problems:
-        for name, doc, limit, measure in _CHECKS:
-            checks.append(_run(name, doc, limit, measure, actuator))
     return CheckReport(
         actuator=str(getattr(actuator, "name", actuator.__name__)),
         title=str(getattr(actuator, "title", actuator.__name__)),
-        checks=tuple(checks),
+        checks=(declaration, *(_run(*check, actuator) for check in (() if problems else _CHECKS))),
     )
 
 
@@ -77,11 +73,11 @@ _Measure = Callable[[type[Actuator]], Iterator[tuple[float, str]]]
 def _run(name: str, doc: str, limit: float | None, measure: _Measure, actuator: type[Actuator]) -> Check:
     worst, where = 0.0, ""
     try:
-        for figure, place in measure(actuator):
+        for figure, point in measure(actuator):
             if math.isnan(figure):
-                raise _FailedError(f"not a number at {place}")
+                raise _FailedError(f"not a number at {point}")
             if figure > worst:
-                worst, where = figure, place
+                worst, where = figure, point
     except _FailedError as error:
         return Check(name=name, passed=False, doc=doc, limit=limit, detail=str(error))
     except Exception as error:
@@ -94,16 +90,14 @@ def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     points = list(sample_points(actuator))
     first = []
     for point in points:
-        torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
-        stiffness = actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters)
+        torques, stiffness = actuator.elastic_torques(*point), actuator.stiffness(*point)
         if not isinstance(torques, tuple) or len(torques) != 2:
             raise _FailedError(f"elastic_torques must return two numbers as a tuple, got {torques!r}")
         if not all(isinstance(value, float) for value in (*torques, stiffness)):
             raise _FailedError(f"laws must return floats, got {torques!r} and {stiffness!r} at {point}")
         first.append((*torques, stiffness))
     for point, earlier in zip(reversed(points), reversed(first), strict=True):
-        torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
-        again = (*torques, actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters))
+        again = (*actuator.elastic_torques(*point), actuator.stiffness(*point))
         if again != earlier and not any(map(math.isnan, earlier)):
             raise _FailedError(f"the same input gave {earlier} and {again}: the law has a state; at {point}")
     yield 0.0, ""
@@ -113,8 +107,7 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     has_limit = any(parameter.name == "max_deflection" for parameter in actuator.parameters)
     for point in sample_points(actuator, _FAR if has_limit else 1.0):
         try:
-            torques = actuator.elastic_torques(point.q, point.theta_1, point.theta_2, point.parameters)
-            values = (*torques, actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters))
+            values = (*actuator.elastic_torques(*point), actuator.stiffness(*point))
         except ArithmeticError as error:
             raise _FailedError(f"{type(error).__name__} at {point}") from error
         if not all(map(math.isfinite, values)):
@@ -124,7 +117,7 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
 
 def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     points = list(sample_points(actuator, 0.95))  # off the limit, where the slope breaks
-    stated = [actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters) for point in points]
+    stated = [actuator.stiffness(*point) for point in points]
     # Where a law is flat its slope has no relative error: the largest stiffness sets a floor.
     floor = max(1e-4 * max(map(abs, stated)), 1e-12)
     for point, value in zip(points, stated, strict=True):
@@ -144,7 +137,7 @@ def _slope(actuator: type[Actuator], point: Point, h: float) -> float:
 
 def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     for point in sample_points(actuator):
-        stiffness = actuator.stiffness(point.q, point.theta_1, point.theta_2, point.parameters)
+        stiffness = actuator.stiffness(*point)
         yield max(0.0, -stiffness), f"{point}: stiffness {stiffness:.6g} N m/rad"
 
 
@@ -203,8 +196,7 @@ def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
         equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
         theta_1, theta_2 = actuator.motor_references(equilibrium, preset)
         point = Point(equilibrium, theta_1, theta_2, parameters)
-        tau_1, tau_2 = actuator.elastic_torques(point.q, theta_1, theta_2, parameters)
-        stiffness = actuator.stiffness(point.q, theta_1, theta_2, parameters)
+        (tau_1, tau_2), stiffness = actuator.elastic_torques(*point), actuator.stiffness(*point)
         scale = max(abs(tau_1), abs(tau_2), abs(stiffness) * limit, 1e-12)
         yield abs(tau_1 + tau_2) / scale, f"{point}: {tau_1 + tau_2:.3g} N m on the unloaded link"
 

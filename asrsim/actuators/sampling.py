@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from asrsim.actuators import Actuator
 
@@ -16,9 +16,8 @@ PARAMETER_SETS = 6
 """Sets of parameters with which the laws are tried: the defaults, and others within their bounds."""
 
 
-@dataclass(frozen=True)
-class Point:
-    """Link and motor positions in rad (an adjuster's in its own unit), and the spring's parameters."""
+class Point(NamedTuple):
+    """What the laws take: link and motor positions in rad (an adjuster's in its own unit), and the spring's parameters."""
 
     q: float
     theta_1: float
@@ -68,5 +67,4 @@ def sample_points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Poi
 
 def link_torque(actuator: type[Actuator], point: Point, q: float | None = None) -> float:
     """Torque on the link in N m at a point, or at another link position."""
-    tau_1, tau_2 = actuator.elastic_torques(point.q if q is None else q, point.theta_1, point.theta_2, point.parameters)
-    return tau_1 + tau_2
+    return sum(actuator.elastic_torques(*(point if q is None else point._replace(q=q))))

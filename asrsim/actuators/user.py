@@ -38,6 +38,11 @@ def plugin_options(files: Iterable[Path | str]) -> list[str]:
     return [word for file in files for word in ("--plugin", str(file))]
 
 
+def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
+    """A command of asrsim's for a file, to be pasted into a shell; plugins: that the file needs."""
+    return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
+
+
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a user's file and register every actuator class that it defines; a file may be loaded again.
 
@@ -146,9 +151,7 @@ def _results(actuator: type[Actuator]) -> Iterable[Problem]:
 
 def law_fault(error: BaseException) -> ActuatorError | None:
     """The error as one of a user's law, if it came up in a user's file."""
-    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    lines = [line for _, line in traceback.walk_tb(error.__traceback__)]
-    for frame, line in reversed(list(zip(frames, lines, strict=True))):
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         if str(frame.f_globals.get("__name__", "")).startswith(MODULES):
             message = f"the law raised {type(error).__name__}: {error}"
             hint = "asrsim check --actuator NAME --plugin FILE tries a law over its whole range"

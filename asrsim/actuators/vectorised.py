@@ -18,26 +18,12 @@ Array = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 _ARRAY_MATH: dict[str, Any] = {
-    name: getattr(np, alias)
-    for name, alias in {
-        **{
-            name: name
-            for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "sqrt", "hypot")
-        },
-        "asin": "arcsin",
-        "acos": "arccos",
-        "atan": "arctan",
-        "atan2": "arctan2",
-        "fabs": "abs",
-        "copysign": "copysign",
-        "pow": "power",
-        "floor": "floor",
-        "ceil": "ceil",
-        "asinh": "arcsinh",
-        "acosh": "arccosh",
-        "atanh": "arctanh",
-    }.items()
-}
+    name: getattr(np, name)
+    for name in (
+        "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "atan2", "asinh", "acosh", "atanh", "exp", "expm1",
+        "log", "log1p", "sqrt", "hypot", "fabs", "copysign", "pow", "floor", "ceil",
+    )
+}  # fmt: skip
 _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
 
 

@@ -39,6 +39,15 @@ class LazyGroup(TyperGroup):
 
     _listing = False
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        from asrsim.errors import did_you_mean
+
+        # The base class suggests only what is imported already.
+        hint = did_you_mean(args[0], list(COMMANDS)) if args[0] not in COMMANDS else None
+        if hint and not ctx.resilient_parsing:
+            ctx.fail(f"No such command '{args[0]}'. {hint}")
+        return super().resolve_command(ctx, args)
+
     def list_commands(self, ctx: Any) -> list[str]:
         return [*COMMANDS, *(name for name in super().list_commands(ctx) if name not in COMMANDS)]
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Plugins, load_plugins
-from asrsim.errors import Problem, RecordingError, did_you_mean, similar_file
+from asrsim.cli.options import Plugins, into_file, load_plugins
+from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.outfile import check_output, csv_text, write_text
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ def bench(
             show_default=False,
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="CSV to write.")] = Path("bench.csv"),
+    out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
     stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox: the released code's order.")] = "leapfrog",
     first_step: Annotated[
         float | None,
@@ -78,97 +77,57 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
     """Times (n,) in s and the motion of each joint of a motion CSV; raises RecordingError with every problem found."""
     import numpy as np
 
+    from asrsim.signals.csv_series import read_csv_series, series_names
     from asrsim.simulation.bench import Motion
 
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.reader(stream))
-    except (OSError, UnicodeDecodeError) as error:
-        said = error.strerror if isinstance(error, OSError) else error
-        raise RecordingError(f"cannot be read: {said}", file=path, hint=similar_file(path), code="unreadable") from error
-    if len(rows) < 2:
-        raise RecordingError(
-            "has no rows; expected a header with time, <joint>.position, <joint>.velocity", file=path, code="empty"
-        )
-    header = [name.strip() for name in rows[0]]
-    joints, problems = _check_header(path, header, robot)
-    table = np.full((len(rows) - 1, len(header)), math.nan)
-    for line, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            problems.append(Problem(f"has {len(row)} cells, the header {len(header)}", file=path, line=line, code="ragged-row"))
-            continue
-        for index, text in enumerate(row):
-            try:
-                value = float(text)
-            except ValueError:
-                value = math.nan
-            if not math.isfinite(value):
-                problems.append(
-                    Problem(
-                        "must be a finite number",
-                        file=path,
-                        line=line,
-                        key=header[index],
-                        value=text,
-                        code="not-a-number",
-                    )
-                )
-            table[line - 2, index] = value
-        if len(problems) > 20:
-            break
-    if not problems:
-        time = table[:, header.index("time")]
-        backward = np.flatnonzero(np.diff(time) <= 0.0)
-        if len(backward):
-            problems.append(Problem("time must ascend", file=path, line=int(backward[0]) + 3, key="time", code="backward-time"))
+    names = series_names(path)
+    joints = _check_names(path, names, robot)
+    found: dict[str, Array] = {}
+    problems: list[Problem] = []
+    for name in names:
+        try:
+            time, found[name] = read_csv_series(path, name, "time")
+        except RecordingError as error:
+            problems += [problem for problem in error.problems if problem not in problems]
     if problems:
         raise RecordingError(problems)
-
-    def column(joint: str, name: str) -> Array:
-        key = f"{joint}.{name}"
-        return table[:, header.index(key)] if key in header else np.zeros(len(table))
-
-    return table[:, header.index("time")], {
-        joint: Motion(
-            position=column(joint, "position"),
-            velocity=column(joint, "velocity"),
-            reference_1=column(joint, "reference_1"),
-            reference_2=column(joint, "reference_2"),
-        )
-        for joint in joints
+    return time, {
+        joint: Motion(**{name: found.get(f"{joint}.{name}", np.zeros(len(time))) for name in INPUTS[:4]}) for joint in joints
     }
 
 
-def _column_hint(name: str, valid: list[str], actuated: list[str]) -> str:
-    if name in actuated:
-        return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
-    return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."
-
-
-def _check_header(path: Path, header: list[str], robot: Robot) -> tuple[list[str], list[Problem]]:
-    """Joints of the header in the robot's order, and what is wrong with it."""
-    problems = []
+def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
+    """Joints that the header names, in the robot's order. Raises RecordingError for columns unknown and missing."""
     actuated = [joint.name for joint in robot.moving_joints if any(block.joint == joint.name for block in robot.actuators)]
     valid = ["time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS)]
-    for name in header:
-        if name not in valid:
-            problems.append(
-                Problem(
-                    "is not a column of the bench",
-                    file=path,
-                    line=1,
-                    key=name,
-                    hint=_column_hint(name, valid, actuated),
-                    code="unknown-column",
-                )
-            )
-        elif header.count(name) > 1:
-            problems.append(Problem("stands twice in the header", file=path, line=1, key=name, code="duplicate-column"))
-    joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in header)]
+    joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in names)]
     required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
+    problems = [
+        Problem(
+            "is not a column of the bench",
+            file=path,
+            line=1,
+            key=name,
+            hint=_hint(name, valid, actuated),
+            code="unknown-column",
+        )
+        for name in names
+        if name not in valid
+    ]
     problems += [
         Problem("column is missing", file=path, line=1, key=name, code="missing-column")
         for name in required
-        if name not in header
+        if name not in names
     ]
-    return joints, problems
+    if problems:
+        raise RecordingError(problems)
+    return joints
+
+
+def _hint(name: str, valid: list[str], actuated: list[str]) -> str:
+    first, _, again = name.partition("#")
+    if again and first in valid:
+        return "It stands twice in the header."
+    if name in actuated:
+        return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
+    return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."

@@ -6,13 +6,15 @@ import io
 import json
 import os
 import re
+import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import textwrap
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, cast
 
-from asrsim.errors import AsrsimError, InputError, Problem, printable
+from asrsim.errors import AsrsimError, InputError, Problem, listed, printable
 
 STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
@@ -23,6 +25,8 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u2
 _STYLE = re.compile(rf"\x1b\[(?:0|{'|'.join(STYLES.values())})m")
 MOST = 40
 """Lines of an error that are shown."""
+NARROWEST = 20
+"""Characters of a table's last column, at least."""
 SHOWN = 6
 """Places listed of a problem that many parts share."""
 
@@ -90,12 +94,16 @@ def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
-def say_table(columns: Sequence[tuple[str, Sequence[str], bool]]) -> None:
-    """A table. columns: heading (its lines parted by newlines), cells, whether they stand to the right."""
+def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
+    """A table, its last column folded where a terminal ends. columns: heading (its lines parted by newlines), cells, whether
+    they stand to the right; styles: of the rows."""
     heads = [heading.split("\n") for heading, _, _ in columns]
     lines = max(len(head) for head in heads)
     heads = [[""] * (lines - len(head)) + head for head in heads]
     widths = [max(len(text) for text in (*head, *cells, "")) for head, (_, cells, _) in zip(heads, columns, strict=True)]
+
+    room = max(line_width() - sum(widths[:-1]) - 2 * len(widths), NARROWEST)
+    widths[-1] = min(widths[-1], room)
 
     def row(texts: Sequence[str]) -> str:
         placed = [
@@ -108,8 +116,28 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]]) -> None:
         say(row([head[line] for head in heads]), "bold")
     rule = "-" if not _unicode() else "─"
     say("  " + "  ".join(rule * width for width in widths), "dim")
-    for cells in zip(*(cells for _, cells, _ in columns), strict=True):
-        say(row(cells))
+    for number, cells in enumerate(zip(*(cells for _, cells, _ in columns), strict=True)):
+        folded = textwrap.wrap(cells[-1], room, break_on_hyphens=False) if len(cells[-1]) > room else [cells[-1]]
+        say(row([*cells[:-1], folded[0]]), styles[number] if styles else "")
+        for rest in folded[1:]:
+            say(row([*("" for _ in cells[:-1]), rest]), styles[number] if styles else "")
+
+
+def say_rows(
+    headings: Sequence[str], rows: Sequence[Sequence[str]], *, right: Container[int] = (), styles: Sequence[str] = ()
+) -> None:
+    """:func:`say_table` of rows; right: numbers of the columns whose cells stand to the right."""
+    say_table([(head, [row[i] for row in rows], i in right) for i, head in enumerate(headings)], styles)
+
+
+def line_width() -> int:
+    """Characters of a line of the terminal; where nobody watches, lines are never folded."""
+    return shutil.get_terminal_size().columns if is_terminal() else sys.maxsize
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun in the plural where it is one."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def say_written(paths: Sequence[Path], remark: str = "") -> None:
@@ -148,10 +176,9 @@ def _joined(group: Sequence[Problem]) -> str:
     first = group[0]
     if len(group) == 1:
         return str(first)
-    places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group[:SHOWN]]
-    more = f" and {len(group) - SHOWN} more" if len(group) > SHOWN else ""
+    places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group]
     file = f"{first.file}: " if first.file else ""
-    text = f"{file}{len(group)} times: {first.message}: {', '.join(places)}{more}"
+    text = f"{file}{len(group)} times: {first.message}: {listed(places, SHOWN)}"
     return text + (f". {first.hint}" if first.hint else "")
 
 

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from asrsim.cli.options import into_folder
+
 
 def examples(
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to copy them into.")] = Path("examples"),
+    out: Annotated[Path, into_folder("Folder to copy them into.")] = Path("examples"),
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of the same names there.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
 ) -> None:
@@ -17,8 +19,11 @@ def examples(
 
     Example: asrsim examples
     """
+    from asrsim.actuators.user import command_line
     from asrsim.runs.examples import copy_examples
 
     written = copy_examples(out, overwrite=overwrite)
     if not quiet:
-        typer.echo(f"wrote {len(written)} files into {out}; run one: asrsim run {out / 'scenarios' / 'step_2dof.yaml'}")
+        typer.echo(
+            f"wrote {len(written)} files into {out}; run one: {command_line('run', out / 'scenarios' / 'step_2dof.yaml')}"
+        )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task
@@ -64,9 +64,7 @@ def identify(
     everything: Annotated[
         bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
     ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/fit")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
     workers: Annotated[
         int | None,

@@ -10,7 +10,7 @@ import typer
 
 from asrsim.cli.completion import variants
 from asrsim.cli.ilc_table import TrialTable, reach_of, report
-from asrsim.cli.options import Align, ColumnMap, Json, Overrides, Plugins, lag_of, load_plugins, mapping_of
+from asrsim.cli.options import Align, ColumnMap, Json, Overrides, Plugins, into_folder, lag_of, load_plugins, mapping_of
 
 if TYPE_CHECKING:
     from asrsim.learning.session import Session
@@ -32,9 +32,7 @@ def ilc(
         str | None, typer.Option(help="Learn this variant.", show_default="the only one", autocompletion=variants)
     ] = None,
     overrides: Overrides = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<scenario>/ilc")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the results.", "out/<scenario>/ilc")] = None,
     trajectory: Annotated[
         str | None, typer.Option(help="Learn this one of `ilc.trajectories`.", show_default="all, one after the other")
     ] = None,
@@ -91,7 +89,7 @@ def ilc(
                 if name and not json:
                     say(f"trajectory {name}", "bold")
                 if guess_only:
-                    found.append(_guess(one, folder, overwrite=overwrite, silent=json))
+                    found.append(_guess(one, folder, plugin or [], overwrite=overwrite, silent=json))
                     continue
                 if recording is not None:
                     step = _next(one, folder, recording, mapping_of(mapping), lag_of(align), silent=json)
@@ -103,7 +101,7 @@ def ilc(
                     processes=processes, plugins=plugin or [], overwrite=overwrite, plot=plot, silent=quiet or json,
                 )  # fmt: skip
                 converged = converged and session.result.converged
-                found.append(report(session, folder, silent=json))
+                found.append(report(session, folder, plugin or [], silent=json))
     except KeyboardInterrupt:
         where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
         complain(f"\nasrsim: interrupted{where}")
@@ -129,7 +127,8 @@ def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
     return {name: known[name]}
 
 
-def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -> dict[str, Any]:
+def _guess(scenario: Scenario, folder: Path, plugins: list[Path], *, overwrite: bool, silent: bool) -> dict[str, Any]:
+    from asrsim.actuators.user import command_line
     from asrsim.cli.console import say
     from asrsim.learning.folder import GUESS, GUESS_PLAYBACK
     from asrsim.learning.plant import make_plant
@@ -140,7 +139,7 @@ def _guess(scenario: Scenario, folder: Path, *, overwrite: bool, silent: bool) -
     if not silent:
         for line in (*prepared.notes, *reach_of(prepared)):
             say(line, "yellow" if line.startswith("out of reach") else "")
-        say(f"wrote {folder / GUESS}, of inverse dynamics; play it: asrsim run {folder / GUESS_PLAYBACK}")
+        say(f"wrote {folder / GUESS}, of inverse dynamics; play it: {command_line('run', folder / GUESS_PLAYBACK, plugins)}")
     demands = [demand_data(demand) for demand in prepared.demands]
     return {"ok": True, "folder": str(folder), "demands": demands}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +23,10 @@ def before_trials(prepared: Prepared) -> list[str]:
     if settings.law == "auto":
         lines = ["law auto: norm-optimal over three models, from inverse dynamics"]
     else:
-        gains, advice = (", ".join(f"{gain:.3g}" for gain in values) for values in (settings.gains, prepared.gain_advice()))
-        cutoff = "no filter" if settings.filter_cutoff is None else f"filter {settings.filter_cutoff:.3g} Hz"
+        gains, advice = (
+            ", ".join(f"{gain:.3g}" for gain in values) for values in (settings.joint_gains.values(), prepared.gain_advice())
+        )
+        cutoff = "no filter" if settings.filter is None else f"filter {settings.filter.cutoff:.3g} Hz"
         lines = [
             f"law {settings.law}: gains {gains} (the model's {advice}), {cutoff}; errors shrink below {prepared.reach:.2g} Hz"
         ]
@@ -89,8 +92,9 @@ class TrialTable:
         sys.stdout.flush()
 
 
-def report(session: Session, folder: Path, *, silent: bool) -> dict[str, Any]:
-    """Print what came out, unless `silent`; the same as plain values."""
+def report(session: Session, folder: Path, plugins: Sequence[Path], *, silent: bool) -> dict[str, Any]:
+    """Print what came out, unless `silent`; the same as plain values. plugins: that were named."""
+    from asrsim.actuators.user import command_line
     from asrsim.cli.console import say
     from asrsim.learning.session import session_data
 
@@ -105,7 +109,7 @@ def report(session: Session, folder: Path, *, silent: bool) -> dict[str, Any]:
     if session.replaced is not None:
         say(str(session.replaced))
     say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
-    say(f"play what was learned: asrsim run {folder / 'learned.yaml'}")
+    say(f"play what was learned: {command_line('run', folder / 'learned.yaml', plugins)}")
     return data
 
 

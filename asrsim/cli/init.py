@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from asrsim.cli.completion import mountings
-from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, load_plugins, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, into_file, load_plugins, pairs
 
 if TYPE_CHECKING:
     from asrsim.runs.from_recording import Written
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 
 def init(
     robot: Annotated[Path, typer.Argument(help="URDF or xacro file of the robot.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The scenario file to write.")] = Path("scenario.yaml"),
+    out: Annotated[Path, into_file("The scenario file to write.", ".yaml", ".yml")] = Path("scenario.yaml"),
     mode: Annotated[
         int | None, typer.Option("--mode", min=0, max=8, help="Operation mode of all joints instead of the robot file's.")
     ] = None,
@@ -63,7 +61,7 @@ def init(
             force=overwrite, schema=schema, arguments=arguments, packages=packages,
         )  # fmt: skip
         if not quiet:
-            _print(made, _run_command(out, plugin))
+            _print(made, out, plugin)
         return
     if mapping or rate is not None:
         raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
@@ -73,19 +71,15 @@ def init(
         robot, out, mode=mode, actuators=given, force=overwrite, schema=schema, arguments=arguments, packages=packages
     )
     if not quiet:
+        from asrsim.actuators.user import command_line
         from asrsim.cli.console import say, say_problems
 
         say_problems(notes, "warning")
-        say(f"wrote {', '.join(map(str, written))}; run it: {_run_command(out, plugin)}")
+        say(f"wrote {', '.join(map(str, written))}; run it: {command_line('run', out, plugin)}")
 
 
-def _run_command(scenario: Path, plugins: Sequence[Path] | None) -> str:
-    from asrsim.actuators.user import plugin_options
-
-    return shlex.join(["asrsim", "run", str(scenario), *plugin_options(plugins or ())])
-
-
-def _print(made: Written, command: str) -> None:
+def _print(made: Written, scenario: Path, plugins: list[Path] | None) -> None:
+    from asrsim.actuators.user import command_line
     from asrsim.cli.console import say, say_problems
     from asrsim.cli.recording_table import say_columns
 
@@ -95,6 +89,7 @@ def _print(made: Written, command: str) -> None:
     for text in (*made.remarks, *([made.message] if made.message else [])):
         say(f"note: {text}", "yellow")
     limits = "a first run" if made.compared else "nothing but the recorded ranges"
-    say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {command}")
+    run = command_line("run", scenario, plugins)
+    say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {run}")
     if made.fit is not None:
-        say(f"what it tells of the robot's numbers: asrsim identify {shlex.quote(str(made.fit))}")
+        say(f"what it tells of the robot's numbers: {command_line('identify', made.fit, plugins)}")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asrsim.cli.completion import variants
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 
 def live(
@@ -34,7 +34,7 @@ def live(
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", show_default="out/<scenario>/<variant>_live", help="Folder for log and summary."),
+        into_folder("Folder for log and summary.", "out/<scenario>/<variant>_live"),
     ] = None,
     plugin: Plugins = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
@@ -55,6 +55,7 @@ def live(
     with json_errors(json):
         from asrsim.cli.interrupt import Interruption
         from asrsim.cli.live_status import StatusLine, print_live
+        from asrsim.extras import install
         from asrsim.live.session import Session, Settings
         from asrsim.live.transport import TRANSPORTS, Access, available
         from asrsim.runs.execute import with_plugins
@@ -74,14 +75,14 @@ def live(
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
             if missing:
-                line.tell("nobody will hear it: no transport is installed (pip install 'asrsim[ros]' or 'asrsim[foxglove]')")
+                line.tell(f"nobody will hear it: no transport is installed ({install('ros')}, or with 'asrsim[foxglove]')")
             session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
             with Interruption("") as interruption:
                 summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
     if json:
         say_json({"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]})
     else:
-        print_live(session, summary, quiet=quiet)
+        print_live(session, summary, plugin or [], quiet=quiet)
     if not summary.ok:
         raise typer.Exit(1)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -70,11 +71,13 @@ def commands(figures: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def print_live(session: Session, summary: RunSummary, *, quiet: bool) -> None:
+def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *, quiet: bool) -> None:
     """Summary of the last episode, with lateness and commands."""
     print_run(summary, quiet=quiet)
     if quiet:
         return
+    from asrsim.actuators.user import command_line
+
     figures = session.figures()
     wall = max(sum(each.wall_time for each in session.summaries), 1e-9)
     if figures["ticks"]:
@@ -87,4 +90,4 @@ def print_live(session: Session, summary: RunSummary, *, quiet: bool) -> None:
     say(commands(figures) + f"; {figures['applied']} changed a reference, {figures['overtaken']} were overtaken within a tick")
     for reason, count in (*figures["dropped"].items(), *((f"{key}: clamped", n) for key, n in figures["clamped"].items())):
         say(f"  {count} x {reason}", "dim")
-    say(f"repeat it: asrsim rerun {summary.files['log']}")
+    say(f"repeat it: {command_line('rerun', str(summary.files['log']), plugins)}")

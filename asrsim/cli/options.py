@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -34,6 +34,32 @@ Align = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")]
 Start = Annotated[float | None, typer.Option(help="s, where the pictures begin.", show_default="the log's start")]
 End = Annotated[float | None, typer.Option(help="s, where they end.", show_default="the log's end")]
+
+
+_OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf", ".svg", ".gif", ".mp4", ".urdf", ".parquet")
+"""How names of files end that our commands write or read."""
+
+
+def into_folder(words: str, default: str | None = None) -> Any:
+    """`--out` of a command that writes several files; default: its folder, where that depends on the others."""
+
+    def check(given: Path | None) -> Path | None:
+        if given is not None and given.suffix.lower() in _OF_FILES and not given.is_dir():
+            raise typer.BadParameter(f"is the name of a folder, and {given.name} reads like a file's")
+        return given
+
+    return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
+
+
+def into_file(words: str, *endings: str, default: str | None = None) -> Any:
+    """`--out` of a command that writes one file, whose name ends so."""
+
+    def check(given: Path | None) -> Path | None:
+        if given is not None and given.suffix.lower() not in endings:
+            raise typer.BadParameter(f"is the name of a file that ends in {' or '.join(endings)}, not {given.name}")
+        return given
+
+    return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
 
 
 def check_window(start: float | None, end: float | None) -> None:

@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asrsim.cli.completion import logged
-from asrsim.cli.options import Align, ColumnMap, End, Json, Plugins, Rate, Start, check_window, lag_of, load_plugins, mapping_of
+from asrsim.cli.options import (
+    Align,
+    ColumnMap,
+    End,
+    Json,
+    Plugins,
+    Rate,
+    Start,
+    check_window,
+    into_folder,
+    lag_of,
+    load_plugins,
+    mapping_of,
+)
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
@@ -58,9 +71,7 @@ def plot(
     ] = None,
     start: Start = None,
     end: End = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
     formats: Annotated[list[str] | None, typer.Option("--format", metavar="png|pdf|svg", help="May be repeated.")] = None,
     plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failed claims and problems only.")] = False,

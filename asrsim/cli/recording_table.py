@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from asrsim.cli.console import say, say_table
+from asrsim.cli.console import say, say_rows
+from asrsim.errors import listed
 from asrsim.recordings import Recording, guess_rows
 
 _MOST = 40
@@ -16,10 +17,9 @@ def say_columns(recording: Recording) -> None:
     if used:
         headings = ("column", "read as", "unit", "conversion", "why")
         cells = [[r.column, r.meaning, r.unit, r.conversion, r.origin] for r in used[:_MOST]]
-        say_table([(heading, [line[i] for line in cells], False) for i, heading in enumerate(headings)])
+        say_rows(headings, cells)
         if len(used) > _MOST:
             say(f"  and {len(used) - _MOST} more", "dim")
     others = [row.column for row in rows if row.meaning == "-"]
     if others:
-        more = f", and {len(others) - _MOST} more" if len(others) > _MOST else ""
-        say(f"  not used: {', '.join(others[:_MOST])}{more}", "dim")
+        say(f"  not used: {listed(others, _MOST)}", "dim")

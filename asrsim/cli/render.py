@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.options import End, Json, Start, check_window
+from asrsim.cli.options import End, Json, Start, check_window, into_folder
 
 SIZE = 360
 """Pixels, root of the area of a picture."""
@@ -30,9 +30,7 @@ def render(
     fps: Annotated[float | None, typer.Option(help="Pictures a second.", show_default="GIF 15, MP4 30")] = None,
     start: Start = None,
     end: End = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the pictures.", show_default="beside the log")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Json = False,
 ) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
+from asrsim.cli.console import complain, counted, say, say_problems, say_table, say_written, styled
 from asrsim.summary.data import RunSummary
 from asrsim.summary.table import headline, joint_columns, limit_note
 
@@ -51,7 +51,7 @@ def print_run(
         return
     _print_warnings(summary, verbose=verbose, printed=set() if printed is None else printed)
     if summary.replaced:
-        say(f"replaced {len(summary.replaced)} file{'s' * (len(summary.replaced) != 1)} of an earlier run")
+        say(f"replaced {counted(len(summary.replaced), 'file')} of an earlier run")
     _print_files(summary)
     say()
 
@@ -105,7 +105,7 @@ def _print_warnings(summary: RunSummary, *, verbose: bool, printed: set[str]) ->
     say_problems(fresh, "warning")
     again = len(summary.warnings) - len(fresh)
     if again:
-        complain(f"{again} warning{'s' * (again != 1)} as above", "yellow")
+        complain(f"{counted(again, 'warning')} as above", "yellow")
     printed.update(map(str, fresh))
 
 

@@ -7,14 +7,12 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.options import Json, Plugins, load_plugins
+from asrsim.cli.options import Json, Plugins, into_file, load_plugins
 
 
 def report(
     folder: Annotated[Path, typer.Argument(help="Folder of a run, or of a scenario's variants; or a log.", show_default=False)],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The page to write.", show_default="report.html in the folder")
-    ] = None,
+    out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Draw film strips too.")] = True,
     plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,

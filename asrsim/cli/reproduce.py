@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Json
+from asrsim.cli.options import Json, into_folder
 
 if TYPE_CHECKING:
     from asrsim.reproduce import Reproduction
@@ -17,7 +17,7 @@ def reproduce(
     figures: Annotated[
         list[str] | None, typer.Argument(metavar="[FIGURE]...", help="8, 11, 12, 13, 14, 15; all by default.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path("out/reproduce"),
+    out: Annotated[Path, into_folder("Folder for the results.")] = Path("out/reproduce"),
     processes: Annotated[int, typer.Option(min=1, help="Figures that run at once.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print claims that do not hold only.")] = False,
     json: Json = False,

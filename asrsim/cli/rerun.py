@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Json
+from asrsim.cli.options import Json, into_folder
 
 if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
@@ -18,9 +18,7 @@ SHOWN = 10
 
 def rerun(
     log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the repeated run's log.", show_default="not written")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the repeated run's log.", "not written")] = None,
     plugin: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.completion import engines, variants
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
@@ -23,12 +23,7 @@ def run(
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            show_default="out/<scenario>/<variant>",
-            help="Folder for the results; of several variants each gets its own folder in it.",
-        ),
+        into_folder("Folder for the results; of several variants each gets its own folder in it.", "out/<scenario>/<variant>"),
     ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the runs.")] = True,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
 
 if TYPE_CHECKING:
     from asrsim.sweeps import Table
@@ -47,9 +47,7 @@ def sweep(
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, or a file for dask-jobqueue.", show_default="none")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results.", show_default="out/<name>/sweep")
-    ] = None,
+    out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/sweep")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in the folder, and nothing else.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew in a folder that holds rows.")] = False,
     run: Annotated[
@@ -131,6 +129,8 @@ def _swept(
         study = read_study(path, given["plugins"])
     else:
         study = make_study(path, over, **given)
+    if study.joint and not study.joint.fits:
+        complain("warning the fit says that its model does not fit: what is drawn is what a wrong model would be sure of")
     if study.joint and study.joint.left_out:
         complain(f"warning the fit does not say how to draw {', '.join(study.joint.left_out)}: as the scenario has them")
     if study.joint and study.joint.fixed:

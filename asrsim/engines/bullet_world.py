@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import World, WorldObject
 
 GROUND_SIZE = 100.0
 """m: edge of the box that is the ground; a plane's contact forces jump."""
+PARTS = (9, 7), (10, 11), (12, 13)
+"""Of a contact point of Bullet's: places of the normal force and of both of friction, in N, and of their directions."""
 
 
 class BulletWorld:
@@ -85,19 +88,13 @@ class BulletWorld:
             self._p.resetBaseVelocity(self.objects[name], [0, 0, 0], [0, 0, 0], physicsClientId=self._client)
 
     def contacts(self) -> dict[str, tuple[float, float, float]]:
-        """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot."""
-        names = {body: name for name, body in self.objects.items()} | {self._body: "robot"}
+        """See :func:`asrsim.engines.contact_forces.contact_forces`."""
+        names = {body: name for name, body in self.objects.items()} | {self._body: ROBOT}
         if self._ground is not None:
-            names[self._ground] = "ground"
-        others = [*self.objects, *(["ground"] if self._ground is not None else []), "robot"]
-        total = {f"{name}/{other}": np.zeros(3) for name in self.objects for other in others if other != name}
-        if self._ground is not None:
-            total["robot/ground"] = np.zeros(3)
+            names[self._ground] = GROUND
         # All points at once: asked for by pairs, Bullet turns normals to the order asked for, but not friction.
-        for point in self._p.getContactPoints(physicsClientId=self._client) or ():
-            first, second = names[point[1]], names[point[2]]
-            force = sum((point[i] * np.array(point[at]) for i, at in ((9, 7), (10, 11), (12, 13))), np.zeros(3))
-            for key, sign in ((f"{first}/{second}", 1.0), (f"{second}/{first}", -1.0)):
-                if key in total:
-                    total[key] += sign * force
-        return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}
+        points = (
+            (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
+            for point in self._p.getContactPoints(physicsClientId=self._client) or ()
+        )
+        return contact_forces([*self.objects], self._ground is not None, points)

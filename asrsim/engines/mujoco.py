@@ -155,7 +155,6 @@ class MujocoEngine:
             world.scheme[1:] = (1.0, 0.0, fraction)
         if self._contacts is not None:
             self._contacts.move(world)
-            world.wrench[:] = 0.0
         else:
             self.stage(stages.MOVE)
         if start is not None:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from asrsim.engines.contact_forces import GROUND
 from asrsim.errors import RobotError, SimulationError
-from asrsim.robot.model import Joint, Robot, Shape, Vector
+from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World, WorldObject
 
-GROUND = "ground"
 GROUND_HALF = 50.0
 """m: half the edge of the box that is the ground."""
 ROBOT_BIT, WORLD_BIT = 1, 2
@@ -69,9 +70,6 @@ def base_centre(scenario: Scenario, robot: Robot) -> Array:
 
 def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bool) -> None:
     links = {link.name: link for link in robot.links}
-    carried: dict[str, list[Joint]] = {}
-    for joint in robot.joints:
-        carried.setdefault(joint.parent, []).append(joint)
     kinds = mujoco.mjtJoint
     centre = base_centre(scenario, robot)
     start = np.array(scenario.base_position) + rotation_matrix(scenario.base_rpy) @ centre
@@ -86,7 +84,7 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bo
         shift = centre if body is root else np.zeros(3)
         for index, shape in enumerate(links[name].collisions if shapes else ()):
             _collision(mujoco, spec, body, f"link/{name}/{index}", shape, shift)
-        for joint in carried.get(name, ()):
+        for joint in robot.carried.get(name, ()):
             origin = (np.array(joint.origin) - shift).tolist()
             child = body.add_body(name=link_body(joint.child), pos=origin, quat=_quat(joint.rpy))
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
@@ -95,23 +93,26 @@ def _bodies(mujoco: Any, spec: Any, scenario: Scenario, robot: Robot, shapes: bo
 
 
 def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift: Array) -> None:
-    kinds = mujoco.mjtGeom
-    half = [0.5 * length for length in shape.size[1:]]
-    extra: dict[str, str] = {}
-    if shape.kind == "mesh":
-        spec.add_mesh(name=name, file=shape.mesh, scale=list(shape.scale))
-        kind, size, extra = kinds.mjGEOM_MESH, [0.0, 0.0, 0.0], {"meshname": name}
-    elif shape.kind == "box":
-        kind, size = kinds.mjGEOM_BOX, [0.5 * edge for edge in shape.size]
-    elif shape.kind == "sphere":
-        kind, size = kinds.mjGEOM_SPHERE, [shape.size[0], 0.0, 0.0]
-    else:
-        kind = kinds.mjGEOM_CYLINDER if shape.kind == "cylinder" else kinds.mjGEOM_CAPSULE
-        size = [shape.size[0], *half, 0.0]
+    form = _form(mujoco, spec, name, shape.kind, shape.scale if shape.kind == "mesh" else shape.size, shape.mesh)
     body.add_geom(
-        name=name, type=kind, size=size, pos=(np.array(shape.origin) - shift).tolist(), quat=_quat(shape.rpy),
-        contype=ROBOT_BIT, conaffinity=WORLD_BIT, **extra,
+        name=name, pos=(np.array(shape.origin) - shift).tolist(), quat=_quat(shape.rpy), contype=ROBOT_BIT,
+        conaffinity=WORLD_BIT, **form,
     )  # fmt: skip
+
+
+def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:
+    """What makes a geom of that name have a shape; size: m, of a mesh its scale. A mesh goes into the model under the name."""
+    kinds = mujoco.mjtGeom
+    if kind == "mesh":
+        spec.add_mesh(name=name, file=mesh, scale=list(size))
+        return {"type": kinds.mjGEOM_MESH, "meshname": name}
+    if kind == "box":
+        return {"type": kinds.mjGEOM_BOX, "size": [0.5 * edge for edge in size]}
+    if kind == "sphere":
+        return {"type": kinds.mjGEOM_SPHERE, "size": [size[0], 0.0, 0.0]}
+    return {
+        "type": kinds.mjGEOM_CYLINDER if kind == "cylinder" else kinds.mjGEOM_CAPSULE, "size": [size[0], 0.5 * size[1], 0.0],
+    }  # fmt: skip
 
 
 def _furnish(mujoco: Any, spec: Any, world: World) -> None:
@@ -130,11 +131,9 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
         body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=_quat(item.rpy))
         if item.mass:
             body.add_freejoint(name=f"object/{item.name}")
-        kind, size, extra = _shape(mujoco, spec, item)
-        body.add_geom(
-            name=f"object/{item.name}", type=kind, size=size, mass=item.mass, contype=WORLD_BIT,
-            conaffinity=ROBOT_BIT | WORLD_BIT, **extra,
-        )  # fmt: skip
+        name = f"object/{item.name}"
+        form = _form(mujoco, spec, name, item.shape, item.size or (1.0, 1.0, 1.0), str(item.mesh))
+        body.add_geom(name=name, mass=item.mass, contype=WORLD_BIT, conaffinity=ROBOT_BIT | WORLD_BIT, **form)
         if item.mass and (item.inertia is not None or item.shape == "mesh"):
             body.mass, body.ipos, body.explicitinertial = item.mass, [0.0, 0.0, 0.0], True
             body.inertia = list(item.inertia or (1.0, 1.0, 1.0))
@@ -151,19 +150,6 @@ def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
     vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
     x, y, z = (vertices.max(axis=0) - vertices.min(axis=0)) ** 2
     model.body_inertia[int(geom.bodyid[0])] = item.mass / 12.0 * np.array([y + z, x + z, x + y])
-
-
-def _shape(mujoco: Any, spec: Any, item: WorldObject) -> tuple[Any, list[float], dict[str, str]]:
-    kinds = mujoco.mjtGeom
-    if item.shape == "box":
-        return kinds.mjGEOM_BOX, [0.5 * edge for edge in item.size], {}
-    if item.shape == "sphere":
-        return kinds.mjGEOM_SPHERE, [item.size[0], 0.0, 0.0], {}
-    if item.shape == "cylinder":
-        return kinds.mjGEOM_CYLINDER, [item.size[0], 0.5 * item.size[1], 0.0], {}
-    name = f"mesh/{item.name}"
-    spec.add_mesh(name=name, file=str(item.mesh), scale=list(item.size or (1.0, 1.0, 1.0)))
-    return kinds.mjGEOM_MESH, [0.0, 0.0, 0.0], {"meshname": name}
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.engines.exact_friction import STOP_SHARE
-from asrsim.engines.mujoco_build import GROUND, HARD
+from asrsim.engines.mujoco_build import HARD
 from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP
 from asrsim.engines.mujoco_world import World as State
+from asrsim.samples import Array
 from asrsim.scenario.data import World
 
 NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
@@ -29,7 +32,7 @@ class MujocoContacts:
         names = {model.geom(f"object/{name}").id: name for name in self._objects}
         if world.ground:
             names[model.geom(GROUND).id] = GROUND
-        self._owner = [names.get(index, "robot") for index in range(model.ngeom)]
+        self._owner = [names.get(index, ROBOT) for index in range(model.ngeom)]
         self._ground = world.ground
         model.dof_invweight0[:] *= LIGHTER
         model.opt.tolerance = TOLERANCE
@@ -100,19 +103,13 @@ class MujocoContacts:
         return poses
 
     def forces(self) -> dict[str, tuple[float, float, float]]:
-        """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot."""
-        others = [*self._objects, "robot"] + (["ground"] if self._ground else [])
-        total = {f"{name}/{other}": np.zeros(3) for name in self._objects for other in others if other != name}
-        total = {key: value for key, value in total.items() if not key.endswith("/ground") or self._ground}
-        if self._ground:
-            total["robot/ground"] = np.zeros(3)
+        """See :func:`asrsim.engines.contact_forces.contact_forces`."""
+        return contact_forces(self._objects, self._ground, self._points())
+
+    def _points(self) -> Iterator[tuple[str, str, Array]]:
         values = np.zeros(6)
         for index, contact in enumerate(self._d.contact):
             first, second = (self._owner[geom] for geom in contact.geom)
             self._mujoco.mj_contactForce(self._m, self._d, index, values)
             # MuJoCo's frame points from the first shape to the second; the force is on the second.
-            force = values[:3] @ contact.frame.reshape(3, 3)
-            for key, sign in ((f"{second}/{first}", 1.0), (f"{first}/{second}", -1.0)):
-                if key in total:
-                    total[key] += sign * force
-        return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}
+            yield second, first, values[:3] @ contact.frame.reshape(3, 3)

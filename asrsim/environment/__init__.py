@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import InputError
+from asrsim.extras import library
 
 if TYPE_CHECKING:
     from asrsim.environment.env import SoftRobotEnv, State
@@ -43,8 +43,8 @@ def make_env(
             An action is in [-1, 1] and goes through the reference's range (`reference_ranges`, else the robot's limits).
         reward: Of the state after each action; none: 0.
         terminated: Whether the episode is over, of the same state.
-        randomise: Key -> law, drawn at every reset: keys and laws as `asrsim sweep --over` takes them, of numbers that need
-            no new reading (parameters, damping, masses, constant references).
+        randomise: Key (`key & key`: tied) -> law as `asrsim sweep --over` takes them, drawn at every reset: of numbers that
+            need no new reading (parameters, damping, masses, constant references).
         initial: Joint -> law of its position at the start, rad or m.
         goal: Name -> law, drawn at every reset; the values stand at the end of the observation.
         tip: Link and point on it (m) whose position in the world is wanted.
@@ -54,11 +54,9 @@ def make_env(
         InputError: gymnasium is not installed, or something named does not exist.
         ScenarioError, RobotError: as :func:`asrsim.run`.
     """
-    try:
-        from asrsim.environment.env import SoftRobotEnv
-    except ImportError as error:
-        hint = "pip install 'asrsim[gym]'"
-        raise InputError(f"{error.name} is not installed here", hint=hint, code="no-library") from error
+    library("gymnasium", "gym")
+    from asrsim.environment.env import SoftRobotEnv
+
     return SoftRobotEnv(
         scenario, variant=variant, overrides=overrides, control_rate=control_rate, observe=observe, act=act, reward=reward,
         terminated=terminated, randomise=randomise or {}, initial=initial or {}, goal=goal or {}, tip=tip,

@@ -9,7 +9,8 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem
 from asrsim.sweeps.keys import Plan, plan_keys
-from asrsim.sweeps.laws import Distribution, Values, law_of
+from asrsim.sweeps.laws import Distribution, Values
+from asrsim.sweeps.study import Axis, axis_of
 
 if TYPE_CHECKING:
     from asrsim.simulation.prepared import Prepared
@@ -19,12 +20,13 @@ class Draws:
     """Values of keys, one draw an episode."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
-        """laws: key -> list of values, range or distribution, in the forms of sweeps. Raises InputError."""
-        self._laws = {key: law_of(value, key) for key, value in laws.items()}
+        """laws: key (`key & key`: tied) -> list of values, range or distribution, in the forms of sweeps. Raises InputError."""
+        self._axes = [axis_of(name, value) for name, value in laws.items()]
         problems = [
-            Problem("takes numbers only", key=key, code="sweep-values")
-            for key, law in self._laws.items()
-            if isinstance(law, Values) and not all(_is_number(value) for value in law.values)
+            Problem("takes numbers only", key=axis.name, code="sweep-values")
+            for axis in self._axes
+            if isinstance(axis.law, Values)
+            and not all(_is_number(one) for value in axis.law.values for one in axis.assign(value).values())
         ]
         if problems:
             raise InputError(problems)
@@ -32,15 +34,15 @@ class Draws:
     @property
     def keys(self) -> tuple[str, ...]:
         """In their order."""
-        return tuple(self._laws)
+        return tuple(key for axis in self._axes for key in axis.keys)
 
     def draw(self, chance: np.random.Generator) -> dict[str, float]:
         """A value for each key."""
-        return {key: _drawn(law, chance) for key, law in self._laws.items()}
+        return {key: float(value) for axis in self._axes for key, value in axis.assign(_drawn(axis.law, chance)).items()}
 
     def bounds(self) -> tuple[list[float], list[float]]:
         """Least and largest value of each key; infinite where there is no end."""
-        pairs = [_bounds(law) for law in self._laws.values()]
+        pairs = [_bounds(axis, key) for axis in self._axes for key in axis.keys]
         return [low for low, _ in pairs], [high for _, high in pairs]
 
 
@@ -59,17 +61,19 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
-def _drawn(law: Values | Distribution, chance: np.random.Generator) -> float:
+def _drawn(law: Values | Distribution, chance: np.random.Generator) -> Any:
     if isinstance(law, Values):
-        return float(law.values[int(chance.integers(len(law.values)))])
+        return law.values[int(chance.integers(len(law.values)))]
     # Shares of (0, 1): a distribution's ends may be infinite.
     share = np.clip(chance.random(1), 1e-12, 1.0 - 1e-12)
     return float(law.quantile(share)[0])
 
 
-def _bounds(law: Values | Distribution) -> tuple[float, float]:
+def _bounds(axis: Axis, key: str) -> tuple[float, float]:
+    law = axis.law
     if isinstance(law, Values):
-        return float(min(law.values)), float(max(law.values))
+        values = [float(axis.assign(value)[key]) for value in law.values]
+        return min(values), max(values)
     if law.name.endswith("uniform"):
         return law.first, law.second
     return (0.0 if law.name == "lognormal" else -np.inf), np.inf

@@ -65,11 +65,9 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = reward, terminated
         self._random, self._start, self._goal = Draws(randomise), Draws(initial), Draws(goal)
-        joints = tuple(drive.name for drive in prepared.drives)
-        for name in self._start.keys:
-            if name not in joints:
-                hint = did_you_mean(name, joints)
-                raise InputError(f"no joint is called '{name}'", choices=joints, hint=hint, code="unknown-joint")
+        # Not at the first draw that lies beyond a stop, long into a training.
+        for places in self._start.bounds():
+            prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
         self._plan = plan(self._random, prepared)
         substeps = prepared.resolution.substeps
         self.simulation = Simulation(prepared, chunk=self._steps * substeps, expected_substeps=10**6, duration=1e7)

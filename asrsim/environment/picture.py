@@ -8,7 +8,6 @@ import numpy as np
 
 from asrsim.render.camera import fit_camera, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
-from asrsim.render.frames import rpy_frame
 from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
@@ -27,18 +26,10 @@ class Picture:
         """size: pixels of an edge."""
         self._simulation, self._size = simulation, size
         scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
-        base = rpy_frame(scenario.base_position, scenario.base_rpy)
-        self._scene = Scene(drawable(robot, scenario.package_paths).robot, base, scenario.world)
+        self._scene = Scene(drawable(robot, scenario.package_paths).robot, scenario)
         self._painter = Painter(self._scene)
         joints = [drive.joint for drive in simulation.prepared.drives]
-        ranges = {
-            joint.name: np.linspace(
-                -np.pi if joint.lower is None else max(joint.lower, -np.pi),
-                np.pi if joint.upper is None else min(joint.upper, np.pi),
-                LOOKS,
-            )
-            for joint in joints
-        }
+        ranges = {joint.name: np.linspace(max(joint.stops[0], -np.pi), min(joint.stops[1], np.pi), LOOKS) for joint in joints}
         reach = [
             self._scene.frames(dict(zip(ranges, pose, strict=True)), {})
             for pose, _ in zip(product(*ranges.values()), range(MOST), strict=False)

@@ -21,7 +21,8 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.starter_playback import Plan, make_plan
-from asrsim.simulation.evaluation import DERIVED, DIRECT, EXTERNAL
+from asrsim.simulation.evaluation import DERIVED, EXTERNAL
+from asrsim.simulation.recorder import DIRECT
 
 COMPARABLE = (*DIRECT, *DERIVED)
 CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"

@@ -30,7 +30,7 @@ FALL = 1.0
 SLIDING = 0.2
 """m of a sliding joint that are like 1 rad of a turning one: what a link of this length does."""
 OFF = 0.1
-"""rad or m from its reference at which a joint on a stop does not belong there; of a short travel, the share."""
+"""Distance from its reference at which a joint on a stop does not belong there, as a share of the joint's scale."""
 STEPS = 400
 """Relaxations on the way to rest, at most."""
 LARGEST_STEP = 0.05
@@ -119,8 +119,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
     for springs in groups:
         springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
         springs.low, springs.high = np.array([robot.joint(name).stops for name in springs.names]).T[:, :, None]
-        efforts = (robot.joint(name).effort for name in springs.names)
-        springs.efforts = np.array([[math.inf if effort is None else effort] for effort in efforts])
+        springs.efforts = np.array([[robot.joint(name).most_effort] for name in springs.names])
     share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
     for _ in range(STEPS):
         loads = chain.gravity_load(positions, scenario.gravity)
@@ -137,14 +136,14 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         off = np.abs(positions[name] - wanted[name])
         worst = int(np.argmax(off))
         low, high = robot.joint(name).stops
+        scale = min(SLIDING if robot.joint(name).kind == "prismatic" else 1.0, high - low)
         stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6
-        stopped = stopped and off[worst] > OFF * min(high - low, 1.0)
+        stopped = stopped and off[worst] > OFF * scale
         found.append(
             Holding(
                 joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
                 limited=bool(limited[name][0][worst]), overloaded=bool(limited[name][1][worst]), time=float(time[worst]),
-                scale=min(SLIDING if robot.joint(name).kind == "prismatic" else 1.0, high - low),
-                droop=float(abs(droops[name][worst])),
+                scale=scale, droop=float(abs(droops[name][worst])),
             )
         )  # fmt: skip
     return tuple(found)

@@ -54,7 +54,7 @@ class Losses:
             damping=found.damping,
             friction=found.friction,
             law=law,
-            effort=np.inf if found.effort is None else found.effort,
+            effort=found.most_effort,
             stops=found.stops,
         )
 

@@ -1,18 +1,10 @@
-"""Rotations between matrices, roll-pitch-yaw and rotation vectors; scipy does the work."""
+"""Rotations between matrices and rotation vectors; scipy does the work."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from asrsim.kinematics.model import Point
 from asrsim.samples import Array
-
-
-def from_rpy(rpy: Point) -> Array:
-    """Rotation matrix (3, 3) of URDF's roll, pitch, yaw in rad (about fixed x, y, z in this order)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix(), dtype=float)
 
 
 def exponential(vector: Array) -> Array:

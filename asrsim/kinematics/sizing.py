@@ -126,9 +126,9 @@ def problems_of_weight(
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
+    most = 4.0 if weak.falls else 2.0
     # How far it would sag is not known of a joint on its stop.
-    least, most = 2.0 if weak.on_stop else 1.25, 4.0 if weak.falls else 2.0
-    factor = min(max(least, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
+    factor = most if weak.on_stop else min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
     drive = drive_of(block)
     lacking = abs(weak.load) / (RESERVE * min(drive.max_torque, default=math.inf))
     # A spring that was wound past its summit no longer shows that the motor gave way first.

@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.kinematics.rotations import between, exponential, from_rpy
+from asrsim.kinematics.rotations import between, exponential
+from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
 
@@ -49,7 +50,7 @@ class PoseTrajectory:
         """
         times = [pose.time for pose in poses]
         positions = [np.asarray(pose.position, dtype=float) for pose in poses]
-        turned = [from_rpy(pose.rpy) for pose in poses if pose.rpy is not None]
+        turned = [rotation_matrix(pose.rpy) for pose in poses if pose.rpy is not None]
         if start is not None and times[0] > 0.0:
             times.insert(0, 0.0)
             positions.insert(0, start[0])

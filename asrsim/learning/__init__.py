@@ -6,14 +6,12 @@ from asrsim.learning.contraction import choose_gains, factors, learnable, safe_f
 from asrsim.learning.iterate import learn
 from asrsim.learning.law import updated, zero_phase
 from asrsim.learning.linear import linearise_along
-from asrsim.learning.settings import LearningSettings, parse_settings
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, draw_plants, transfer
 from asrsim.learning.trial import LearningProblem
 
 __all__ = [
     "LearningProblem",
-    "LearningSettings",
     "Spread",
     "choose_gains",
     "draw_plants",
@@ -21,7 +19,6 @@ __all__ = [
     "learn",
     "learnable",
     "linearise_along",
-    "parse_settings",
     "safe_filter",
     "transfer",
     "updated",

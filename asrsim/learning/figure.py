@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.learning.settings import LearningSettings
 from asrsim.learning.transfer import TransferReport
 from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.outfile import make_folder
 from asrsim.samples import Array
+from asrsim.scenario.learning_keys import Learning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ MOST_FACTORS = 8
 """Factors of the transfer that are drawn."""
 
 
-def learning_figure(problem: LearningProblem, result: LearningResult, settings: LearningSettings, title: str = "") -> Figure:
+def learning_figure(problem: LearningProblem, result: LearningResult, settings: Learning, title: str = "") -> Figure:
     """Errors over the iterations; every joint's trajectories and inputs, from the first iteration (faint) to the last."""
     from asrsim.plots.figures import new_figure
     from asrsim.plots.style import plain
@@ -53,7 +53,7 @@ def learning_figure(problem: LearningProblem, result: LearningResult, settings: 
     return figure
 
 
-def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, settings: LearningSettings) -> None:
+def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, settings: Learning) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
     from asrsim.plots import style
@@ -80,7 +80,7 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
 
 
 def _draw_joint(
-    trajectory: Axes, inputs: Axes, problem: LearningProblem, result: LearningResult, settings: LearningSettings, column: int
+    trajectory: Axes, inputs: Axes, problem: LearningProblem, result: LearningResult, settings: Learning, column: int
 ) -> None:
     from asrsim.plots import style
 
@@ -159,9 +159,7 @@ def _draw_distribution(ax: Axes, errors: Array, colour: str, label: str, line: A
             linestyle=line, label=label)  # fmt: skip
 
 
-def write_figure(
-    path: Path, problem: LearningProblem, result: LearningResult, settings: LearningSettings, *, title: str
-) -> None:
+def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:
     """Write the picture of the learning; the suffix says the format. Raises OutputError where it cannot be written."""
     _write(path, lambda: learning_figure(problem, result, settings, title))
 

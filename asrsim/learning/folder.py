@@ -6,17 +6,13 @@ of another one are kept unless asked for.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from asrsim.errors import OutputError
 from asrsim.learning.state import state_origin
 from asrsim.outfile import check_output, remove_ours
-from asrsim.runs.folder import inputs_of
-from asrsim.runs.folder import origin_of as run_origin
+from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.scenario.data import Scenario
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE, TRANSFER, LOG = (
@@ -48,12 +44,7 @@ class Earlier:
         return f"replaced {len(self.files)} file{'s' * (len(self.files) != 1)} of an earlier {what} of this scenario"
 
 
-def origin_of(scenario: Scenario) -> str:
-    """Scenario file and variant, as the state and the numbers keep it."""
-    return json.dumps([run_origin(scenario), scenario.variant])
-
-
-def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool = False) -> Earlier:
+def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overwrite: bool) -> Earlier:
     """Look what the folder, which must be ours, holds; with `resume` nothing is to be replaced.
 
     Raises OutputError if it holds what another scenario or variant learned, what asrsim did not write, or what is read here.
@@ -64,12 +55,9 @@ def open_folder(folder: Path, scenario: Scenario, *, resume: bool = False, overw
     if resume:
         return Earlier()
     files = tuple(path for path in there if path.is_file())
-    origin, trials = state_origin(folder / STATE) or (_recorded_origin(folder / NUMBERS), 0)
-    if files and not overwrite and origin != origin_of(scenario):
-        raise OutputError(
-            f"{folder}: holds {_words(origin)}; nothing was written. Choose another folder with --out, or replace it with "
-            f"--overwrite"
-        )
+    origin, trials = state_origin(folder / STATE) or (recorded_origin(folder / NUMBERS), 0)
+    if files and not overwrite:
+        require_same(folder, scenario, origin, "of learning that names no scenario")
     return Earlier(files=files, trials=trials, finished=(folder / NUMBERS).is_file())
 
 
@@ -81,18 +69,3 @@ def clear(earlier: Earlier, *, but: Collection[Path] = ()) -> None:
     for path in earlier.files:
         if path not in but:
             remove_ours(path, NAMES.get(path.name, "log"))
-
-
-def _recorded_origin(path: Path) -> str:
-    """The origin that `ilc.json` names; empty if there is none."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        data = json.loads(path.read_text(encoding="utf-8"))
-        return json.dumps([data["scenario_path"], data["variant"]])
-    return ""
-
-
-def _words(origin: str) -> str:
-    with suppress(ValueError, TypeError):
-        path, variant = json.loads(origin)
-        return f"what was learned from another scenario (variant '{variant}' of {path or 'a scenario without file'})"
-    return "files of a learning run that names no scenario"

@@ -16,7 +16,7 @@ import numpy as np
 
 from asrsim.errors import InputError, Problem
 from asrsim.learning.arm import learning_model
-from asrsim.learning.folder import INPUTS, origin_of
+from asrsim.learning.folder import INPUTS
 from asrsim.learning.identify import Identified, identify
 from asrsim.learning.iterate import best_of, verdict
 from asrsim.learning.optimal import Lifted, NormOptimal
@@ -103,7 +103,7 @@ def next_input(
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
-        save_state(folder / STATE, problem_digest, trials, origin=origin_of(plant.scenario))
+        save_state(folder / STATE, problem_digest, trials, origin=prepared.problem.origin)
         _write_numbers(folder, trials, [*digests, digest], plant.joints, identified[0] if identified else None)
         return HardwareStep(
             prepared=prepared,

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.learning.law import FixedGain
-from asrsim.learning.settings import LearningSettings
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.trial import (
     Law,
@@ -23,12 +22,13 @@ from asrsim.learning.trial import (
     worst,
     worst_place,
 )  # fmt: skip
+from asrsim.scenario.learning_keys import Learning
 
 
 def learn(
     problem: LearningProblem,
     simulate: Simulate,
-    settings: LearningSettings,
+    settings: Learning,
     on_trial: Callable[[Trial], None] | None = None,
     *,
     law: Law | None = None,
@@ -68,7 +68,7 @@ def best_of(trials: list[Trial]) -> int:
     return min(range(len(trials)), key=lambda index: trials[index].worst if np.isfinite(trials[index].worst) else np.inf)
 
 
-def verdict(problem: LearningProblem, trials: list[Trial], settings: LearningSettings, law: Law) -> tuple[Outcome, str] | None:
+def verdict(problem: LearningProblem, trials: list[Trial], settings: Learning, law: Law) -> tuple[Outcome, str] | None:
     """Why to stop after the last trial, or None to go on."""
     last = trials[-1]
     if last.worst <= settings.tolerance:

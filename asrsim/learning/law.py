@@ -7,9 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.learning.settings import LearningSettings
+from asrsim.learning.settings import gains_at
 from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst, worst_place
 from asrsim.samples import Array
+from asrsim.scenario.learning_keys import Learning
 
 Expect = Callable[[Trial, Array], Array]
 """A trial and the inputs (n, joints) after it -> the outputs (n, joints) that a model expects of them."""
@@ -20,7 +21,7 @@ CREEP = 1.1
 class FixedGain:
     """Equation 13 and what the settings add to it; `expect` is the model's."""
 
-    def __init__(self, problem: LearningProblem, settings: LearningSettings, expect: Expect | None = None) -> None:
+    def __init__(self, problem: LearningProblem, settings: Learning, expect: Expect | None = None) -> None:
         self.problem = problem
         self.settings = settings
         self.expect = expect
@@ -34,7 +35,7 @@ class FixedGain:
     def after(self, inputs: Array, outputs: Array, update: int) -> Array:
         """Inputs of the trial that follows one with `inputs` and `outputs`, (n, joints)."""
         error = self.problem.reference - outputs
-        return updated(inputs, error, self.problem.first_guess, update, self.settings, self.problem.step)
+        return updated(self.problem, inputs, error, update, self.settings)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Gives up when a trial diverged, or the error has grown `patience` times in a row, by more than a creep."""
@@ -45,7 +46,7 @@ class FixedGain:
         if len(run) <= patience or run[-1] < CREEP * run[0] or any(later <= earlier for earlier, later in pairwise(run)):
             return None
         helps = "law: auto goes on from the best trial"
-        if self.settings.filter_cutoff is None:
+        if self.settings.filter is None:
             helps += "; law: filtered learns only in the band in which errors shrink"
         return "growing", (
             f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to "
@@ -53,22 +54,22 @@ class FixedGain:
         )
 
 
-def updated(inputs: Array, error: Array, first_guess: Array, update: int, settings: LearningSettings, step: float) -> Array:
+def updated(problem: LearningProblem, inputs: Array, error: Array, update: int, settings: Learning) -> Array:
     """Inputs of the next trial, (n, joints).
 
     u(n) = Q[(1 - f) u(n-1) + f u(0) + K(n) (e(n-1) + T de(n-1)/dt)], K(n) = K exp(-n / decay), n = `update` from 0.
-    inputs, error, first_guess: (n, joints) in rad; step: s between samples.
+    inputs, error: (n, joints) in rad.
     """
-    gain = np.array(settings.gain_at(update))
+    gain = np.array(gains_at(settings, problem.joints, update))
     correction = error
     if settings.derivative:
-        correction = error + settings.derivative * np.gradient(error, step, axis=0)
+        correction = error + settings.derivative * np.gradient(error, problem.step, axis=0)
     # In this order, so that without the extras the numbers are those of equation 13 to the last bit.
     learned = inputs + gain * correction
     if settings.forgetting:
-        learned = learned + settings.forgetting * (first_guess - inputs)
-    if settings.filter_cutoff is not None:
-        learned = zero_phase(learned, settings.filter_cutoff, settings.filter_order, step)
+        learned = learned + settings.forgetting * (problem.first_guess - inputs)
+    if settings.filter is not None:
+        learned = zero_phase(learned, settings.filter.cutoff, settings.filter.order, problem.step)
     return learned
 
 

@@ -11,7 +11,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem, ScenarioError
 from asrsim.learning.plant import Plant
 from asrsim.learning.transfer import Draw
-from asrsim.robot.model import INERTIAS
+from asrsim.robot.model import INERTIAS, ActuatorBlock
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects, Scenario, for_joint
@@ -71,12 +71,9 @@ def _one(plant: Plant, inputs: Array, draw: Draw) -> Array:
     return perturbed(plant, draw).outputs(inputs)
 
 
-def _scale(block: object, own: dict[str, float], name: str, change: float) -> Problem | None:
-    from asrsim.robot.model import ActuatorBlock
+def _scale(block: ActuatorBlock, own: dict[str, float], name: str, change: float) -> Problem | None:
     from asrsim.robot.tags import parameter_name
 
-    if not isinstance(block, ActuatorBlock):
-        return Problem("no actuator is on this joint", key=f"spread.{name}", code="unknown-joint")
     known = parameter_name(ACTUATORS.get(block.actuator), name)
     if known is None:
         return Problem(

@@ -10,6 +10,7 @@ from typing import Any
 
 from asrsim.learning.plant import Plant
 from asrsim.outfile import write_text
+from asrsim.plain import mapped
 
 DIGITS = 3
 """Of a claimed error, rounded up: a replay on the same plant repeats it bit for bit, on another one it fails."""
@@ -25,7 +26,7 @@ def playback_data(
     """
     scenario = plant.scenario
     files = {name: os.path.relpath(path, folder) for name, path in scenario.attachments.items()}
-    data: dict[str, Any] = _renamed(dict(scenario.resolved), files)
+    data: dict[str, Any] = mapped(scenario.resolved, lambda value: files.get(value, value) if isinstance(value, str) else value)
     robot = os.path.relpath(scenario.robot, folder)
     data["robot"] = {**data["robot"], "file": robot} if isinstance(data.get("robot"), dict) else robot
     learned = data.pop("ilc", {})
@@ -83,12 +84,3 @@ def rounded_up(value: float) -> float:
         return 0.0
     places = DIGITS - 1 - floor(log10(value))
     return float(round(ceil(value * 10.0**places) / 10.0**places, max(places, 0)))
-
-
-def _renamed(value: Any, files: dict[str, str]) -> Any:
-    """Plain data with the names of files replaced."""
-    if isinstance(value, dict):
-        return {key: _renamed(item, files) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_renamed(item, files) for item in value]
-    return files.get(value, value) if isinstance(value, str) else value

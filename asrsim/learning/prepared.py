@@ -13,22 +13,17 @@ from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
 from asrsim.kinematics.inverse import Demand, InverseDynamics
 from asrsim.learning.arm import ArmModel
 from asrsim.learning.contraction import choose_gains, learnable, safe_filter
-from asrsim.learning.folder import origin_of
 from asrsim.learning.identity import identity_of
 from asrsim.learning.law import FixedGain
 from asrsim.learning.linear import Linearised
 from asrsim.learning.optimal import RHO, Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.presets import ChosenPreset, choose_presets
-from asrsim.learning.settings import (
-    OF_FIXED_GAIN,
-    LearningSettings,
-    parse_settings,
-    wants_model_gains,
-    wants_safe_filter,
-)  # fmt: skip
+from asrsim.learning.settings import OF_FIXED_GAIN, decided, gains_at, wants_model_gains, wants_safe_filter
 from asrsim.learning.trial import Law, LearningProblem, Trial
+from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
+from asrsim.scenario.learning_keys import Filter, Learning
 
 GUESS_KNOTS = 201
 """Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
@@ -50,7 +45,8 @@ class Prepared:
     plant: Plant
     model: ArmModel = field(repr=False)
     problem: LearningProblem
-    settings: LearningSettings
+    settings: Learning
+    """The scenario's, with the gains, the filter and the first guess decided."""
     law: Law = field(repr=False)
     inverse: InverseDynamics = field(repr=False)
     """Of the desired motion."""
@@ -73,7 +69,7 @@ class Prepared:
     @cached_property
     def reach(self) -> float:
         """Hz below which errors shrink with the first gains, at the worst posture."""
-        return learnable(self.linear, self.settings.gains)
+        return learnable(self.linear, gains_at(self.settings, self.problem.joints))
 
     def foresee(self, first: Trial) -> list[float]:
         """rad: largest 2-norms of trial 0 and those after it, as the joints linearised along the desired motion foretell them.
@@ -120,9 +116,10 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         notes += [_preset_note(item) for item in chosen]
     linear = model.linear(inverse)
     gains = choose_gains(linear)[: len(plant.joints)] if wants_model_gains(learning, plant.joints) else None
-    settings = parse_settings(learning, plant.joints, gains)
+    settings = decided(learning, plant.joints, gains)
     if wants_safe_filter(learning, plant.joints):
-        settings = parse_settings(learning, plant.joints, gains, safe_filter(linear, settings.gains, settings.filter_order))
+        safe = safe_filter(linear, gains_at(settings, plant.joints), Filter.order)
+        settings = decided(learning, plant.joints, gains, safe)
     guesses: dict[str, Callable[[], Array]] = {
         "zero": lambda: np.zeros_like(plant.reference),
         "reference": lambda: plant.reference.copy(),
@@ -134,9 +131,9 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         units=tuple(map(plant.unit, plant.joints)),
         time=plant.time,
         reference=plant.reference,
-        first_guess=guesses[settings.first_guess](),
+        first_guess=guesses[settings.first_guess or "zero"](),
         identity=identity_of(plant),
-        origin=origin_of(plant.scenario),
+        origin=(origin_of(plant.scenario), plant.scenario.variant),
     )
     law: Law = FixedGain(problem, settings, model.expect)
     missed = model.start_error(inverse, linear)

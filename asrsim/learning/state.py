@@ -13,29 +13,32 @@ import numpy as np
 
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
+from asrsim.plain import misfit
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
-    from asrsim.learning.settings import LearningSettings
     from asrsim.learning.trial import LearningProblem, Trial
+    from asrsim.scenario.learning_keys import Learning
 
-FORMAT = "asrsim learning state 1"
+FORMAT = "asrsim learning state 2"
+DECIDING = ("law", "joint_gains", "gain_decay", "derivative", "filter", "forgetting", "first_guess")
+"""Keys of `ilc:` that decide how trials follow each other; one may go on with a tighter tolerance or more iterations."""
 
 
-def fingerprint(problem: LearningProblem, settings: LearningSettings) -> str:
+def fingerprint(problem: LearningProblem, settings: Learning) -> str:
     """A hash of everything that decides how the learning goes, apart from where it stops."""
-    deciding = asdict(settings)
-    for stop in ("tolerance", "max_iterations", "patience"):
-        # A run may go on with a tighter tolerance or more iterations: its trials stay the same.
-        del deciding[stop]
-    digest = hashlib.sha256(json.dumps([deciding, problem.joints, problem.identity], sort_keys=True).encode())
+    deciding = [getattr(settings, name) for name in DECIDING]
+    text = json.dumps([deciding, problem.joints, problem.identity], sort_keys=True, default=asdict)
+    digest = hashlib.sha256(text.encode())
     for array in (problem.time, problem.reference, problem.first_guess):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
-def save_state(path: Path, digest: str, trials: list[Trial], *, origin: str = "") -> None:
-    """Write all trials to `path` (NumPy's npz), whole or not at all. digest: :func:`fingerprint` of their problem."""
+def save_state(path: Path, digest: str, trials: list[Trial], *, origin: tuple[str, str]) -> None:
+    """Write all trials to `path` (NumPy's npz), whole or not at all. digest: :func:`fingerprint` of their problem; origin: its
+    scenario file and variant."""
+    head = {"format": FORMAT, "fingerprint": digest, "scenario_path": origin[0], "variant": origin[1]}
     scalars = [
         {
             "number": trial.number,
@@ -52,7 +55,7 @@ def save_state(path: Path, digest: str, trials: list[Trial], *, origin: str = ""
     with written(path, "learning state") as file:
         np.savez(
             file,
-            head=np.array(json.dumps({"format": FORMAT, "fingerprint": digest, "origin": origin, "trials": scalars})),
+            head=np.array(json.dumps({**head, "trials": scalars})),
             inputs=np.array([trial.inputs for trial in trials]),
             outputs=np.array([trial.outputs for trial in trials]),
         )
@@ -60,13 +63,13 @@ def save_state(path: Path, digest: str, trials: list[Trial], *, origin: str = ""
         os.fsync(file.fileno())
 
 
-def state_origin(path: Path) -> tuple[str, int] | None:
-    """Where a state comes from and how many trials it holds; None if it is no readable state."""
+def state_origin(path: Path) -> tuple[tuple[str, str], int] | None:
+    """Scenario file and variant that a state comes from, and how many trials it holds; None if it is no readable state."""
     try:
         head, _, _ = _stored(path)
     except InputError:
         return None
-    return str(head["origin"]), len(head["trials"])
+    return (head["scenario_path"], head["variant"]), len(head["trials"])
 
 
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
@@ -78,8 +81,8 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         # A damaged file fails in the zip reader, in NumPy or in JSON, each with errors of its own.
     except Exception as error:
         raise _no_state(path, str(error) or type(error).__name__) from error
-    if not isinstance(head, dict) or not isinstance(head.get("trials"), list) or not isinstance(head.get("origin"), str):
-        raise _no_state(path, "its head is not that of one")
+    if wrong := misfit(head, {"scenario_path": str, "variant": str, "trials": [object], "*": object}):
+        raise _no_state(path, wrong)
     count = len(head["trials"])
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
         raise _no_state(path, "its arrays are not those of trials")

@@ -30,8 +30,8 @@ class LearningProblem:
     """Of each joint's position, `rad` or `m`; none: all `rad`. Elsewhere here `rad` stands for both."""
     identity: str = ""
     """Text that tells one plant from another: a resumed state of another plant is refused."""
-    origin: str = ""
-    """Where the problem comes from, for people: kept in the state."""
+    origin: tuple[str, str] = ("", "")
+    """Scenario file and variant that it comes from: kept in the state."""
 
     @property
     def step(self) -> float:

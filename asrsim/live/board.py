@@ -22,7 +22,7 @@ from asrsim.log.topics import (
 )
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
 from asrsim.simulation.groups import spring_groups
-from asrsim.simulation.recorder import COLUMN
+from asrsim.simulation.recorder import COLUMN, DIRECT
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substep import RAW
 
@@ -32,13 +32,6 @@ CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
 """Ending of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
 
-_DIRECT = {
-    "link_position": "link_position", "link_torque": "link_torque", "damping_torque": "damping_torque",
-    "elastic_torque_1": "torque_1", "elastic_torque_2": "torque_2",
-    **{f"motor_{i}_{what}": f"{column}_{i}"
-       for i in (1, 2) for what, column in (("position", "position"), ("velocity", "velocity"), ("torque", "drive"))},
-}  # fmt: skip
-"""Quantity -> column of the raw record."""
 _FOUND = ("reference_1", "reference_2", "external_torque", "link_velocity", "stiffness")
 """Quantities that are not in the raw record."""
 
@@ -83,8 +76,8 @@ class Board:
         j = self._joints.index(joint)
         if quantity not in self._known[joint]:
             return len(self._table) - 1
-        if quantity in _DIRECT:
-            return j * len(RAW) + COLUMN[_DIRECT[quantity]]
+        if quantity in DIRECT:
+            return j * len(RAW) + COLUMN[DIRECT[quantity]]
         return len(self._record) + _FOUND.index(quantity) * len(self._joints) + j
 
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
@@ -218,7 +211,7 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
 
 def _users(topic: Topic) -> bool:
     """Whether its number is a quantity of a user's own, which the recorder works out later."""
-    wanted = {*_DIRECT, *_FOUND}
+    wanted = {*DIRECT, *_FOUND}
     return any(column.name not in wanted for _, column in topic.template.floats)
 
 

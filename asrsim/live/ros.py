@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError
+from asrsim.extras import install
 from asrsim.live.departed import dismiss
 from asrsim.live.fastdds import folders_with, settings
 from asrsim.live.transport import Access, Interface, Received
@@ -269,4 +270,4 @@ def _cure() -> str:
             "A ROS environment is sourced in this shell; use a new one, or start with: env -u PYTHONPATH -u LD_LIBRARY_PATH "
             "-u AMENT_PREFIX_PATH -u RMW_IMPLEMENTATION asrsim live ..."
         )
-    return "pip install 'asrsim[ros]'"
+    return install("ros")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from asrsim.errors import InputError
+from asrsim.extras import install
 from asrsim.registry import Registry
 
 
@@ -162,6 +163,6 @@ def available(names: Sequence[str]) -> tuple[str, ...]:
         entry = TRANSPORTS.get(name)
         if not entry.available:
             message = f"the transport '{name}' needs '{entry.module}', which is not installed"
-            hint = f"pip install 'asrsim[{entry.extra}]'" if entry.extra else None
+            hint = install(entry.extra) if entry.extra else None
             raise InputError(message, hint=hint, code="no-library")
     return tuple(names)

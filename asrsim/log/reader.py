@@ -20,7 +20,7 @@ from asrsim.log.commands import CommandReader
 from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
 from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_structure
 from asrsim.quantities import QUANTITIES
-from asrsim.samples import Array, Command, RunInfo, Samples
+from asrsim.samples import Array, Command, RunInfo, Samples, concatenate
 
 T = TypeVar("T")
 
@@ -220,37 +220,6 @@ def read_log(
 ) -> Log:
     """Reads a log into arrays; arguments as in :meth:`LogReader.iter_samples`. Raises LogError."""
     return LogReader(path).read(quantities=quantities, joints=joints, start=start, end=end, stride=stride)
-
-
-def concatenate(parts: Sequence[Samples], *, joints: Sequence[str] = (), quantities: Sequence[str] = ()) -> Samples:
-    """Joins samples in time. Bodies and contacts that a part does not have are NaN there.
-
-    joints, quantities: of the result if there are no parts.
-    """
-    if not parts:
-        return Samples(time=np.empty(0), joints=tuple(joints), values={name: np.empty((0, len(joints))) for name in quantities})
-    if len(parts) == 1:
-        return parts[0]
-
-    def joined(tables: list[Mapping[str, Array]], width: int) -> dict[str, Array]:
-        names = dict.fromkeys(name for table in tables for name in table)
-        return {
-            name: np.concatenate(
-                [
-                    table[name] if name in table else np.full((len(part.time), width), np.nan)
-                    for table, part in zip(tables, parts, strict=True)
-                ]
-            )
-            for name in names
-        }
-
-    return Samples(
-        time=np.concatenate([part.time for part in parts]),
-        joints=parts[0].joints,
-        values=joined([part.values for part in parts], len(parts[0].joints)),
-        bodies=joined([part.bodies for part in parts], 7),
-        contacts=joined([part.contacts for part in parts], 3),
-    )
 
 
 def _samples(found: Mapping[Column, Array], names: Sequence[str], joints: Sequence[str], rows: slice) -> Samples:

@@ -66,7 +66,7 @@ def evaluate_expectation(
     *,
     reference: Array | None = None,
     prismatic: bool = False,
-    checked: bool = False,
+    checked: bool,
 ) -> ExpectationResult:
     """Evaluates a claim on the quantities of its joint or body.
 
@@ -106,7 +106,7 @@ def evaluate_expectation(
     return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
 
 
-def compares(measured: float, comparison: str, value: float, tolerance: float = 0.0) -> bool:
+def compares(measured: float, comparison: str, value: float, tolerance: float) -> bool:
     """Whether `measured comparison value` holds; `==` within the tolerance, which means nothing elsewhere; NaN never holds."""
     if math.isnan(measured):
         return False
@@ -214,18 +214,10 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
         columns |= {axis: poses[:, index] for axis, index in AXES.items()}
     if body == TIP and TIP_GOAL in samples.bodies and poses is not None:
         columns["error"] = np.linalg.norm(poses[:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1)
-    forces = np.zeros((len(samples.time), 3))
-    touched = poses is not None
-    for pair, force in samples.contacts.items():
-        first, _, second = pair.partition("/")
-        if body in (first, second):
-            touched = True
-            # The force acts on the first body; on the second it is opposite. NaN: no contact then.
-            force = np.nan_to_num(force) * (1.0 if body == first else -1.0)
-            forces += force
-            columns[f"contact_force/{second if body == first else first}"] = np.linalg.norm(force, axis=1)
-    if touched:
-        columns["contact_force"] = np.linalg.norm(forces, axis=1)
+    forces = samples.forces_on(body)
+    columns |= {f"contact_force/{other}": np.linalg.norm(force, axis=1) for other, force in forces.items()}
+    if forces or poses is not None:
+        columns["contact_force"] = np.linalg.norm(sum(forces.values(), np.zeros((len(samples.time), 3))), axis=1)
     return columns
 
 

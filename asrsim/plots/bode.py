@@ -84,7 +84,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     return figure
 
 
-def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[Response], *, several: bool = False) -> None:
+def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[Response], *, several: bool) -> None:
     """Gain (dB), phase and coherence of one joint's responses on the given axes, with confidence bands."""
     levels: list[Array] = []
     angles: list[Array] = []

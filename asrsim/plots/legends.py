@@ -19,10 +19,9 @@ def legend(
     *,
     words: dict[str, str] | None = None,
     extra: Sequence[Any] = (),
-    inside: bool = False,
     several: bool = False,
 ) -> None:
-    """A legend of quantities right of the axes, outside of the data; `inside` of axes that have none.
+    """A legend of quantities right of the axes, outside of the data.
 
     several: colours tell runs apart, and quantities have line styles.
     """
@@ -38,8 +37,8 @@ def legend(
         for name in quantities
     ]  # fmt: skip
     if handles or extra:
-        place = (0.05, 0.9) if inside else (1.02, 1.0)
-        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=place, handlelength=3.0 if several else 2.2)
+        length = 3.0 if several else 2.2
+        axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)
 
 
 def limit_handle(*, own: bool) -> Any:

@@ -152,15 +152,15 @@ def responses(
 def recorded_responses(
     recording: Recording,
     *,
-    variant: int = 0,
-    joints: Sequence[str] | None = None,
-    band: tuple[float, float] | None = None,
-    given: str | None = None,
-    output: str | None = None,
+    variant: int,
+    joints: Sequence[str] | None,
+    band: tuple[float, float] | None,
+    given: str | None,
+    output: str | None,
 ) -> tuple[list[Response], list[Problem]]:
     """Responses of a recording by itself, of every joint that has both columns; and what could not be found out.
 
-    given, output: as of :func:`responses`; by default the recorded reference and the link's position.
+    given, output: as of :func:`responses`; None: the recorded reference and the link's position.
     """
     first, last = Signal.parse(given, "reference_1"), Signal.parse(output, OUTPUT)
     one = Experiment(recording=recording, joints={joint: joint for joint in recording.joints})

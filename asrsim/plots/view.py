@@ -140,7 +140,7 @@ def show_time(axes: Axes, curves: Sequence[Curve]) -> None:
 
 
 def show_values(
-    axes: Axes, curves: Sequence[Curve], *, limits: Sequence[Curve] = (), brief: bool = False, still: float = 1e-12
+    axes: Axes, curves: Sequence[Curve], *, limits: Sequence[Curve] = (), brief: bool, still: float = 1e-12
 ) -> None:
     """The axis of values: all of the curves, and the limits that they come near.
 

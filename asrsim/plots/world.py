@@ -87,11 +87,5 @@ class WorldEnvelope:
 
 def _push(name: str, part: Samples) -> Array:
     """(n,) N: what the robot and other objects do to a body, without the ground."""
-    total = np.zeros((len(part.time), 3))
-    for pair, force in part.contacts.items():
-        one, _, other = pair.partition("/")
-        # The force acts on the first body.
-        sign = 1.0 if one == name else -1.0 if other == name else 0.0
-        if sign and other != "ground":
-            total += sign * np.nan_to_num(force)
-    return np.asarray(np.linalg.norm(total, axis=1))
+    forces = [force for other, force in part.forces_on(name).items() if other != "ground"]
+    return np.asarray(np.linalg.norm(sum(forces, np.zeros((len(part.time), 3))), axis=1))

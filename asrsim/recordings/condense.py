@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
-from asrsim.errors import Problem
+from asrsim.errors import Problem, listed
 
 _ALIKE = 2
 """Notes of one kind up to which each stands alone."""
@@ -69,5 +69,4 @@ _OF_COLUMNS = {
 
 
 def _places(keys: Iterable[str]) -> str:
-    keys = list(dict.fromkeys(keys))
-    return ", ".join(keys[:_NAMED]) + (f", and {len(keys) - _NAMED} more" if len(keys) > _NAMED else "")
+    return listed(dict.fromkeys(keys), _NAMED)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.errors import InputError, OutputError
+from asrsim.extras import library
 from asrsim.outfile import is_ours, written
 from asrsim.render.motion import Film, Frame, even_times, telling_times
 
@@ -110,12 +111,7 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
 
 def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Progress | None = None) -> Path:
     """An MP4 (H.264) by imageio-ffmpeg. Raises InputError if that is not installed, and OutputError."""
-    try:
-        import imageio_ffmpeg
-    except ModuleNotFoundError:
-        raise InputError(
-            "MP4 needs imageio-ffmpeg", key="--mp4", hint="pip install 'asrsim[video]', or use --gif", code="no-video"
-        ) from None
+    imageio_ffmpeg = library("imageio_ffmpeg", "video")
     times = _times(film, speed, fps)
     with written(path, "picture") as stream:
         writer = imageio_ffmpeg.write_frames(

@@ -16,7 +16,6 @@ from asrsim.errors import InputError, LogError, RobotError
 from asrsim.log import open_log
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
-from asrsim.render.frames import rpy_frame
 from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
 from asrsim.robot.xmlfile import parse_xml
@@ -74,7 +73,7 @@ class Film:
         """Positions, poses and contacts, thinned where the log is long."""
         if not len(self.samples.time):
             what = "the log holds no samples" + ("" if start is None and end is None else " in that time")
-            raise LogError(what, file=self.path, code="empty-log")
+            raise LogError(what, file=self.path, hint=f"It lasts {reader.duration:g} s", code="empty-log")
         self.scene, self.notes = self._open()
         self._painter = Painter(self.scene)
         self.camera, self.width, self.height = common_view([self])
@@ -129,7 +128,7 @@ class Film:
         with TemporaryDirectory(prefix="asrsim-render-") as folder:
             scenario, robot = restore(info, Path(folder))
             shown = drawable(robot, scenario.package_paths)
-            scene = Scene(shown.robot, rpy_frame(scenario.base_position, scenario.base_rpy), scenario.world)
+            scene = Scene(shown.robot, scenario)
         missing = [str(warning) for warning in shown.warnings if warning.code == "missing-visual-mesh"]
         return scene, (*missing, *shown.notes, *scene.notes)
 

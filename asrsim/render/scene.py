@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.render.frames import about, frame, pose_frame, rpy_frame
+from asrsim.render.frames import frame, pose_frame, rpy_frame
 from asrsim.render.mesh_files import read_mesh
 from asrsim.render.solids import Mesh, box, capsule, cylinder, scaled, sphere
-from asrsim.robot import Joint, Robot
+from asrsim.robot import Robot
+from asrsim.robot.chain import Chain
 from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.samples import Array
-from asrsim.scenario.data import World
+from asrsim.scenario.data import Scenario, World
 
 GREY = (0.55, 0.58, 0.63)
 """Of a shape without colour: told from the background and from white."""
@@ -35,13 +36,16 @@ class Part:
 class Scene:
     """Shapes of robot and world, and their frames at given positions.
 
-    robot: as :func:`asrsim.render.shapes.drawable` has it; base: (4, 4) frame of the root link. `notes` say which meshes could
+    robot: as :func:`asrsim.render.shapes.drawable` has it; base and world are the scenario's. `notes` say which meshes could
     not be read.
     """
 
-    def __init__(self, robot: Robot, base: Array, world: World) -> None:
+    def __init__(self, robot: Robot, scenario: Scenario) -> None:
+        world = scenario.world
         self.notes: list[str] = []
-        self.base = base
+        self.base = rpy_frame(scenario.base_position, scenario.base_rpy)
+        """(4, 4), of the root link at the start."""
+        self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
         self.joints = robot.outward_joints
         """A parent's joint comes before its children's."""
         self.origins = {joint.name: rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
@@ -59,10 +63,11 @@ class Scene:
         positions: joint -> rad or m, 0 where it is missing; poses: body -> x y z, quaternion x y z w, of objects and of a
         floating base.
         """
-        frames = {self.root: pose_frame(poses[self.root]) if self.root in poses else self.base}
-        for joint in self.joints:
-            moved = motion(joint, positions.get(joint.name, 0.0))
-            frames[joint.child] = frames[joint.parent] @ self.origins[joint.name] @ moved
+        root = pose_frame(poses[self.root]) if self.root in poses else self.base
+        links = self._chain.poses(
+            {name: np.array([at]) for name, at in positions.items()}, (root[None, :3, :3], root[None, :3, 3])
+        )
+        frames = {link: frame(position[0], rotation[0]) for link, (rotation, position) in links.items()}
         for name, at_start in self.objects.items():
             frames[name] = pose_frame(poses[name]) if name in poses else at_start
         return frames
@@ -105,15 +110,6 @@ class Scene:
 
 
 _ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}
-
-
-def motion(joint: Joint, position: float) -> Array:
-    """(4, 4) what a joint's position (rad, m) does to its child."""
-    if joint.kind in ("revolute", "continuous"):
-        return frame(np.zeros(3), about(np.array(joint.axis), position))
-    if joint.kind == "prismatic":
-        return frame(position * np.array(joint.axis), np.eye(3))
-    return np.eye(4)
 
 
 def _placed(mesh: Mesh, origin: Array) -> Mesh:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import Problem
+from asrsim.errors import Problem, listed
 from asrsim.robot import Robot
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.model import Shape
@@ -38,9 +38,9 @@ class Drawable:
         """What to tell the user."""
         said = []
         if self.collisions:
-            said.append(f"drawn by their collision shapes, for want of visuals: {_names(self.collisions)}")
+            said.append(f"drawn by their collision shapes, for want of visuals: {listed(self.collisions, 6)}")
         if self.rods:
-            said.append(f"drawn as rods, for want of shapes: {_names(self.rods)}")
+            said.append(f"drawn as rods, for want of shapes: {listed(self.rods, 6)}")
         return tuple(said)
 
 
@@ -93,8 +93,3 @@ def _rod(end: Array, radius: float, colour: Colour) -> list[Shape]:
     pitch, yaw = float(np.arccos(np.clip(end[2] / length, -1.0, 1.0))), float(np.arctan2(end[1], end[0]))
     x, y, z = (0.5 * end).tolist()
     return [ball, Shape(kind="cylinder", size=(radius, length), origin=(x, y, z), rpy=(0.0, pitch, yaw), colour=colour)]
-
-
-def _names(names: tuple[str, ...], most: int = 6) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import MetricRow, summarise
 from asrsim.plain import Shape, misfit
 from asrsim.plots.recorded import RECORDED
+from asrsim.report.html import data_address
 from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
 
@@ -184,7 +184,7 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
         for log, film in films.items():
             buffer = BytesIO()
             film_strip(list(film.frames(times)), letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
-            strips[log] = "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+            strips[log] = data_address(buffer.getvalue(), "image/jpeg")
     names = [label for log, label in zip(logs, labels, strict=True) if log in films]
     return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))
 
@@ -217,7 +217,7 @@ def picture(path: Path) -> str | None:
     except (OSError, ValueError):
         return None
     data = buffer.getvalue()
-    return None if len(data) > PICTURE_BYTES else "data:image/png;base64," + base64.b64encode(data).decode("ascii")
+    return None if len(data) > PICTURE_BYTES else data_address(data)
 
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:

@@ -1,12 +1,46 @@
-"""Small parts of a page. Texts are escaped here."""
+"""A page and its small parts. Texts are escaped here."""
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
+
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+
+
+def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:
+    """A page with everything in it, and a policy that lets it load nothing from anywhere.
+
+    style: CSS; main, scripts: HTML.
+    """
+    from asrsim import __version__
+
+    return "\n".join(
+        [
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f'<meta name="generator" content="asrsim {__version__}">',
+            f"<title>{escape(title)}</title>",
+            # An empty icon: browsers would ask for one.
+            '<link rel="icon" href="data:,">',
+            f"<style>{style}</style>",
+            f"</head><body><main>\n{main}\n</main>",
+            *scripts,
+            "</body></html>",
+            "",
+        ]
+    )
+
+
+def data_address(data: bytes, kind: str = "image/png") -> str:
+    """A file as an address that holds it."""
+    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def script_json(data: Any) -> str:

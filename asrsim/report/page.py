@@ -1,4 +1,4 @@
-"""The page itself: one HTML file with everything in it, and a policy that lets it load nothing from anywhere."""
+"""The page itself: what it says of the runs."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from asrsim import __version__
 from asrsim.plots.rows import metric_tables
 from asrsim.quantities import LIMITS
 from asrsim.report.accuracy import numerical_error
 from asrsim.report.content import Compared, Films, RunContent, picture
-from asrsim.report.html import badge, bullets, number, script_json, section, table
+from asrsim.report.html import badge, bullets, document, number, script_json, section, table
 from asrsim.summary.table import cells, share
-
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
 
 def asset(name: str) -> str:
@@ -51,28 +48,14 @@ def build_page(
         _warnings(runs, labels, films.notes),
         _repeat(runs),
     ]
-    return "\n".join(
-        [
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f'<meta name="generator" content="asrsim {__version__}">',
-            f"<title>{escape(title)} · asrsim</title>",
-            # An empty icon: browsers would ask for one.
-            '<link rel="icon" href="data:,">',
-            f"<style>{asset('uPlot.min.css')}\n{asset('page.css')}</style>",
-            "</head><body><main>",
-            *filter(None, sections),
-            "</main>",
-            _packed("data", data),
-            *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
-            f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
-            f"<script>{asset('page.js')}</script>",
-            "</body></html>",
-            "",
-        ]
-    )
+    scripts = [
+        _packed("data", data),
+        *([_packed("motion-data", films.motion), f"<script>{asset('motion.js')}</script>"] if films.motion else []),
+        f"<script>/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/\n{asset('uPlot.iife.min.js')}</script>",
+        f"<script>{asset('page.js')}</script>",
+    ]
+    style = f"{asset('uPlot.min.css')}\n{asset('page.css')}"
+    return document(f"{title} · asrsim", style, "\n".join(filter(None, sections)), scripts=scripts)
 
 
 def _head(title: str, runs: Sequence[RunContent], labels: Sequence[str]) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 
+from asrsim import __version__
+from asrsim.report.html import data_address, document
 from asrsim.reproduce.claim import ORIGINS, Claim
 from asrsim.reproduce.figure import Part, Picture, Reproduction, Table
 
@@ -19,7 +20,7 @@ SHOWN_ROWS = 9
 """Rows of a table up to which it is not folded away."""
 
 
-def page(reproductions: Sequence[Reproduction], *, version: str, seconds: float) -> str:
+def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
     """The page as HTML. seconds: wall-clock time of everything."""
     style = files("asrsim.reproduce").joinpath("assets/page.css").read_text(encoding="utf-8")
     failed = [str(one.number) for one in reproductions if not one.holds]
@@ -27,31 +28,15 @@ def page(reproductions: Sequence[Reproduction], *, version: str, seconds: float)
     verdict = "every claim holds" if not failed else f"claims of figure {', '.join(failed)} do not hold"
     simulated = sum(one.simulated for one in reproductions)
     body = "\n".join(_section(one) for one in reproductions)
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="asrsim {escape(version)}">
-<title>asrsim reproduce: figures {escape(numbers)}</title>
-<link rel="icon" href="data:,">
-<style>
-{style}</style>
-</head>
-<body>
-<main>
-<h1>The paper's experiments, run again</h1>
+    main = f"""<h1>The paper's experiments, run again</h1>
 <p>{_verdict(not failed, verdict)}</p>
 {_overview(reproductions)}
 <p class="small">{escape(SOURCE)}. What the paper claims stands here in our own words. Its plots cannot be laid beside ours:
 claims are checked on numbers. What the paper's figures could not show is folded away.</p>
 {body}
-<footer>Made by asrsim {escape(version)} with <code>asrsim reproduce</code>: {simulated:.0f} s simulated in {seconds:.0f} s,
-pictures included.</footer>
-</main>
-</body>
-</html>
-"""
+<footer>Made by asrsim {__version__} with <code>asrsim reproduce</code>: {simulated:.0f} s simulated in {seconds:.0f} s,
+pictures included.</footer>"""
+    return document(f"asrsim reproduce: figures {numbers}", style, main)
 
 
 def _overview(reproductions: Sequence[Reproduction]) -> str:
@@ -123,11 +108,10 @@ def _table(table: Table) -> str:
 
 
 def _picture(picture: Picture) -> str:
-    kind = {"svg": "image/svg+xml", "png": "image/png"}[picture.kind]
-    data = base64.b64encode(picture.data).decode("ascii")
+    source = data_address(picture.data, {"svg": "image/svg+xml", "png": "image/png"}[picture.kind])
     caption = escape(picture.caption)
     return (
-        f'<figure id="{escape(picture.name)}"><div class="big"><img alt="{caption}" src="data:{kind};base64,{data}"></div>'
+        f'<figure id="{escape(picture.name)}"><div class="big"><img alt="{caption}" src="{source}"></div>'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 

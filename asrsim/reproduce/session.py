@@ -101,7 +101,6 @@ def _unfinished(name: str, error: str) -> Reproduction:
 
 
 def _write(folder: Path, outcome: Outcome) -> None:
-    from asrsim import __version__
     from asrsim.reproduce.page import page
 
     make_folder(folder / PICTURES)
@@ -113,5 +112,5 @@ def _write(folder: Path, outcome: Outcome) -> None:
                 with written(path, "picture", replace=path in done) as stream:
                     stream.write(picture.data)
                 done.add(path)
-    write_text(outcome.page, page(outcome.figures, version=__version__, seconds=outcome.seconds), "page")
+    write_text(outcome.page, page(outcome.figures, seconds=outcome.seconds), "page")
     write_json(outcome.numbers, outcome.as_dict())

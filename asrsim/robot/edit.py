@@ -41,29 +41,18 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
     """The file with joint or link -> name -> value, as :func:`asrsim.robot.vary.varied_robot` takes them, in the place of what
     it had; a number that it left to a default gets a tag. Raises RobotError where the text has no place for one.
     """
-    root = _parse(data)
-    edits: list[tuple[int, int, bytes]] = []
     lacking: list[Problem] = []
     for owner, values in changes.items():
         for name, value in values.items():
-            found = list(_edits(data, root, robot, owner, name, f"{value:.9g}"))
-            if not found:
+            # One after the other: what one of them puts in, the next finds there.
+            edits = sorted(_edits(data, _parse(data), robot, owner, name, f"{value:.9g}"), reverse=True)
+            for start, end, text in edits:
+                data = data[:start] + text + data[end:]
+            if not edits:
                 lacking.append(Problem("the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place"))
-            edits += found
     if lacking:
         raise RobotError(lacking)
-    result = data
-    for start, end, text in sorted(_merged(edits), reverse=True):
-        result = result[:start] + text + result[end:]
-    return result
-
-
-def _merged(edits: list[tuple[int, int, bytes]]) -> list[tuple[int, int, bytes]]:
-    """Insertions at one place become one, in their order; of one vector, parts are put together."""
-    merged: dict[tuple[int, int], bytes] = {}
-    for start, end, text in edits:
-        merged[start, end] = merged.get((start, end), b"") + text if start == end else text
-    return [(start, end, text) for (start, end), text in merged.items()]
+    return data
 
 
 def _parse(data: bytes) -> _Element:

@@ -130,7 +130,7 @@ class Joint:
     rpy: Vector = (0.0, 0.0, 0.0)
     """rad, the same frame's orientation."""
     lower: float | None = None
-    """rad or m; None: no limit."""
+    """rad or m; None: no limit, as of every continuous joint."""
     upper: float | None = None
     effort: float | None = None
     """N m or N; None: no limit given."""
@@ -164,10 +164,12 @@ class Joint:
     @property
     def stops(self) -> tuple[float, float]:
         """Lower and upper limit in rad or m, infinite where there is none."""
-        turns = self.kind == "continuous"
-        lower = -math.inf if self.lower is None or turns else self.lower
-        upper = math.inf if self.upper is None or turns else self.upper
-        return lower, upper
+        return -math.inf if self.lower is None else self.lower, math.inf if self.upper is None else self.upper
+
+    @property
+    def most_effort(self) -> float:
+        """N m or N, infinite where there is no limit."""
+        return math.inf if self.effort is None else self.effort
 
     @property
     def moves(self) -> bool:

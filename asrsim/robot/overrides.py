@@ -87,7 +87,9 @@ def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float
         place = f"parameters.{scope}.{key}"
         name = parameter_name(actuator, key)
         if name in seen:
-            twice = Problem(f"is the same parameter as {seen[name]}", key=place, code="duplicate-parameter")
+            twice = Problem(
+                f"is the same parameter as {seen[name]}", key=place, hint=f"Give {seen[name]}", code="duplicate-parameter"
+            )
             if twice not in problems:
                 problems.append(twice)
             continue

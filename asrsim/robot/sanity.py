@@ -56,7 +56,7 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
                 message = f"so much {name} holds the joint still, whatever drives it"
                 findings.warn(message, code="stuck-joint", line=joint.line, key=joint.name, value=f"{name} {value:g}")
     for block in robot.actuators:
-        for doubt in block_doubts(block):
+        for doubt in block_doubts(block, robot.joint(block.joint)):
             line = block.line if doubt.parameter is None else doubt.parameter.line
             findings.warn(doubt.message, code=doubt.code, line=line, key=block.plugin_name or block.joint, value=doubt.value)
 
@@ -150,10 +150,12 @@ class Doubt:
     """The parameter that is at fault, if it is one."""
 
 
-def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
+def block_doubts(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
     """Negative gains, values far from all others, motors that stand still, and springs that are none."""
     mode = MODES[block.mode]
-    yield from _unusual(block)
+    # What is usual in N m/rad says nothing of a slider's N/m.
+    yield from _unusual(block) if joint.kind != "prismatic" else ()
+    yield from _held(block)
     for name, parameter in block.parameters.items():
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and parameter.value < 0.0:
             message = f"a negative gain (<{parameter.tag}>) drives away from the reference"
@@ -164,8 +166,8 @@ def block_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
 
 
 def _unusual(block: ActuatorBlock) -> Iterator[Doubt]:
-    """Given values that are far from the usual ones, and motors that their friction holds."""
-    values, actuator = block.values(), ACTUATORS.get(block.actuator)
+    """Given values that are far from the usual ones."""
+    actuator = ACTUATORS.get(block.actuator)
     for declared in actuator.all_parameters():
         parameter, usual = block.parameters[declared.name], abs(declared.default)
         ratio = abs(parameter.value) / usual if usual and math.isfinite(usual) else 1.0
@@ -173,7 +175,12 @@ def _unusual(block: ActuatorBlock) -> Iterator[Doubt]:
             unit = "" if declared.unit == "1" else f" {declared.unit}"
             message = f"<{parameter.tag}> is {ratio:.1g} times the usual {usual:g}{unit}"
             yield Doubt(message=message, code="unusual-value", value=f"{parameter.value:g}", parameter=parameter)
-    for motor in (f"motor_{i}" for i in range(1, actuator.motors + 1)) if MODES[block.mode].motor else ():
+
+
+def _held(block: ActuatorBlock) -> Iterator[Doubt]:
+    """Motors that their friction holds."""
+    values, motors = block.values(), ACTUATORS.get(block.actuator).motors
+    for motor in (f"motor_{i}" for i in range(1, motors + 1)) if MODES[block.mode].motor else ():
         friction, torque = block.parameters[f"{motor}_friction_torque"], values[f"{motor}_max_torque"]
         if friction.value >= torque > 0.0:
             message = f"<{friction.tag}> is as much as the motor's torque: it never turns"

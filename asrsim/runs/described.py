@@ -16,6 +16,7 @@ import numpy as np
 from asrsim.document.block import declared_keys
 from asrsim.errors import AsrsimError
 from asrsim.outfile import csv_text
+from asrsim.plain import mapped
 from asrsim.robot.model import Robot
 from asrsim.runs.folder import origin_of
 from asrsim.samples import RunInfo
@@ -128,6 +129,10 @@ def _signal(signal: Signal, files: dict[str, bytes]) -> Any:
 
 
 def _value(value: Any, files: dict[str, bytes]) -> Any:
+    return mapped(value, lambda leaf: _leaf(leaf, files))
+
+
+def _leaf(value: Any, files: dict[str, bytes]) -> Any:
     if isinstance(value, Signal):
         return _signal(value, files)
     if isinstance(value, Path):
@@ -135,10 +140,6 @@ def _value(value: Any, files: dict[str, bytes]) -> Any:
         return value.name
     if isinstance(value, np.ndarray):
         return value.tolist()
-    if isinstance(value, Mapping):
-        return {key: _value(item, files) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_value(item, files) for item in value]
     if value is None or isinstance(value, str | int | float):
         return value
     raise TypeError(f"{type(value).__name__} has no form in a document")

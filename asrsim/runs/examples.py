@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from asrsim.errors import InputError, OutputError
+from asrsim.errors import InputError, OutputError, listed
 from asrsim.outfile import make_folder, write_text
 
 PLACES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[2] / "examples")
@@ -36,8 +36,7 @@ def copy_examples(out: Path, *, overwrite: bool = False) -> tuple[Path, ...]:
     }
     differing = [target for path, target in pairs.items() if target.exists() and target.read_bytes() != path.read_bytes()]
     if differing and not overwrite:
-        more = f" and {len(differing) - 1} more" if len(differing) > 1 else ""
-        raise OutputError(f"{differing[0]}{more} differ from the example; use --overwrite to replace, or --out for elsewhere")
+        raise OutputError(f"{listed(differing, 1)} differ from the example; use --overwrite to replace, or --out for elsewhere")
     for path, target in pairs.items():
         if not target.exists() or target in differing:
             make_folder(target.parent)

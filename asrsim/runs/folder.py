@@ -43,6 +43,30 @@ def origin_of(scenario: Scenario) -> str:
     return str(scenario.path.resolve()) if scenario.path else ""
 
 
+def recorded_origin(path: Path) -> tuple[Any, Any] | None:
+    """Scenario file and variant that a summary, or another JSON file of ours, names; None where it names none."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return data["scenario_path"], data["variant"]
+    return None
+
+
+def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | None, unnamed: str) -> None:
+    """Raises OutputError unless a folder's results come from this scenario and variant; unnamed: what is said where they name
+    none."""
+    own = origin_of(scenario), scenario.variant
+    if origin == own:
+        return
+    other = unnamed
+    if origin is not None:
+        path = origin[0] or "a scenario without file"
+        other = path if origin[1] == own[1] else f"variant '{origin[1]}' of {path}"
+    raise OutputError(
+        f"{folder}: holds the results of another run ({other}); nothing was written. "
+        "Choose another folder with --out, or replace them with --overwrite"
+    )
+
+
 def find_logs(place: Path) -> list[Path]:
     """The log itself, or a folder's logs: its own, else those of its subfolders (variants), in the scenario's order.
 
@@ -53,10 +77,12 @@ def find_logs(place: Path) -> list[Path]:
     own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
     logs = own or sorted(place.glob(f"*/{LOG}"))
     if not logs:
-        message = "no such file or folder"
+        message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
             message = "holds no log of a run (log.mcap), nor does a folder in it"
-        hint = "Run a scenario first: asrsim run scenario.yaml"
+            # Of a study with logs, or of several scenarios.
+            deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
+            hint = f"Folders further down have some: {', '.join(map(str, deeper[:3]))}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
     return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
 
@@ -86,7 +112,7 @@ def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
     return tuple(file for file in files if file is not None)
 
 
-def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
+def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Look what the folder holds, and whether a run of this scenario may write there.
 
     inputs: what the command reads beside the scenario's files. Returns the files of an earlier run of the same scenario and
@@ -99,12 +125,7 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool = False, in
     for path, kind in names.items():
         check_output(path, kind, inputs=(*inputs, *inputs_of(scenario)))
     if files and not overwrite:
-        other = _other_run(folder, scenario)
-        if other:
-            raise OutputError(
-                f"{folder}: holds the results of another run ({other}); nothing was written. "
-                "Choose another folder with --out, or replace them with --overwrite"
-            )
+        require_same(folder, scenario, *_found(folder))
     return tuple(path for path in files if path.name != ASIDE)
 
 
@@ -143,24 +164,14 @@ def _kind(name: str) -> str:
     return next((kind for pattern, kind in _NAMES.items() if re.fullmatch(pattern, name)), "")
 
 
-def _other_run(folder: Path, scenario: Scenario) -> str:
-    """Which other run the folder's files come from; empty if it is an earlier one of this scenario and variant."""
+def _found(folder: Path) -> tuple[tuple[Any, Any] | None, str]:
+    """Scenario file and variant that the folder's files come from, and what to say where they do not tell."""
     from asrsim.log import open_log
 
-    found: tuple[Any, Any] | None = None
     if (folder / LOG).is_file() and (folder / LOG).stat().st_size:
         try:
             info = open_log(folder / LOG).info
         except AsrsimError:
-            return f"{LOG} cannot be read"
-        found = info.scenario_path, info.variant
-    else:
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            data = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-            found = data["scenario_path"], data["variant"]
-    if found is None:
-        return f"neither {LOG} nor {SUMMARY} says which"
-    path, variant = found
-    if variant != scenario.variant:
-        return f"variant '{variant}' of {path or 'a scenario without file'}"
-    return "" if path == origin_of(scenario) else (path or "a scenario without file")
+            return None, f"{LOG} cannot be read"
+        return (info.scenario_path, info.variant), ""
+    return recorded_origin(folder / SUMMARY), f"neither {LOG} nor {SUMMARY} says which"

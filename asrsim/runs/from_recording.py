@@ -89,6 +89,7 @@ def write_from_recording(
         extract=f"{out.stem}_commands.csv", schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
         parts={column.part: relative_path(column.part, out.parent) for column in recording.channels.values() if column.part},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
+        plugins=tuple(relative_path(plugin, out.parent) for plugin in plugins),
     )  # fmt: skip
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
@@ -104,8 +105,7 @@ def write_from_recording(
     write_new(out, text_with(placeholders(plan)), force=force)
     fits = bool(plan.compared)
     if fits:
-        files_of_user = [relative_path(plugin, out.parent) for plugin in plugins]
-        text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=files_of_user)
+        text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=names.plugins)
         write_new(fit, text, force=force)
     measured, message = _first_comparison(out, plan)
     if measured:

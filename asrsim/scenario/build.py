@@ -9,6 +9,7 @@ from typing import Any
 
 from asrsim.document.node import Node
 from asrsim.document.reading import Reading, Rejected
+from asrsim.plain import mapped
 from asrsim.samples import TIP
 from asrsim.scenario.choices import default_engine, prescribes_motion
 from asrsim.scenario.data import Scenario
@@ -49,7 +50,7 @@ def build_scenario(
         "variant": variant,
         "motion": _motion(keys["motion"], keys.get("initial_positions", {})),
         "expect": tuple(claim for claim in keys["expect"] if claim.variant in (None, variant)),
-        "resolved": {**_plain(root.plain(reading.renamed)), "name": name, "variant": variant, "engine": keys["engine"]},
+        "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
     attachments = dict(reading.attachments)
     return Scenario(**{**keys, **changes}, path=path, text=text, attachments=attachments, lines=_lines(root, path))
@@ -57,10 +58,6 @@ def build_scenario(
 
 def _plain(data: Any) -> Any:
     """JSON has no infinity: it is written as text, which the reader takes back."""
-    if isinstance(data, dict):
-        return {key: _plain(value) for key, value in data.items()}
-    if isinstance(data, list):
-        return [_plain(value) for value in data]
     if isinstance(data, float) and math.isinf(data):
         return "inf" if data > 0 else "-inf"
     return data
@@ -70,16 +67,15 @@ def _lines(root: Node, path: Path | None) -> dict[str, int]:
     found: dict[str, int] = {}
 
     def walk(node: Node, key: str) -> None:
-        items: Mapping[str, Node] = {}
+        items: list[tuple[str, Node, int | None]] = []
         if isinstance(node.value, dict):
-            items = node.value
+            items = [(name, item, node.key_line(name)) for name, item in node.value.items()]
         elif isinstance(node.value, list):
-            items = {str(index): item for index, item in enumerate(node.value)}
-        for name, item in items.items():
+            items = [(str(index), item, item.line) for index, item in enumerate(node.value)]
+        for name, item, line in items:
             inner = f"{key}.{name}" if key else name
-            if item.file == path and item.line is not None:
-                line = node.key_line(name) if isinstance(node.value, dict) else item.line
-                found[inner] = line if line is not None else item.line
+            if item.file == path and line is not None:
+                found[inner] = line
             walk(item, inner)
 
     walk(root, "")

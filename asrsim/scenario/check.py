@@ -49,7 +49,13 @@ def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = Fal
         changed = apply_to_robot(scenario, robot)
     except InputError as error:
         errors.extend(error.problems)
-        changed = robot
+        try:
+            # Its actuators alone, so that their references are not told of too.
+            changed = apply_to_robot(replace(scenario, modes={}, parameters={}), robot)
+        except InputError:
+            if scenario.actuators:
+                return errors, []
+            changed = robot
 
     def with_places(*found: Iterable[Problem]) -> list[Problem]:
         return [placed(scenario, problem) for problem in chain(*found)]

@@ -46,7 +46,7 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     for key in shadowed_entries(scenario, changed):
         yield Problem("does nothing: every joint that it could be for has an entry of its own", key=key, code="unused-entry")
     for block in changed.actuators:
-        for doubt in block_doubts(block) if block not in robot.actuators else ():
+        for doubt in block_doubts(block, changed.joint(block.joint)) if block not in robot.actuators else ():
             if doubt.parameter is None or doubt.parameter.origin == "scenario":
                 yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
     yield from _not_released(scenario, changed)

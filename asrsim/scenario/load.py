@@ -39,6 +39,9 @@ def load_scenario(
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
     every problem of the file.
     """
+    if not isinstance(path, str | Path):
+        hint = "Of what load_scenario gives, which is one for each variant, choose one"
+        raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
     if path.suffix in (".urdf", ".xacro"):
         cure = f"Write a scenario for it with: asrsim init {path}"

@@ -32,6 +32,7 @@ Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
 
 def apply_overrides(root: Node, overrides: Overrides) -> Node:
     """The document with every override set, in order; a value of nothing takes the key away. Raises ScenarioError."""
+    overrides = [overrides] if isinstance(overrides, str) else overrides
     for item in overrides.items() if isinstance(overrides, Mapping) else overrides:
         if isinstance(item, str):
             root = apply_override(root, item)

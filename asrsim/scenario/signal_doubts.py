@@ -174,7 +174,7 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Places at which a link is wanted, and which its joint's limits do not let it reach."""
     for key, name, least, largest in (*_places(scenario, robot), *_ranges(scenario, robot)):
         joint = robot.joint(name)
-        if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
+        if joint.lower is None or joint.upper is None:
             continue
         if least < joint.lower or largest > joint.upper:
             message = f"leaves the limits of '{name}', {joint.lower:g} to {joint.upper:g}"

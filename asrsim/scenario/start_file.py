@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -47,7 +48,7 @@ def write_starter(
     mode: replaces the robot file's modes. actuators: joint or `"*"` -> actuator that the scenario puts there, with
     parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
 
-    Gives the files written, and what to know of joints that sag or fall.
+    Gives the files written, and what to know of joints that sag, fall or are not driven.
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
     file is in the way or cannot be written.
     """
@@ -71,7 +72,9 @@ def write_starter(
         starter, found = _held(starter, found, loaded, out.parent)
     else:
         starter = replace(starter, proposal=found.proposal)
-    notes = problems_of_weight(found, starter.robot)
+    mount = shlex.join(["asrsim", "init", str(robot), "--actuator", "qbmove", "--out", str(out), "--overwrite"])
+    idle = (replace(one, hint=f"Put some on: {mount}") for one in loaded.warnings if one.code == "no-actuators" and not given)
+    notes = (*idle, *problems_of_weight(found, starter.robot))
     if given:
         starter = _sized(starter, steadying(_first(starter, loaded, out.parent), starter.robot))
     text = starter_text(replace(starter, hangs=_hangs(starter, found)))

@@ -204,7 +204,7 @@ def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
         start, target = (joint.mimic.multiplier * place + joint.mimic.offset for place in (led.start, led.target))
         return StarterJoint(block=block, joint=joint, start=start, target=target)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
-    bounded = joint.kind != "continuous" and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
+    bounded = joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
     start = min(max(0.0, low), high)
     # A motion that ends on a stop shows the stop.

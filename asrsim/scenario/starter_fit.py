@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.detailed_motor import NEEDED
+from asrsim.actuators.user import command_line
 from asrsim.robot.model import ActuatorBlock, Robot
 from asrsim.scenario.starter import word
 from asrsim.scenario.starter_playback import Plan
@@ -23,10 +24,11 @@ def fit_text(
     keys = [f"file: {word(recording)}"]
     keys += [f"map: [{', '.join(word(text) for text in mapping)}]"] if mapping else []
     keys += [f"rate: {rate:g}"] if rate else []
+    command = command_line("identify", f"{scenario.rpartition('.')[0]}.fit.yaml", plugins)
     lines = [
         "# Fit for `asrsim identify`: what the recording tells of the robot's numbers.",
-        f"#   asrsim identify {scenario.rpartition('.')[0]}.fit.yaml --check    # what can be known, within seconds",
-        f"#   asrsim identify {scenario.rpartition('.')[0]}.fit.yaml",
+        f"#   {command} --check    # what can be known, within seconds",
+        f"#   {command}",
         f"scenario: {word(scenario)}",
         "experiments:",
         f"  - {{{', '.join(keys)}}}" if len(keys) > 1 else f"  - {word(recording)}",

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.actuators.user import command_line
+from asrsim.errors import listed
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
@@ -47,6 +49,8 @@ class Names:
     """Of xacro."""
     packages: Mapping[str, str] = field(default_factory=dict)
     """Of ROS, with their folders."""
+    plugins: tuple[str, ...] = ()
+    """Files of users' actuators."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +121,7 @@ def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) 
     ]
     yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`."
     yield "# It plays the recorded commands into the simulation and compares the motion with the recorded one. Units are SI."
-    yield f"#   asrsim run {shlex.quote(names.scenario)}"
+    yield f"#   {command_line('run', names.scenario, names.plugins)}"
     yield f"#   asrsim plot {log} --experiment {recorded} {' '.join(options)}"
     yield "#"
     yield f"# How the file was read ({recording.format}, {_sampling(recording)}); --map COLUMN=JOINT.QUANTITY corrects it:"
@@ -129,8 +133,7 @@ def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) 
         yield "#   " + "  ".join(text.ljust(width) for text, width in zip(line, [*widths, 0], strict=True)).rstrip()
     unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
     if unused:
-        more = f", and {len(unused) - 12} more" if len(unused) > 12 else ""
-        yield from _wrapped(f"not used: {', '.join(unused[:12])}{more}", "#   ")
+        yield from _wrapped(f"not used: {listed(unused, 12)}", "#   ")
     said = [*plan.remarks, *(f"{p.key}: {p.message}" if p.key else p.message for p in recording.findings)]
     if said:
         yield "# Assumed, or odd about the file:"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.errors import Problem, RecordingError, did_you_mean, similar_file
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -27,10 +27,7 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     column of everything that is wrong: no such column (the ones that there are), cells that are empty or no numbers, rows
     of another length, times that do not ascend.
     """
-    try:
-        table = _table(path, path.stat().st_mtime_ns)
-    except OSError as error:
-        raise RecordingError(f"cannot be read: {error.strerror}", file=path, code="no-file") from None
+    table = _table(path)
     place = _find(path, table, column, "column")
     clock = _clock(path, table) if time_column is None else _find(path, table, time_column, "time")
     problems = [finding for finding in table.findings if finding.code in ("ragged-row", "repeated-header")]
@@ -48,9 +45,25 @@ def read_csv_series(path: Path, column: str, time_column: str | None) -> tuple[A
     return times * _factor(table, clock), table.values[:, place] * _factor(table, place)
 
 
+def series_names(path: Path) -> tuple[str, ...]:
+    """Headers of all columns without their units. Raises RecordingError for a file that is no table, or no header of one."""
+    table = _table(path)
+    if table.layout.misfit:
+        raise RecordingError(table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit")
+    return _names(table)
+
+
+def _table(path: Path) -> Table:
+    try:
+        return _read(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        message = f"cannot be read: {error.strerror}"
+        raise RecordingError(message, file=path, hint=similar_file(path), code="no-file") from None
+
+
 # The columns of one file are asked for one after the other. The time of change keeps the cache honest.
 @lru_cache(maxsize=1)
-def _table(path: Path, _newest: int) -> Table:
+def _read(path: Path, _newest: int) -> Table:
     from asrsim.recordings.delimited import read_table
 
     return read_table(path)

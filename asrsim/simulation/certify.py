@@ -10,13 +10,10 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 
-import numpy as np
-
 from asrsim.robot.model import Robot
-from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.run import Run, blame_laws
-from asrsim.simulation.side_by_side import COMPARED, Track, laggard
+from asrsim.simulation.side_by_side import Differences, Track, rows_of_all
 from asrsim.simulation.steppings import STEPPINGS
 
 ORDER_TOLERANCE = 0.35
@@ -72,29 +69,26 @@ def certify(
     then; if it says True there is no certificate. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    differences = _Differences()
+    first, second, whole = (Differences(len(run.info.joints)) for _ in range(3))
     with blame_laws(), ExitStack() as stack:
-        tracks = [Track(stack, _finer(scenario, run, finer), robot) for finer in (2, 4)]
-        if run.samples is None:
-            tracks.insert(0, Track(stack, scenario, robot))
-        else:
-            tracks.insert(0, Track(stack, None, robot))
-            tracks[0].write(run.samples)
-        while any(track.running for track in tracks):
+        finer = [Track(stack, _finer(scenario, run, times), robot) for times in (2, 4)]
+        coarse = Track(stack, scenario if run.samples is None else [run.samples], robot)
+        for one, half, quarter in rows_of_all([coarse, *finer]):
             if stop is not None and stop():
                 return None
-            laggard(tracks).advance()
-            differences.add(*tracks)
+            first.add(one, half)
+            second.add(half, quarter)
+            whole.add(one, quarter)
             if progress is not None:
-                progress("finer steps", min(track.time for track in tracks[1:]))
+                progress("finer steps", min(track.time for track in finer))
     joints: dict[str, JointError] = {}
     warnings = []
     for j, joint in enumerate(run.info.joints):
-        order = differences.order(j)
+        order = _order(first.of("link_position", j)[1], second.of("link_position", j)[1])
         used = max(order, 0.5) if order < stepping.order - ORDER_TOLERANCE else stepping.order
         # Richardson: of the difference to the run of a quarter step, whose own error is 4^-order of the coarse one's.
         scale = 1.0 / (1.0 - 4.0**-used)
-        position, torque = differences.of("link_position", j), differences.of("link_torque", j)
+        position, torque = whole.of("link_position", j), whole.of("link_torque", j)
         joints[joint.name] = JointError(
             position_max=scale * position[0],
             position_rms=scale * position[1],
@@ -124,39 +118,6 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
     return replace(scenario, substeps=resolution.substeps * finer, motor_substeps=resolution.motor_substeps)
 
 
-class _Differences:
-    """Sums of what three runs differ by."""
-
-    def __init__(self) -> None:
-        self._samples = 0
-        self._first: Array | float = 0.0
-        """Sum of the squared differences of the coarse run and the half step's, (quantities, joints)."""
-        self._second: Array | float = 0.0
-        """Of half step and quarter step."""
-        self._whole: Array | float = 0.0
-        """Of coarse run and quarter step."""
-        self._largest: Array | float = 0.0
-
-    def add(self, *tracks: Track) -> None:
-        """Compare the rows that all three runs have."""
-        count = min(track.count for track in tracks)
-        if count:
-            coarse, half, quarter = (track.take(count) for track in tracks)
-            self._samples += count
-            self._first = self._first + np.sum((coarse - half) ** 2, axis=0)
-            self._second = self._second + np.sum((half - quarter) ** 2, axis=0)
-            self._whole = self._whole + np.sum((coarse - quarter) ** 2, axis=0)
-            self._largest = np.maximum(self._largest, np.max(np.abs(coarse - quarter), axis=0))
-
-    def order(self, joint: int) -> float:
-        """Measured order of convergence of the position, NaN at rounding level."""
-        first, second = (self._rms(sums, 0, joint) for sums in (self._first, self._second))
-        return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
-
-    def of(self, quantity: str, joint: int) -> tuple[float, float]:
-        """Largest and RMS difference of coarse run and quarter step."""
-        row = COMPARED.index(quantity)
-        return float(np.asarray(self._largest)[row, joint]), self._rms(self._whole, row, joint)
-
-    def _rms(self, sums: Array | float, row: int, joint: int) -> float:
-        return math.sqrt(float(np.asarray(sums)[row, joint]) / self._samples)
+def _order(first: float, second: float) -> float:
+    """Measured order of convergence, from what halving the step changes, and halving it again; NaN at rounding level."""
+    return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)

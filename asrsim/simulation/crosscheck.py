@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 
-import numpy as np
-
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.robot.model import Robot
-from asrsim.samples import Array, RunInfo, Samples
+from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.run import Sink, blame_laws, simulate
-from asrsim.simulation.side_by_side import COMPARED, Track, laggard
+from asrsim.simulation.run import blame_laws
+from asrsim.simulation.side_by_side import Differences, Track, rows_of_all
 from asrsim.simulation.steppings import STEPPINGS
 
 LIMIT = 1e-8
@@ -25,7 +23,7 @@ SENSITIVE = 100.0
 """Engines may differ by so many times what the nudge leads to: they round in every step, not in the first only."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class JointDifference:
     """Between the two engines, of one joint, over the run."""
 
@@ -107,24 +105,26 @@ def cross_check(
     if not STEPPINGS.get(scenario.stepping).released:
         same = replace(scenario, substeps=int(info.metadata["substeps"]), motor_substeps=int(info.metadata["motor_substeps"]))
     names = [joint.name for joint in info.joints]
-    compared = _Compared(names, chunks)
+    differences = Differences(len(names))
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
-
-    def sinks(described: RunInfo) -> list[Sink]:
-        nonlocal version
-        version = described.metadata["engine_version"]
-        return [compared]
-
     try:
-        tell = None if progress is None else lambda time: progress(other, time)
-        simulate(replace(same, engine=other), robot, sinks=sinks, keep=False, progress=tell)
+        with blame_laws(), ExitStack() as stack:
+            again = Track(stack, replace(same, engine=other), robot)
+            version = again.version
+            for given, found in rows_of_all([Track(stack, chunks), again]):
+                differences.add(given, found)
+                if progress is not None:
+                    progress(other, again.time)
     except DivergenceError as error:
         finding = "" if contacts else f"the run diverges with {other}: {error}"
         note = f"the run diverges with {other}: {error}" if contacts else ""
     except AsrsimError as error:
         note = f"{other} cannot run this: {error}"
-    joints = compared.differences()
+    joints = {
+        name: JointDifference(*differences.of("link_position", j), *differences.of("link_torque", j))
+        for j, name in enumerate(names)
+    }
     worst = max(names, key=lambda name: _size(joints[name].position_max))
     if contacts:
         note = note or (
@@ -177,72 +177,17 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
-    largest = 0.0
+    differences = Differences(len(starts))
     try:
         with blame_laws(), ExitStack() as stack:
             tracks = [Track(stack, one, known) for one in (scenario, replace(scenario, initial_positions=nudged))]
-            while any(track.running for track in tracks):
-                laggard(tracks).advance()
-                count = min(track.count for track in tracks)
-                if count:
-                    plain, moved = (track.take(count)[:, COMPARED.index("link_position")] for track in tracks)
-                    largest = max(largest, float(np.max(np.abs(plain - moved), initial=0.0)))
+            for plain, moved in rows_of_all(tracks):
+                differences.add(plain, moved)
                 if progress is not None:
                     progress("sensitivity", min(track.time for track in tracks))
     except DivergenceError:
         return math.inf
-    return largest
-
-
-class _Compared:
-    """A sink that holds what it takes against samples that come from elsewhere."""
-
-    full_rate = False
-
-    def __init__(self, joints: list[str], chunks: Iterable[Samples]) -> None:
-        self._joints = joints
-        self._given = _rows(chunks, joints)
-        self._left: tuple[Array, ...] | None = None
-        self._largest = np.full((len(COMPARED), len(joints)), np.nan)
-        self._squares = np.zeros((len(COMPARED), len(joints)))
-        self._seen = np.zeros((len(COMPARED), len(joints)))
-
-    def write(self, samples: Samples) -> None:
-        """Compare a chunk, as far as there is something to compare it with."""
-        mine = [samples.values[name][:, [samples.joints.index(joint) for joint in self._joints]] for name in COMPARED]
-        done, total = 0, len(samples.time)
-        while done < total:
-            if self._left is None or not len(self._left[0]):
-                self._left = next(self._given, None)
-                if self._left is None:
-                    return
-            rows = min(total - done, len(self._left[0]))
-            for index, (values, given) in enumerate(zip(mine, self._left, strict=True)):
-                difference = np.abs(values[done : done + rows] - given[:rows])
-                self._largest[index] = np.fmax(self._largest[index], np.fmax.reduce(difference, axis=0, initial=np.nan))
-                self._squares[index] += np.nansum(difference**2, axis=0)
-                self._seen[index] += np.sum(np.isfinite(difference), axis=0)
-            self._left = tuple(array[rows:] for array in self._left)
-            done += rows
-
-    def differences(self) -> dict[str, JointDifference]:
-        """Of every joint; NaN where nothing was compared."""
-        rms = np.sqrt(np.divide(self._squares, self._seen, out=np.full_like(self._squares, np.nan), where=self._seen > 0))
-        return {
-            name: JointDifference(
-                position_max=float(self._largest[0, j]),
-                position_rms=float(rms[0, j]),
-                torque_max=float(self._largest[1, j]),
-                torque_rms=float(rms[1, j]),
-            )
-            for j, name in enumerate(self._joints)
-        }
-
-
-def _rows(chunks: Iterable[Samples], joints: list[str]) -> Iterator[tuple[Array, ...]]:
-    for chunk in chunks:
-        columns = [chunk.joints.index(joint) for joint in joints]
-        yield tuple(chunk.values[name][:, columns] for name in COMPARED)
+    return max(differences.of("link_position", j)[0] for j in range(len(starts)))
 
 
 def _size(value: float) -> float:

@@ -82,11 +82,6 @@ class SteppedJoint:
         return self.joint.damping + (self.link_damping.constant if self.link_damping else 0.0)
 
     @property
-    def passive_stiffness(self) -> float:
-        """N m/rad of the joint's own spring; Gazebo's, of URDF files."""
-        return self.joint.spring_stiffness
-
-    @property
     def elastic_of(self) -> Callable[[Any], Any]:
         """Constants of `advance` -> parameters of the spring."""
         if self.stepping.released or (self.hysteresis and not self.dynamic_motors):

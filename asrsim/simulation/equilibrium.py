@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -83,20 +82,21 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         worst = drives[max(free, key=lambda j: abs(left[j]))].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
-    found = []
-    for j, drive in enumerate(drives):
-        position = float(q[j])
-        positions: tuple[float, ...] | None = None
-        integrals: tuple[float, ...] = ()
-        if drive.drive and drive.drive.mode.controller:
-            if drive.dynamic_motors:
-                positions = resting = resting_motors(drive.drive, position, goals[j])
-                integrals = resting_integrals(drive.drive, position, resting)
-            elif _holds(drive):
-                load = float(weight(q)[j] - external[j]) - link_torque(drive, position, goals[j])
-                integrals = (_limited(drive, load),)
-        found.append(replace(drive, initial_position=position, motor_positions=positions, integrals=integrals))
-    return tuple(found)
+    loads = (weight(q) - external).tolist()
+    return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, loads, strict=True))
+
+
+def _resting(drive: SteppedJoint, q: float, goals: tuple[float, float], load: float) -> SteppedJoint:
+    """The drive with its link at q, rad (m), where it holds a load, N m (N)."""
+    positions: tuple[float, ...] | None = None
+    integrals: tuple[float, ...] = ()
+    if drive.drive and drive.drive.mode.controller:
+        if drive.dynamic_motors:
+            positions = resting = resting_motors(drive.drive, q, goals)
+            integrals = resting_integrals(drive.drive, q, resting)
+        elif _holds(drive):
+            integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
+    return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
 def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> float:
@@ -108,7 +108,7 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> fl
         torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
-    return _limited(drive, torque) + drive.passive_stiffness * (drive.joint.spring_reference - q)
+    return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
@@ -126,7 +126,7 @@ def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
 def _gives_way(drive: SteppedJoint) -> bool:
     """The joint moves until spring or controller carries its load. Motors without controller carry none."""
     driven = drive.mode is not None and (drive.mode.spring or drive.mode.controller) and not drive.mode.direct
-    return (driven or drive.passive_stiffness > 0.0) and not _holds(drive)
+    return (driven or drive.joint.spring_stiffness > 0.0) and not _holds(drive)
 
 
 def _holds(drive: SteppedJoint) -> bool:
@@ -136,5 +136,4 @@ def _holds(drive: SteppedJoint) -> bool:
 
 def _limited(drive: SteppedJoint, torque: float) -> float:
     """Within the joint's effort limit."""
-    most = math.inf if drive.joint.effort is None else drive.joint.effort
-    return min(max(torque, -most), most)
+    return min(max(torque, -drive.joint.most_effort), drive.joint.most_effort)

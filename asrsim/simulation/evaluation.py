@@ -17,19 +17,12 @@ from asrsim.simulation.divergence import not_finite
 from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepared import Prepared, make_engine
-from asrsim.simulation.recorder import COLUMN
+from asrsim.simulation.recorder import COLUMN, DIRECT
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.stretches import NoValueError
 
 OFTEN = 10**7
 """Substeps that evaluations of one scenario come to at least: compiling pays."""
-DIRECT = {
-    "link_position": "link_position", "link_torque": "link_torque", "damping_torque": "damping_torque",
-    **{f"elastic_torque_{i}": f"torque_{i}" for i in (1, 2)}, **{f"motor_{i}_position": f"position_{i}" for i in (1, 2)},
-    **{f"motor_{i}_velocity": f"velocity_{i}" for i in (1, 2)}, **{f"motor_{i}_torque": f"drive_{i}" for i in (1, 2)},
-    **{f"friction_torque_{i}": f"friction_{i}" for i in (1, 2)},
-}  # fmt: skip
-"""Quantities that are columns of the raw record."""
 EXTERNAL = "external_torque"
 """Among a joint's references: the torque on its link."""
 ELECTRIC = {f"motor_{i}_{what}": i for i in (1, 2) for what in ("voltage", "current")}

@@ -241,32 +241,3 @@ def make_substepped(advance: Advance, substeps: int, *, hysteretic: bool) -> Adv
 
 def _first_of(one: Any, other: Any) -> Any:
     return one
-
-
-def damp(
-    torque: float,
-    v: float,
-    change: float,
-    limit: float,
-    damping: float,
-    brake: float,
-    response: float,
-    weight: float,
-    last_torque: float,
-    last_mean: float,
-) -> tuple[float, float]:
-    """The link's torque in N m with its damping, and the mean velocity over the kick that it acts on, in rad/s.
-
-    torque: the actuator's in N m, within `limit`; v: rad/s extrapolated to the whole step, `change` of it over the last
-    one; damping: N m s/rad, of which `brake` is the controller's (mode 1), within the limit; response, weight: see
-    :func:`asrsim.simulation.damping.mean_response`.
-    """
-    drag = response * damping
-    mean = (v + weight * change + response * (torque - last_torque) + drag * last_mean) / (1.0 + drag)
-    if brake != 0.0:
-        torque -= brake * mean
-        if torque > limit:
-            torque = limit
-        elif torque < -limit:
-            torque = -limit
-    return torque - (damping - brake) * mean, mean

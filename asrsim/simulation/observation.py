@@ -35,6 +35,8 @@ class Observation:
 class Snapshot:
     """Everything that decides how a simulation goes on."""
 
+    owner: object
+    """Of the simulation and its parameters; it goes on from no other."""
     substep: int
     engine: Any
     joints: Any

@@ -46,7 +46,7 @@ def prepare(
     """
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
-    if isinstance(scenario, str | Path):
+    if not isinstance(scenario, Scenario):
         scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
     elif variant not in (None, scenario.variant) or overrides:
         message = "a scenario that is made already takes no variant and no overrides"
@@ -206,12 +206,6 @@ def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions at which the mass matrix counts: the initial ones and some within the limits."""
     # The standard library's generator: numpy.random takes longer to import than a short run.
     generator = random.Random(0)
-    pairs = [
-        (
-            -math.pi if d.joint.lower is None else max(d.joint.lower, -math.pi),
-            math.pi if d.joint.upper is None else min(d.joint.upper, math.pi),
-        )
-        for d in drives
-    ]
+    pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
     initial = [drive.initial_position for drive in drives]
     return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]

@@ -30,8 +30,8 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
 
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
-        here = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
-        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {here}"
+        installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
+        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
 
@@ -92,6 +92,29 @@ class Prepared:
             message = f"joint '{joint}' has no reference '{reference}'"
             raise InputError(message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference")
         return j, known.index(reference)
+
+    def start(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> tuple[list[float], list[float]]:
+        """Positions and velocities of all joints at a start that differs from the scenario's. Raises InputError."""
+        joints = {drive.name: drive.joint for drive in self.drives}
+        problems = []
+        for what, given in (("initial", positions), ("velocities", velocities)):
+            for name, value in given.items():
+                low, high = joints[name].stops if name in joints and what == "initial" else (-math.inf, math.inf)
+                if name not in joints:
+                    message = "the robot has no moving joint of this name"
+                elif not math.isfinite(value):
+                    message = "must be a finite number"
+                elif not low <= value <= high:
+                    message = f"lies outside the limits of '{name}', {low:g} to {high:g}"
+                else:
+                    continue
+                hint = None if name in joints else did_you_mean(name, tuple(joints))
+                problems.append(Problem(message, key=f"{what}.{name}", value=value, hint=hint, code="start"))
+        if problems:
+            raise InputError(problems)
+        ours = (positions, self.initial_positions), (velocities, self.initial_velocities)
+        placed = [[float(given.get(name, own)) for name, own in zip(joints, owns, strict=True)] for given, owns in ours]
+        return placed[0], placed[1]
 
     def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:
         """The same under these references of some joints, by name; nothing is read again, and substeps and start stay.

@@ -56,8 +56,8 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
     if slot == 1 and mode.mapped:
         return -spread, spread
     joint = drive.joint
-    low = -TURN if joint.lower is None or joint.kind == "continuous" else joint.lower
-    high = TURN if joint.upper is None or joint.kind == "continuous" else joint.upper
+    low = -TURN if joint.lower is None else joint.lower
+    high = TURN if joint.upper is None else joint.upper
     if mode.mapped or not mode.spring:
         return low, high
     # A motor's position: it may lead the link by as much as the spring bears, within the motor's own limits.
@@ -68,8 +68,7 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
 
 
 def _torque(drive: SteppedJoint) -> Range:
-    most = drive.joint.effort
-    return (-math.inf, math.inf) if most is None else (-most, most)
+    return -drive.joint.most_effort, drive.joint.most_effort
 
 
 def with_ranges(scenario: Scenario) -> Prepared:

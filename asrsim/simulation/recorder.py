@@ -25,6 +25,13 @@ from asrsim.simulation.substep import RAW
 BEHIND = 2
 """Rows by which samples are behind: the next one completes a velocity, and the one after tells whether a motor was limited."""
 COLUMN = {name: index for index, name in enumerate(RAW)}
+DIRECT = {
+    "link_position": "link_position", "link_torque": "link_torque", "damping_torque": "damping_torque",
+    **{f"elastic_torque_{i}": f"torque_{i}" for i in (1, 2)}, **{f"motor_{i}_position": f"position_{i}" for i in (1, 2)},
+    **{f"motor_{i}_velocity": f"velocity_{i}" for i in (1, 2)}, **{f"motor_{i}_torque": f"drive_{i}" for i in (1, 2)},
+    **{f"friction_torque_{i}": f"friction_{i}" for i in (1, 2)},
+}  # fmt: skip
+"""Quantities that are columns of the raw record."""
 
 
 def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
@@ -110,9 +117,8 @@ class Recorder:
         self._limits = [_limits_of(group) for group in groups]
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
-        self._efforts = np.array([[np.inf if drive.joint.effort is None else drive.joint.effort] for drive in drives])
-        self._lowest = np.array([[-np.inf if drive.joint.lower is None else drive.joint.lower] for drive in drives])
-        self._highest = np.array([[np.inf if drive.joint.upper is None else drive.joint.upper] for drive in drives])
+        self._efforts = np.array([[drive.joint.most_effort] for drive in drives])
+        self._lowest, self._highest = np.array([drive.joint.stops for drive in drives]).T[:, :, None]
         self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
 
     def __deepcopy__(self, memo: Any) -> Recorder:
@@ -164,23 +170,12 @@ class Recorder:
                 # Nothing comes before the start: there the engine's velocity is the joint's.
                 velocity[:, 0] = raw[COLUMN["engine_velocity"], :, 0]
         values = {
-            "link_position": now[COLUMN["link_position"]],
+            **{name: now[COLUMN[source]] for name, source in DIRECT.items()},
             "link_velocity": velocity,
-            "link_torque": now[COLUMN["link_torque"]],
             "external_torque": inputs[2][:, :count],
             "reference_1": inputs[0][:, :count],
             "reference_2": inputs[1][:, :count],
-            "damping_torque": now[COLUMN["damping_torque"]],
         }
-        for name, source in (
-            ("elastic_torque_{}", "torque_{}"),
-            ("motor_{}_position", "position_{}"),
-            ("motor_{}_velocity", "velocity_{}"),
-            ("motor_{}_torque", "drive_{}"),
-            ("friction_torque_{}", "friction_{}"),
-        ):
-            for i in (1, 2):
-                values[name.format(i)] = now[COLUMN[source.format(i)]]
         stiffness = np.full((joints, count), np.nan)
         for group, law, elastic in self._groups:
             positions = [values[name][group.pick] for name in ("link_position", "motor_1_position", "motor_2_position")]

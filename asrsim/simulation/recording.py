@@ -142,7 +142,7 @@ class Recording:
             samples = self._world.add_to(samples)
         if self._whole and self._tip is not None:
             samples = self._tip.added(samples)
-        logged = samples if every == 1 else _part(samples, slice((-first) % every, None, every))
+        logged = samples if every == 1 else _thinned(samples, slice((-first) % every, None, every))
         if self._look_every != 1:
             logged = self._world.add_to(logged)
         if self._tip is not None and not self._whole:
@@ -199,13 +199,12 @@ def _joined(parts: Sequence[Array]) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _part(samples: Samples, rows: slice) -> Samples:
-    def cut(table: Mapping[str, Array]) -> dict[str, Array]:
+def _thinned(samples: Samples, rows: slice) -> Samples:
+    def thin(table: Mapping[str, Array]) -> dict[str, Array]:
         return {name: values[rows] for name, values in table.items()}
 
-    return replace(
-        samples, time=samples.time[rows], values=cut(samples.values), bodies=cut(samples.bodies), contacts=cut(samples.contacts)
-    )
+    values, bodies, contacts = map(thin, (samples.values, samples.bodies, samples.contacts))
+    return replace(samples, time=samples.time[rows], values=values, bodies=bodies, contacts=contacts)
 
 
 def _tip_of(prepared: Prepared) -> TipPoses | None:

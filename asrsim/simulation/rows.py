@@ -48,9 +48,9 @@ def joint_row(
     row: list[Any] = [0.0] * len(PLACES)
     gains, law = drive.derivative_gains, drive.link_damping
     given = {
-        PREVIOUS: velocity, EFFORT: float("inf") if drive.joint.effort is None else drive.joint.effort,
+        PREVIOUS: velocity, EFFORT: drive.joint.most_effort,
         FASTEST: drive.joint.velocity or float("inf"), DAMPING: drive.constant_damping, BRAKE: drive.link_brake,
-        SPRING: drive.passive_stiffness, REST: drive.joint.spring_reference, WEIGHT: 0.5,
+        SPRING: drive.joint.spring_stiffness, REST: drive.joint.spring_reference, WEIGHT: 0.5,
         LAG: drive.stepping.first_drift * substep, BASE: drive.constant_damping, RATIO: law.ratio if law else 0.0,
         INERTIA: law.inertia if law else 0.0, GAIN_1: gains[0], GAIN_2: gains[1],
         BOUND: drive.joint.friction, COULOMB: drive.joint.friction, STRIBECK: drive.joint.stribeck_friction,

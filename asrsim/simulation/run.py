@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.compiling import available
-from asrsim.errors import DivergenceError, Problem, SimulationError
+from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
-from asrsim.samples import Command, RunInfo, Samples
+from asrsim.samples import Command, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
@@ -155,7 +155,7 @@ def run_of(
         counts=counts,
         wall_time=wall_time,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
-        samples=join(recording.kept) if recording.kept else None,
+        samples=concatenate(recording.kept) if recording.kept else None,
         message=message,
         warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, counts)),
         compiled=simulation.compiled,
@@ -196,18 +196,3 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
                 )
             )
     return warnings
-
-
-def join(chunks: Sequence[Samples]) -> Samples:
-    """Chunks of one run as one."""
-    first = chunks[0]
-    return Samples(
-        time=np.concatenate([chunk.time for chunk in chunks]),
-        joints=first.joints,
-        values={name: np.concatenate([chunk.values[name] for chunk in chunks]) for name in first.values},
-        bodies={name: np.concatenate([chunk.bodies[name] for chunk in chunks]) for name in first.bodies},
-        contacts={name: np.concatenate([chunk.contacts[name] for chunk in chunks]) for name in first.contacts},
-    )
-
-
-__all__ = ["Prepared", "Run", "SimulationError", "Sink", "prepare", "simulate"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from operator import index
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -13,23 +14,16 @@ from asrsim.errors import InputError, SimulationError
 from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.choice import pays
+from asrsim.simulation.choice import make_loop
+from asrsim.simulation.chunks import chunk_end, longest_chunk
 from asrsim.simulation.divergence import blame, not_finite, runaway
 from asrsim.simulation.inputs import Block, Inputs
-from asrsim.simulation.loop import Loop
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
 from asrsim.simulation.stretches import NoValueError
-
-CHUNK = 16_384
-"""Substeps, at most, of a chunk: between samples handed on, checks of energy, and progress."""
-CHUNK_NUMBERS = 20_480
-"""The most times joints: what still goes through the processor's cache."""
-SHORTEST_CHUNK = 1024
-"""Steps that are kept before they are handed on, at least; chunks grow from there."""
 
 
 class Simulation:
@@ -86,42 +80,18 @@ class Simulation:
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
-        self.loop = self._make_loop(compiled, expected)
-        self._chunk = chunk or max(SHORTEST_CHUNK, min(CHUNK, CHUNK_NUMBERS // len(prepared.drives)))
+        self.loop, self.slow_because = make_loop(
+            prepared, engine, self.recording, compiled=compiled, substeps=expected or self.last
+        )
+        self._chunk = chunk or longest_chunk(len(prepared.drives))
         self.row: tuple[Array, list[Array]] | None = None
         """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
         self._block: Block | None = None
         self._first: Block | None = None
         self.substep = 0
         """Substeps done."""
+        self._closed, self._owner = False, object()
         self._start: Snapshot | None = self.snapshot()
-
-    def _make_loop(self, compiled: bool | None, expected: int | None) -> Loop:
-        from asrsim.compiling import available
-
-        prepared, scenario = self.prepared, self.scenario
-        options: dict[str, Any] = {
-            "substep": prepared.substep,
-            "motor_substeps": prepared.resolution.motor_substeps,
-            "sensings": [None if sensor is None else sensor.sensing for sensor in prepared.sensors],
-            "cut": prepared.velocity_cutoff,
-            "floating": not scenario.fixed_base,
-            "every": self.recording.every,
-            "watch": self.recording.watch,
-        }
-        wanted = scenario.compiled if compiled is None else compiled
-        self.slow_because = ""
-        """Why the plain loop runs where the compiled one would pay; empty where it does not."""
-        if wanted or (wanted is None and pays(len(self.joints), (expected or self.last) * prepared.resolution.motor_substeps)):
-            try:
-                if not available():
-                    raise SimulationError("Numba is not installed")
-                return Loop(self.engine, prepared.drives, prepared.stepping, compiled=True, **options)
-            except SimulationError as error:
-                if wanted:
-                    raise
-                self.slow_because = str(error)
-        return Loop(self.engine, prepared.drives, prepared.stepping, compiled=False, **options)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -137,10 +107,13 @@ class Simulation:
 
     def advance(self, steps: int = 1) -> None:
         """Go on by a number of steps. Raises DivergenceError; what was recorded by then has gone to the sinks."""
+        if index(steps) < 0:
+            raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
         self.advance_to(self.substep + steps * self.substeps)
 
     def advance_to(self, end: int) -> None:
         """Go on until `end` substeps are done."""
+        self._check_open()
         while self.substep < end:
             block = self._block
             if block is None or self.substep >= block.first + len(block):
@@ -150,20 +123,12 @@ class Simulation:
                 self.flush()
 
     def next_chunk(self, end: int) -> int:
-        """The substep, at most `end`, at which the present chunk ends: where to look up from a long run.
-
-        Chunks end at fixed substeps, first soon, then seldom: a divergence early in the run is found early, and results do
-        not depend on how time is cut.
-        """
-        length = SHORTEST_CHUNK
-        while length <= self.substep and length < self._chunk:
-            length *= 4
-        length = min(length, self._chunk)
-        return min(end, self.substep - self.substep % length + length)
+        """The substep, at most `end`, at which the present chunk ends: where to look up from a long run."""
+        return min(end, chunk_end(self.substep, self._chunk))
 
     def _next_block(self) -> Block:
         """Inputs up to the end of the chunk."""
-        length = self.next_chunk(self.substep + self._chunk) - self.substep
+        length = chunk_end(self.substep, self._chunk) - self.substep
         if self.substep or self._inputs.held:
             return self._inputs.block(self.substep, length)
         self._first = self._first or self._inputs.block(0, length)
@@ -216,11 +181,14 @@ class Simulation:
 
     def observe(self) -> Observation:
         """The state now."""
+        self._check_open()
         return observe(self.time, self.prepared.drives, self.loop, self.prepared.substep)
 
     def snapshot(self) -> Snapshot:
         """The state, to be given to :meth:`restore`; what is recorded, too."""
+        self._check_open()
         return Snapshot(
+            owner=self._owner,
             substep=self.substep,
             engine=self.engine.snapshot(),
             joints=self.loop.snapshot(),
@@ -229,7 +197,14 @@ class Simulation:
         )
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there."""
+        """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there.
+
+        Raises InputError for a snapshot of another one, or from before a reset with other parameters.
+        """
+        self._check_open()
+        if snapshot.owner is not self._owner:
+            message = "is a snapshot of another simulation, or of this one with other parameters"
+            raise InputError(message, key="snapshot", code="snapshot")
         self.engine.restore(snapshot.engine)
         self.loop.restore(snapshot.joints)
         self.substep = snapshot.substep
@@ -247,17 +222,19 @@ class Simulation:
         """Back to the start, with the bits of a fresh one; references follow the scenario again.
 
         initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
-        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay; a recording starts anew.
+        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay; a recording starts anew. Raises
+        InputError and RobotError for what is unknown, not finite or beyond limits.
         """
         if initial is None and velocities is None and parameters is None and self._start is not None:
             self.restore(self._start)
             return
-        self.substep, self._block, self.row, self._inputs.held = 0, None, None, {}
+        self._check_open()
+        positions, speeds = self.prepared.start(initial or {}, velocities or {})
         if parameters is not None:
             self._take_over(self.prepared.with_numbers(parameters))
-            self._start = None  # what was kept of the start has other numbers
-        starts = (initial, self.prepared.initial_positions), (velocities, self.prepared.initial_velocities)
-        positions, speeds = ([float((a or {}).get(n, b)) for n, b in zip(self.joints, rest, strict=True)] for a, rest in starts)
+            # Another robot may be at equilibrium elsewhere.
+            positions, speeds = self.prepared.start(initial or {}, velocities or {})
+        self.substep, self._block, self.row, self._inputs.held = 0, None, None, {}
         self.engine.set_state(positions, speeds)
         self.recording.renew()
         starting = zip(self.prepared.drives, positions, strict=True)
@@ -266,6 +243,8 @@ class Simulation:
         self.loop.refresh_response(0)
 
     def _take_over(self, varied: Prepared) -> None:
+        # What was kept has other numbers.
+        self._start, self._owner = None, object()
         moved = varied.robot.links != self.prepared.robot.links
         same = self.engine.vary(varied.robot)
         if not same:
@@ -277,11 +256,17 @@ class Simulation:
         if moved and self.engine.model is not None:
             check_inertia(varied.drives, self.engine.model.mass_matrix(varied.initial_positions))
         if not (same and self.loop.take_drives(varied.drives)):
-            self.loop = self._make_loop(self.loop.compiled, None)
+            compiled = self.loop.compiled
+            self.loop, _ = make_loop(varied, self.engine, self.recording, compiled=compiled, substeps=self.last)
 
     def close(self) -> None:
         """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
+        self._closed = True
         self.engine.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise SimulationError("the simulation is closed: make a new one")
 
     def __enter__(self) -> Simulation:
         return self

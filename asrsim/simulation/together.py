@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.samples import Array, Samples
+from asrsim.simulation.chunks import LONGEST_NUMBERS
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import Counts, Recorder, recorded_quantities
 from asrsim.simulation.recording import Part
 from asrsim.simulation.run import Run, run_of
-from asrsim.simulation.simulation import CHUNK_NUMBERS, Simulation
+from asrsim.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def fit_together(prepared: Prepared, substeps: int) -> int:
     if not (scenario.world.empty and scenario.fixed_base) or scenario.task is not None:
         # Poses and contacts are asked of the engine as the run goes on: such a run cannot be evaluated later.
         return 1
-    return max(1, CHUNK_NUMBERS // (substeps * len(prepared.drives)))
+    return max(1, LONGEST_NUMBERS // (substeps * len(prepared.drives)))
 
 
 def deferred(prepared: Prepared, wanted: Collection[str], *, expected_substeps: int) -> Simulation:
@@ -63,8 +64,8 @@ def track(simulation: Simulation) -> Track:
     simulation.flush()
     recording, prepared = simulation.recording, simulation.prepared
     wanted = tuple(tuple(name for name in recorded_quantities(d) if name in recording.wanted) for d in prepared.drives)
-    taken = clock.perf_counter() - began
-    return Track(simulation, prepared, recording.parts or (), recording.energy or 0.0, wanted, taken)
+    wall_time = clock.perf_counter() - began
+    return Track(simulation, prepared, recording.parts or (), recording.energy or 0.0, wanted, wall_time)
 
 
 def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:

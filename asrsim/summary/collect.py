@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.log.reader import concatenate
 from asrsim.metrics import JointSummary, summaries, summarise
-from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples, concatenate
 
 if TYPE_CHECKING:
     from asrsim.signals.base import Signal

@@ -46,7 +46,7 @@ class JointReport:
     """Substeps in which a motor was at its torque limit."""
     deflection: int
     """Substeps in which a spring was beyond its largest deflection."""
-    stop: int = 0
+    stop: int
     """Substeps in which the link was at its position limit; the energy that a stop takes is in no other figure."""
 
     @property

@@ -33,6 +33,8 @@ class Joint:
     """What the fit says nothing of, or no sweep varies, with the verdict."""
     fixed: tuple[str, ...] = ()
     """What is the same in every draw, with the verdict."""
+    fits: bool = True
+    """Whether the fit says that its model fits."""
 
     @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
@@ -106,6 +108,7 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
         ties=tuple(_followers(keys, ties)),
         left_out=tuple(f"{key} ({verdict})" for key, verdict in told.items() if key not in keys),
         fixed=tuple(f"{key} ({verdict})" for key, verdict in told.items() if key in sure),
+        fits=data.get("fits") is not False,
     )
 
 

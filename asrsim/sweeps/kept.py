@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError
+from asrsim.extras import library
 from asrsim.plain import misfit
 
 MANIFEST = "study.json"
@@ -62,17 +63,16 @@ def _inconsistent(data: dict[str, Any]) -> str:
 
 
 def arrow_kinds() -> dict[str, Any]:
-    """Kind of a column -> Arrow's type."""
-    import pyarrow as pa
-
+    """Kind of a column -> Arrow's type. Raises InputError where pyarrow is not installed."""
+    pa = library("pyarrow", "sweep")
     return {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string(), "floats": pa.list_(pa.float32())}
 
 
 def schema_of(columns: Sequence[Sequence[str]]) -> Any:
     """Arrow's schema of columns, pairs of name and kind."""
+    kinds = arrow_kinds()
     import pyarrow as pa
 
-    kinds = arrow_kinds()
     return pa.schema([(name, kinds[kind]) for name, kind in columns])
 
 

@@ -133,9 +133,9 @@ def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str
             return pairs, None
     if parts[0] in {known.name for known in SCENARIO.keys}:
         return (), key
-    if len(parts) == 2 and owners:
-        known = names_of(owners[0], blocks, joints, links)
-        problem = Problem("has no such number", key=key, choices=known, hint=did_you_mean(parts[1], known), code="key")
+    if owners:
+        known, name = names_of(owners[0], blocks, joints, links), ".".join(parts[1:])
+        problem = Problem("has no such number", key=key, choices=known, hint=did_you_mean(name, known), code="key")
         raise InputError(problem)
     names = (*(known.name for known in SCENARIO.keys), *joints, *links)
     message = f"there is no key, joint or link '{parts[0]}'"

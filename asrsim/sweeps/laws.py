@@ -73,6 +73,8 @@ class Distribution:
 
 def law_of(value: Any, key: str) -> Values | Distribution:
     """The law that a text (`--over`) or a value of a study file asks for. Raises InputError."""
+    if isinstance(value, Values | Distribution):
+        return value
     if isinstance(value, list | tuple):
         if not value:
             raise _wrong(key, "the list is empty", value)

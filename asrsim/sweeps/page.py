@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -17,7 +16,7 @@ import numpy as np
 from asrsim.actuators.user import plugin_options
 from asrsim.outfile import write_text
 from asrsim.plots.output import styled
-from asrsim.report.html import bullets, number, section, table
+from asrsim.report.html import bullets, data_address, document, number, script_json, section, table
 from asrsim.samples import Array
 from asrsim.sweeps.pictures import chosen_results, figures
 from asrsim.sweeps.sensitivity import influences, numeric_keys
@@ -59,17 +58,15 @@ def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
     if len(axes) > 1:
         body += section("Runs", _lines(study, axes))
     body += section("What moves the results", _influences(study, shown)) + section("Pictures", pictures)
+    scripts = []
     if len(axes) > 1:
-        data = json.dumps(_data(study, axes)).replace("<", "\\u003c")
-        body += f'<script id="data" type="application/json">{data}</script><script>{script}</script>'
-    generator = escape(str(study.manifest["generator"]))
-    return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="generator" content="{generator}">'
-        f"<title>{escape(title)}</title><style>{css} canvas {{width: 100%; height: 420px; cursor: crosshair}}"
-        f" #wide {{overflow-x: auto}} #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}}"
-        f" pre {{white-space: pre-wrap}} img {{max-width: 100%}}</style></head><body><main>{body}</main></body></html>\n"
+        data = script_json(_data(study, axes))
+        scripts = [f'<script id="data" type="application/json">{data}</script>', f"<script>{script}</script>"]
+    css += (
+        " canvas {width: 100%; height: 420px; cursor: crosshair} #wide {overflow-x: auto}"
+        f" #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}} pre {{white-space: pre-wrap}} img {{max-width: 100%}}"
     )
+    return document(title, css, body, scripts=scripts)
 
 
 def _head(study: Table) -> str:
@@ -162,4 +159,4 @@ def _packed(values: Array) -> str:
 def _picture(figure: Any) -> str:
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=DPI)
-    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}">'
+    return f'<img alt="" src="{data_address(stream.getvalue())}">'

@@ -18,8 +18,8 @@ from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import InputError, Problem
 from asrsim.scenario.claim_keys import AnyData
 from asrsim.sweeps.fitted import Joint, read_fit
-from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
-from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Study
+from asrsim.sweeps.laws import FORMS, Distribution, law_of
+from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Study, axis_of
 
 SAMPLES = 100
 """Draws where a study with distributions names no number."""
@@ -142,8 +142,7 @@ def make_study(
     for item in over.items() if isinstance(over, Mapping) else map(_split, over):
         try:
             key, value = item
-            law = value if isinstance(value, Distribution | Values) else law_of(value, key)
-            axes.append(Axis(tuple(part.strip() for part in key.split("&")), law))
+            axes.append(axis_of(key, value))
         except InputError as error:
             problems += error.problems
     joint: Joint | None = None

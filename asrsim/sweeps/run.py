@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, SimulationError
+from asrsim.extras import library
 from asrsim.quantities import unit_of
 from asrsim.runs.lock import owned
 from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
@@ -83,6 +84,7 @@ def sweep(
         SimulationError: Workers cannot start, or the cluster cannot be used.
         OutputError: Rows cannot be written; those before are kept.
     """
+    library("pyarrow", "sweep")  # told before the study is prepared, which takes seconds
     study = _study(scenario, over, options)
     payload = make_payload(study)
     temporary = None

@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.sweeps.fitted import Joint
-from asrsim.sweeps.laws import Distribution, Values
+from asrsim.sweeps.laws import Distribution, Values, law_of
 
 DESIGNS = ("random", "lhs", "sobol", "saltelli")
 """How draws are placed. saltelli: rows from which Sobol indices follow, samples x (drawn axes + 2) of them."""
@@ -41,6 +41,11 @@ class Axis:
         if len(self.keys) > 1 and isinstance(value, list | tuple) and len(value) == len(self.keys):
             return dict(zip(self.keys, value, strict=True))
         return dict.fromkeys(self.keys, value)
+
+
+def axis_of(name: str, value: Any) -> Axis:
+    """Of `key` or `key & key` (tied) and what it takes, as :func:`asrsim.sweeps.laws.law_of` reads it. Raises InputError."""
+    return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
 
 
 @dataclass(frozen=True, kw_only=True)

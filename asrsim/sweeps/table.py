@@ -13,6 +13,7 @@ import numpy as np
 
 from asrsim.actuators.user import plugin_options
 from asrsim.errors import InputError, did_you_mean
+from asrsim.extras import library
 from asrsim.samples import Array
 from asrsim.sweeps.kept import read_manifest, read_rows, schema_of
 from asrsim.sweeps.store import ROWS, parts_of
@@ -106,9 +107,7 @@ class Table:
 
     def to_pandas(self) -> Any:
         """A DataFrame of all columns, in the order of the runs; needs pandas."""
-        from asrsim.notebook import library
-
-        library("pandas")
+        library("pandas", "notebook")
         return self.to_arrow().to_pandas()
 
     def to_arrow(self) -> Any:

@@ -10,12 +10,12 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, SimulationError
+from asrsim.errors import AsrsimError, InputError, SimulationError, listed
+from asrsim.extras import library
 from asrsim.versions import numeric_versions
 from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
 
@@ -37,12 +37,9 @@ class Cluster:
     def __init__(self, target: str | Path, plugins: Sequence[Path] = ()) -> None:
         """target: address of a scheduler, or a YAML file for dask-jobqueue; plugins: sent along, and loaded first.
 
-        Raises SimulationError or OSError.
+        Raises SimulationError, OSError, or InputError without Dask.
         """
-        try:
-            distributed: Any = import_module("distributed")
-        except ImportError:
-            raise SimulationError("--cluster needs Dask: pip install 'asrsim[cluster]'") from None
+        distributed = library("distributed", "cluster")
         self._target = str(target)
         self._plugins = tuple((path.name, path.read_bytes()) for path in plugins)
         self._distributed = distributed
@@ -97,8 +94,7 @@ class Cluster:
             if found.get(name) != mine[name]
         ]
         if faults:
-            more = f" and {len(faults) - 5} more" if len(faults) > 5 else ""
-            raise SimulationError("rows would differ between machines: " + "; ".join(faults[:5]) + more)
+            raise SimulationError(f"rows would differ between machines: {listed(faults, 5, '; ')}")
 
     def results(
         self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
@@ -205,10 +201,7 @@ def _job_queue(path: Path) -> Any:
     jobs = options.pop("jobs", 1)
     if type(jobs) is not int or jobs < 1:
         raise wrong("'jobs' must be a whole number of at least 1")
-    try:
-        import dask_jobqueue
-    except ImportError:
-        raise SimulationError("a file for --cluster needs dask-jobqueue: pip install 'asrsim[cluster]'") from None
+    dask_jobqueue = library("dask_jobqueue", "cluster")
     names = {name.lower().removesuffix("cluster"): name for name in dir(dask_jobqueue) if name.endswith("Cluster")}
     make: Any
     if kind == "local":

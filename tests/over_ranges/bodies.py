@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from over_ranges import NOISE, Asked, T, found, shapes
 
-URDFS = Path(__file__).parents[2] / "examples" / "urdf"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 ROWS = NOISE[:60].reshape(4, 15)
+
+
+def _run(motion: np.ndarray, slope: float) -> Any:
+    """A run of a joint that rings about an equilibrium which creeps."""
+    rest = 0.2 + slope * T
+    series = SimpleNamespace(link_position=rest + motion, equilibrium_position=rest)
+    return type("Run", (), {"time": T, "__getitem__": lambda self, joint: series})()
 
 
 def of_bodies() -> Asked:
@@ -43,6 +52,9 @@ def of_bodies() -> Asked:
         lambda s: found("reproduce.ringing.fit_ringing")(T, ringing, start=s),
         [(s,) for s in (-1.0, 0.0, 0.5, 1.9, 1.97)],
     )
+    for name in ("arm_steps._frequency", "arm_steps._swings", "arm_steps._overshoot", "arm_steps._settling"):
+        one = found(f"reproduce.{name}")
+        yield name, lambda slope, one=one: one(_run(0.05 * ringing, slope), "joint"), [(s,) for s in (0.0, 0.02, 0.5)]
     yield "swings", found("reproduce.law.swings"), [(ringing, goal) for goal in (0.0, 0.05, 0.5, -0.2)]
     mass = np.array([[2.0, 0.3], [0.3, 0.5]])
     yield (
@@ -53,7 +65,7 @@ def of_bodies() -> Asked:
     for explicit in (False, True):
         for coupled in (None, True, False):
             how = {"explicit": explicit, "coupled": coupled}
-            asked = [([c, 0.1 * c], h) for c in (0.0, 0.1, 10.0, 1e3) for h in (1e-4, 1e-3)]
+            asked = [([c, 0.1 * c], h) for c in (0.0, 0.1, 10.0, 1e3, 2e4) for h in (1e-4, 1e-3)]
             yield f"response {how}", lambda c, h, how=how: found("simulation.damping.mean_response")(mass, c, h, **how), asked
     yield (
         "between samples",
@@ -66,7 +78,7 @@ def of_bodies() -> Asked:
 def of_robots() -> Asked:
     """What follows from the files of the examples, without an engine."""
     load, scenario = found("robot.load_robot"), np.linspace(-0.5, 0.7, 4)
-    for path in sorted(URDFS.glob("*.urdf")):
+    for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         robot = load(path)
         joints = {joint.name: scenario for joint in robot.moving_joints}
         chain = found("robot.chain.Chain")(robot=robot, base_position=(0.1, 0.2, 0.3), base_rpy=(0.1, -0.2, 0.3))
@@ -88,6 +100,13 @@ def of_robots() -> Asked:
             lambda r: [(j.kind, j.axis, j.origin, j.rpy, j.lower, j.upper, j.effort) for j in r.joints[-1:]],
             [(robot,)],
         )
+
+
+def of_files() -> Asked:
+    """Where the keys of the examples' scenarios stand."""
+    load = found("scenario.load_scenario")
+    for path in sorted((EXAMPLES / "scenarios").glob("*.yaml")):
+        yield path.stem, lambda p: np.array(list(load(p)[-1].lines.values())), [(path,)]
 
 
 def of_waiting() -> Asked:

@@ -41,6 +41,12 @@ def of_the_core() -> Asked:
         found("simulation.bench.step_lengths"),
         [(T[:9], None), (T[:9], 0.01), (UNEVEN[1:9], None), (T[1:9], None)],
     )
+    yield (
+        "digits of steps",
+        lambda n, h: repr(found("simulation.bench.step_lengths")(h * np.arange(n))[-1]),
+        [(n, h) for n in (3, 40, 1000) for h in (1e-3, 1.0 / 3e2, 0.0123456)],
+    )
+    yield "listed", found("errors.listed"), [("abcdefgh"[:n], 3, "; ") for n in (0, 1, 3, 4, 5)]
     yield "whole", found("scenario.build.whole"), [(r,) for r in (0.5, 0.999, 1.0, 1.0 + 1e-9, 1.0 + 1e-5, 1.01, 2.4, 2.5, 1e6)]
     yield "shares", found("summary.table.share"), [(n, 1000) for n in (0, 1, 4, 5, 9, 10, 94, 95, 500, 994, 995, 999, 1000)]
     yield (

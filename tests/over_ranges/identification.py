@@ -2,12 +2,41 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from over_ranges import NOISE, SHARES, Asked, T, found, shapes
 
 
+class Bent:
+    """Residuals that are nearly linear, and how often their slopes were asked for."""
+
+    def __init__(self, unknowns: int, bend: float) -> None:
+        self.counter, self.bend, self.asked = SimpleNamespace(cost=np.inf), bend, 0
+        self.matrix = NOISE[: 9 * unknowns].reshape(9, unknowns)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        return self.matrix @ x + self.bend * np.sin(self.matrix @ x)
+
+    def jacobian(self, x: np.ndarray, *, base: np.ndarray) -> np.ndarray:
+        self.asked += 1
+        return self.matrix
+
+
+def _slopes(unknowns: int, bend: float) -> list[float]:
+    """At each of some steps: how often slopes were asked for, and the size of those that are used."""
+    bent = Bent(unknowns, bend)
+    slopes, told = found("identification.solver._Slopes")(bent), []
+    for k in range(6):
+        x = 0.1 * k * np.ones(unknowns)
+        slopes.residuals(x)
+        told += [f"{bent.asked} {np.linalg.norm(slopes.jacobian(x)):.6g}"]
+    return told
+
+
 def of_identification() -> Asked:
+    yield "slopes", _slopes, [(n, bend) for n in (1, 5, 8) for bend in (0.0, 0.01, 0.1, 1.0)]
     noise = "identification.noise."
     smooth = shapes(T)["ring"]
     yield (

@@ -21,6 +21,10 @@ SIGNALS = {
     "sinusoid": {"amplitude": 0.3, "frequency": 1.7, "phase": 0.4, "offset": 0.1, "start": 0.25},
     "chirp": {"amplitude": 0.2, "from": 0.5, "to": 4.0, "duration": 1.1, "start": 0.2, "offset": -0.1},
     "multisine": {"amplitude": 0.3, "frequencies": [1.0, 2.5, 4.0], "start": 0.1},
+    "multisine random": {"amplitude": [0.3, 0.1], "frequencies": [1.0, 2.5], "phase": "random", "seed": 4},
+    "multisine flat": {"amplitude": 0.3, "frequencies": [1.0, 2.5, 4.0], "phase": "schroeder", "offset": 0.1},
+    "pulse_train count": {"high": 1.0, "width": 0.1, "period": 0.2, "count": 3},
+    "pulse_train flat": {"low": 0.2, "high": 0.2, "width": 0.1, "period": 0.2},
     "pulse_train": {"low": -0.1, "high": 0.4, "width": 0.11, "period": 0.37, "start": 0.13},
     "waypoints": {"points": [[0.0, 0.1], [0.5, -0.2], [1.2, 0.3]], "interpolation": "cubic"},
     "sum": [0.1, {"step": {"at": 0.3, "to": 1.0}}, {"ramp": {"duration": 1.0, "to": 0.5}}],
@@ -67,18 +71,11 @@ def kicks() -> Asked:
         lambda p, v, w, i, r, load: found("simulation.toolbox.toolbox_motor")(p, v, w, 4 * r, load, 0.002, constants),
         STATES,
     )
-    damped = [
-        (t, v, 0.1, 1.0, d, b, 0.01, 0.5, 0.2, 0.3)
-        for t in (-0.9, 0.2)
-        for v in (-20.0, 1.0, 30.0)
-        for d, b in ((0.0, 0.0), (0.3, 0.0), (0.3, 0.2))
-    ]
-    yield "damped", found("simulation.kernels.damp"), damped
 
 
 def of_signals() -> Asked:
     time = np.concatenate([np.linspace(-0.2, 2.0, 45), [0.3, 0.35, 0.4, 0.13, 0.24, 0.8]])
     for name, data in SIGNALS.items():
-        signal = found("signals.parse.parse_signal")({name: data})
+        signal = found("signals.parse.parse_signal")({name.split()[0]: data})
         yield name, lambda t, s=signal: s.values(np.array([t])), [(t,) for t in time.tolist()]
         yield f"{name} jumps", signal.jumps, [(0.0, 2.0), (0.3, 0.5), (0.4, 0.4), (0.13, 0.24)]

@@ -8,6 +8,8 @@ import numpy as np
 
 from over_ranges import Asked, T, found, shapes
 
+FINE = np.linspace(0.0, 2.0, 2000)
+
 
 def of_pictures() -> Asked:
     yield (
@@ -15,6 +17,18 @@ def of_pictures() -> Asked:
         lambda n, b: found("plots.decimate.decimate")(T[:n], shapes(T)["noise"][:n], bins=b),
         [(n, b) for n in (3, 40, 41, 401) for b in (1, 10, 100)],
     )
+    style = found("plots.style.RC")
+    yield "style", style.get, [(name,) for name in sorted(style)]
+    yield "line styles", found("plots.style.line_style"), [(n,) for n in range(7)]
+    curve = found("plots.curves.Curve")
+    for lines, gone in ((25.0, 0.6), (60.0, 0.0), (90.0, 1.0)):
+        yield (
+            f"envelope of {lines} Hz",
+            lambda pixels, n, f=lines, g=gone: found("plots.view.split")(
+                curve(time=FINE[:n], values=np.where(FINE[:n] < g, 0.0, np.sin(2 * np.pi * f * FINE[:n]))), 0.0, 2.0, pixels
+            ),
+            [(30.0, 2000), (300.0, 2000), (1000.0, 2000), (300.0, 500)],
+        )
     yield "shortened", found("plots.figures.shorten"), [("abcdefghijklmnop", n) for n in (3, 8, 15, 16, 17)]
     yield (
         "hulls",

@@ -33,6 +33,13 @@ def of_recordings() -> Asked:
         lambda s, f: suspect(s * np.arange(5.0), f, path=None, name="t"),
         [(s, f) for s in (1e-9, 2.9e-5, 3e-5, 0.01, 0.2, 0.5, 0.51, 5.0, 1e3, 1e6) for f in (1.0, 1e-3)],
     )
+    names = [f"q{i}" for i in range(14)]
+    for name in ("build._shown", "condense._places"):
+        yield (
+            name,
+            lambda n, name=name: str(found(f"recordings.{name}")(names[:n]))[-30:],
+            [(n,) for n in (0, 1, 4, 5, 12, 13, 14)],
+        )
     yield "lines", found("recordings.timebase.lines_text"), [(list(range(3, 3 + n)),) for n in (1, 2, 7, 8, 9, 30)]
     checks = "recordings.checks."
     a = shapes(T)["ring"]

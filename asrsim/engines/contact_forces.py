@@ -1,0 +1,29 @@
+"""Contact forces as engines tell of them: summed over the points at which two bodies touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from asrsim.samples import Array
+
+GROUND, ROBOT = "ground", "robot"
+
+
+def contact_forces(
+    objects: Sequence[str], ground: bool, points: Iterable[tuple[str, str, Array]]
+) -> dict[str, tuple[float, float, float]]:
+    """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot; 0 without contact.
+
+    points: of all contacts the two bodies, and the force (3,) on the first.
+    """
+    others = [*objects, *([GROUND] if ground else []), ROBOT]
+    total = {f"{name}/{other}": np.zeros(3) for name in objects for other in others if other != name}
+    if ground:
+        total[f"{ROBOT}/{GROUND}"] = np.zeros(3)
+    for first, second, force in points:
+        for key, sign in ((f"{first}/{second}", 1.0), (f"{second}/{first}", -1.0)):
+            if key in total:
+                total[key] += sign * force
+    return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}

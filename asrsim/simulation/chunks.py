@@ -1,0 +1,28 @@
+"""Where a run's chunks end: between them samples are handed on, energy is checked, and progress is told."""
+
+from __future__ import annotations
+
+LONGEST = 16_384
+"""Substeps of a chunk, at most."""
+LONGEST_NUMBERS = 20_480
+"""The same times joints: what still goes through the processor's cache."""
+SHORTEST = 1024
+"""Substeps that are kept before they are handed on, at least; chunks grow from there."""
+
+
+def longest_chunk(joints: int) -> int:
+    """Substeps of a chunk of a robot with so many joints, at most."""
+    return max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+
+
+def chunk_end(substep: int, longest: int) -> int:
+    """Substep at which the chunk ends in which `substep` is.
+
+    Chunks end at fixed substeps, first soon, then seldom: a divergence early in the run is found early, and results do not
+    depend on how time is cut.
+    """
+    length = SHORTEST
+    while length <= substep and length < longest:
+        length *= 4
+    length = min(length, longest)
+    return substep - substep % length + length

@@ -1,0 +1,75 @@
+"""What a program may not ask of a simulation is refused before anything changes, and never by an engine's own words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.engines import ENGINES
+from asrsim.errors import AsrsimError, InputError, SimulationError
+
+INSTALLED = [name for name in ("bullet", "mujoco") if ENGINES.get(name).available]
+
+
+@pytest.fixture(params=INSTALLED)
+def simulation(request: pytest.FixtureRequest, tiny):
+    with asrsim.Simulation(tiny.scenario, overrides={"engine": request.param}) as made:
+        made.set_reference("elbow", "equilibrium_position", 0.3)
+        made.advance(20)
+        yield made
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "said"),
+    [
+        (lambda one: one.advance(-1), InputError, "steps go forward only"),
+        (lambda one: one.advance(1.5), TypeError, "integer"),
+        (lambda one: one.advance("3"), TypeError, "integer"),
+        (
+            lambda one: one.reset({"elbw": 0.1}),
+            InputError,
+            "initial.elbw: the robot has no .* Did you mean 'elbow'",
+        ),
+        (lambda one: one.reset({"elbow": float("nan")}), InputError, "initial.elbow: must be a finite number"),
+        (lambda one: one.reset({"elbow": 99.0}), InputError, "initial.elbow: lies outside the limits of 'elbow'"),
+        (lambda one: one.reset(velocities={"elbow": float("inf")}), InputError, "velocities.elbow: must be a finite number"),
+        (lambda one: one.reset(parameters={"elbow": {"damping": -1.0}}), AsrsimError, "must be at least 0"),
+        (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
+    ],
+)
+def test_what_is_refused_changes_nothing(simulation, call, error, said) -> None:
+    before = simulation.observe()
+    with pytest.raises(error, match=said):
+        call(simulation)
+    for name, values in vars(simulation.observe()).items():
+        np.testing.assert_array_equal(values, vars(before)[name], err_msg=name)
+    simulation.advance(5)
+    assert simulation.time == pytest.approx(before.time + 5 * simulation.scenario.step)
+
+
+def test_a_snapshot_is_of_one_simulation_and_its_parameters(simulation, tiny) -> None:
+    kept = simulation.snapshot()
+    other = asrsim.Simulation(tiny.scenario, overrides={"engine": simulation.scenario.engine})
+    with other, pytest.raises(InputError, match="snapshot of another simulation"):
+        other.restore(kept)
+    simulation.restore(kept)
+    simulation.reset(parameters={"elbow": {"damping": 0.2}})
+    with pytest.raises(InputError, match="with other parameters"):
+        simulation.restore(kept)
+
+
+@pytest.mark.parametrize("call", ["advance", "observe", "snapshot", "reset"])
+def test_a_closed_simulation_says_so(simulation, call: str) -> None:
+    simulation.close()
+    with pytest.raises(SimulationError, match="is closed"):
+        getattr(simulation, call)()
+    simulation.close()
+
+
+def test_scenarios_are_asked_for_one_by_one(tiny) -> None:
+    loaded = asrsim.load_scenario(tiny.scenario)
+    for call in (asrsim.run, asrsim.Simulation):
+        with pytest.raises(InputError, match="choose one"):
+            call(loaded)
+    assert asrsim.load_scenario(tiny.scenario, overrides="duration=0.25")[0].duration == 0.25
