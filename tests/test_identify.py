@@ -21,7 +21,7 @@ from asrsim.identification import make_task, pool, read_task
 from asrsim.identification.data import Command
 from asrsim.identification.fit import is_loud
 from asrsim.identification.inverse import is_driven_by_torque
-from asrsim.identification.judge import ChannelFit, foreign
+from asrsim.identification.judge import ChannelFit, channel_fits, foreign
 from asrsim.identification.layout import Tie
 from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
@@ -130,6 +130,18 @@ def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path):
         with ExitStack() as stack:
             (track,) = set_up(make_task(guess, [tmp_path / "a.csv"], free=[free]), stack).tracks
             assert bool(track.motors) == moved
+
+
+def test_a_swing_that_noise_of_what_is_played_may_make_is_no_fault():
+    generator, time = np.random.default_rng(0), np.arange(0.0, 4.0, 2e-3)
+    left = 1e-3 * (generator.normal(size=len(time)) + np.sin(60.0 * time))
+    channel = SimpleNamespace(
+        time=time, values=np.sin(time), quantum=0.0, noise=1e-3, floor=1e-3, key="j.link_position", unit="rad"
+    )
+    track = SimpleNamespace(channels=[channel], data=SimpleNamespace(held=False, name="a"))
+    for moved, rings in ((None, True), ([1e-5 * left], True), ([0.3 * left], False)):
+        (found,) = channel_fits([track], [3.0], [[left]], [[left]], [moved])
+        assert found.swings == rings
 
 
 def test_a_channel_that_nothing_follows_is_named():

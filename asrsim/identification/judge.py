@@ -89,7 +89,10 @@ def channel_fits(
             borne, played = 0.0, 0.0
             if told and moved is not None:
                 played = SHAKEN * _rms(moved[i][training])
-                borne = min(played / max(_rms(rows[1][training]), 1e-300), 1.0) ** 2 * lag_correlation(moved[i][training])
+                share = min(played / max(_rms(rows[1][training]), 1e-300), 1.0) ** 2
+                borne = share * lag_correlation(moved[i][training])
+                # What is played shakes the arm, most where it swings.
+                rings = rings and share < SWING
             found.append(
                 ChannelFit(
                     recording=track.data.name, key=channel.key, unit=channel.unit, noise=float(channel.noise),
