@@ -15,10 +15,10 @@ from asrsim.recordings.adjust import measured, scaled, windowed
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, RawSeries, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import find_column, guess, joint_numbers, theta_is_motor, tokens_of
+from asrsim.recordings.names import find_column, guess, joint_numbers, stated_unit, theta_is_motor, tokens_of
 from asrsim.recordings.numbering import one_behind, zero_based
 from asrsim.recordings.oddities import oddities
-from asrsim.recordings.units import Unit, find_unit, fits, split_header, unknown_unit
+from asrsim.recordings.units import Unit, fits, split_header, unknown_unit
 from asrsim.recordings.unstated import unstated
 
 _KNOWN = {**QUANTITIES, **DERIVED}
@@ -83,7 +83,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
                 found |= dict.fromkeys(parts, one)
                 continue
         index = find_column(one.column, names)
-        if index is None or (one.column.lstrip("#").isdigit() and raw.format == "csv"):
+        if index is None or (one.column.lstrip("#").isdigit() and raw.format in ("csv", "sheet")):
             # Numbers count the file's columns, of which the time is one; headerless names carry that number.
             label = f"column_{one.column.lstrip('#')}"
             index = names.index(label) if label in names else index
@@ -96,7 +96,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
                         hint=did_you_mean(one.column, names), code="no-such-column")
             )  # fmt: skip
             continue
-        unit = one.unit or find_unit(raw.series[index].unit) or split_header(raw.series[index].name)[1]
+        unit = one.unit or stated_unit(raw.series[index].name, raw.series[index].unit)
         if one.quantity is not None and unit is not None and not fits(unit.si, _KNOWN[one.quantity].unit):
             problems.append(
                 Problem(
@@ -130,7 +130,7 @@ def _columns(
                     hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
         )  # fmt: skip
     meanings = {
-        index: guess(_plain_name(plain[index]), find_unit(series.unit) or split_header(series.name)[1],
+        index: guess(_plain_name(plain[index]), stated_unit(series.name, series.unit),
                      joints=() if behind else known, counted=counted, theta_is_motor=motors)
         for index, series in enumerate(raw.series)
         if index not in explicit and series.quantity is None
@@ -145,7 +145,7 @@ def _columns(
     homeless: list[str] = []
     doubts: dict[str, list[str]] = {}
     for index, series in enumerate(raw.series):
-        unit = find_unit(series.unit) or split_header(series.name)[1]
+        unit = stated_unit(series.name, series.unit)
         one = explicit.get(index)
         if one is not None:
             if one.role == "ignore":

@@ -49,6 +49,8 @@ class Faults:
     missing: dict[int, int] = field(default_factory=dict)
     comments: list[int] = field(default_factory=list)
     headers: list[int] = field(default_factory=list)
+    turned: bool = False
+    """Whether one of these has its names in another order."""
     words: dict[int, set[str]] = field(default_factory=dict)
     """Column of text -> its words, at most two."""
 
@@ -63,7 +65,7 @@ def read_table(path: Path) -> Table:
     with path.open(encoding=layout.encoding, errors="replace") as stream:
         for _ in range(layout.first_line - 1):
             next(stream)
-        for start, block in _blocks(stream, layout.first_line):
+        for start, block in _blocks(map(layout.plain, stream), layout.first_line):
             values = _fast(block, layout)
             if values is not None:
                 blocks.append(values)
@@ -134,8 +136,9 @@ def _slow(
             faults.ragged.append(count)
             faults.lengths.add(len(cells))
             continue
-        if tuple(cells) == layout.names:
+        if sorted(cells) == sorted(layout.names):
             faults.headers.append(count)
+            faults.turned |= tuple(cells) != layout.names
             continue
         rows.append([value_of(cell, i, count, decimal, stamps, text, faults, zero) for i, cell in enumerate(cells)])
         kept.append(count)
@@ -201,6 +204,11 @@ def report(path: Path, layout: Layout, faults: Faults, rows: int) -> list[Proble
     if layout.text:
         add("hold text and are not read" if len(layout.text) > 1 else "holds text and is not read", (), "text-column",
             ", ".join(layout.names[column] for column in layout.text[:6]))  # fmt: skip
+    if faults.turned:
+        raise RecordingError(
+            f"the header comes again with its names in another order: {lines_text(faults.headers)}", file=path,
+            line=faults.headers[0], code="repeated-header", hint="Split the file there",
+        )  # fmt: skip
     if faults.headers:
         add(f"the header is repeated: {lines_text(faults.headers)}", faults.headers, "repeated-header",
             hint="Two recordings in one file?")  # fmt: skip

@@ -1,4 +1,4 @@
-"""Reads MATLAB files up to version 7, and numpy's .npz: vectors beside a time, structs, what Simulink saves."""
+"""Reads MATLAB files up to version 7, and numpy's .npz and .npy: vectors beside a time, structs, what Simulink saves."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
+from asrsim.recordings.foreign import from_hdf5
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.matlab_struct import TIME_NAMES, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
@@ -27,16 +28,16 @@ _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 
 def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
-    """All series of a .mat or .npz file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
+    """All series of a .mat, .npz or .npy file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
     try:
-        content = _numpy(path) if path.suffix.lower() == ".npz" else _matlab(path)
+        content = _numpy(path) if path.suffix.lower() in (".npz", ".npy") else _matlab(path)
     except NotImplementedError:
         raise RecordingError(
             "is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
-            hint="Save it in MATLAB with save('file.mat', 'name', '-v7')",
+            hint=f"In MATLAB: save('file.mat', '-v7'). {from_hdf5(path)}",
         ) from None  # fmt: skip
     except Exception as error:  # on damaged files scipy lets errors of many kinds through
-        kind = "arrays of numpy" if path.suffix.lower() == ".npz" else "a MATLAB file"
+        kind = "a MATLAB file" if path.suffix.lower() == ".mat" else "arrays of numbers by numpy"
         raise RecordingError(f"cannot be read as {kind}: {error}", file=path, code="bad-mat") from None
     findings: list[Problem] = []
     series: list[RawSeries] = []
@@ -98,11 +99,15 @@ def _matlab(path: Path) -> dict[str, Any]:
 
 def _numpy(path: Path) -> dict[str, Any]:
     """Arrays by name; structured ones as the tables that they are."""
-    with np.load(path) as arrays:
-        return {
-            name: {field: array[field] for field in array.dtype.names} if array.dtype.names else array
-            for name, array in ((name, arrays[name]) for name in arrays.files)
-        }
+    loaded = np.load(path)
+    if isinstance(loaded, np.ndarray):
+        return _fields(loaded) if loaded.dtype.names else {path.stem: loaded}
+    with loaded as arrays:
+        return {name: _fields(array) if array.dtype.names else array for name, array in arrays.items()}
+
+
+def _fields(array: NDArray[Any]) -> dict[str, Any]:
+    return {field: array[field] for field in array.dtype.names or ()}
 
 
 def _tables(

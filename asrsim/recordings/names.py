@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.units import Unit, fits, split_header
+from asrsim.recordings.units import Unit, find_unit, fits, split_header
 
 _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
@@ -30,6 +30,8 @@ _THETA = {"theta", "th", "dtheta", "thetadot"}
 _PLAIN = (_POSITION - _THETA - {"state"}) | _MEASURED | {"phi", "l", "hub"}
 _AXIS = {"joint", "jnt", "j", "a", "axis", "gelenk", "achse", "giunto", "asse", "articulation", "articulacion", "axe", "eje"}
 """Words behind which a number counts joints."""
+_CALM = {"filtered", "filt", "sensor", "abs", "absolute"}
+"""Words that say how a position was measured."""
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
     "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
@@ -83,6 +85,14 @@ def tokens_of(name: str) -> list[str]:
     return words
 
 
+def stated_unit(name: str, beside: str = "") -> Unit | None:
+    """The unit of a column, by what stands beside its name or in it. A velocity in deg is one in deg/s."""
+    unit = find_unit(beside) or split_header(name)[1]
+    if unit is not None and unit.si in ("rad", "m") and not _VELOCITY.isdisjoint(tokens_of(name)):
+        return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
+    return unit
+
+
 def joint_numbers(names: Iterable[str]) -> set[int]:
     """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1), of arrays (q_ref[0]), and
     behind a word for joints (axis 1).
@@ -97,7 +107,7 @@ def joint_numbers(names: Iterable[str]) -> set[int]:
         found |= {int(number) for word, number in pairwise(words) if word in _AXIS and number.isdigit()}
         rest = [word for word in words if not word.isdigit()]
         numbers = [int(word) for word in words if word.isdigit()]
-        if len(numbers) == 1 and rest and all(word in plain for word in rest):
+        if len(numbers) == 1 and rest and not set(rest) - plain - _AXIS - _CALM and not set(rest) <= _AXIS:
             found.add(numbers[0])
     return found
 

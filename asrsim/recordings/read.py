@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -13,17 +15,20 @@ from asrsim.quantities import QUANTITIES, unit_of
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.build import build
 from asrsim.recordings.data import Raw, RawSeries, Recording
+from asrsim.recordings.delimited import Table
 from asrsim.recordings.join import alone, join, parts_of
 from asrsim.recordings.mapping import ColumnMap, resolve_mapping
 from asrsim.recordings.matlab import read_mat
 from asrsim.recordings.names import find_column
 from asrsim.recordings.read_csv import read_text, series_of
 from asrsim.recordings.read_json import is_json, read_json
+from asrsim.recordings.sheets import SheetReader, sheet_reader
 
 FORMATS = {
     ".csv": "delimited text", ".txt": "delimited text", ".tsv": "delimited text", ".dat": "delimited text",
     ".log": "delimited text", ".asc": "delimited text", ".mcap": "MCAP", ".bag": "ROS 1 bag", ".db3": "ROS 2 bag",
-    ".mat": "MATLAB (to version 7)", ".npz": "numpy", ".json": "JSON", ".jsonl": "JSON", ".ndjson": "JSON",
+    ".mat": "MATLAB (to version 7)", ".npz": "numpy", ".npy": "numpy",
+    ".xlsx": "Excel", ".parquet": "Parquet", ".feather": "Feather", ".json": "JSON", ".jsonl": "JSON", ".ndjson": "JSON",
 }  # fmt: skip
 """File endings that are read; a folder with a metadata.yaml is a ROS 2 bag, any other ending is tried as text."""
 
@@ -38,7 +43,7 @@ def read_recording(
     """Reads an experiment's file.
 
     Args:
-        path: Delimited text, JSON, MCAP (of robots or our own logs), ROS 1 or ROS 2 bag, or a MATLAB file;
+        path: Delimited text, JSON, a workbook, MCAP (of robots or our own logs), ROS 1 or ROS 2 bag, a MATLAB or numpy file;
             `command.csv+response.csv` joins files of one experiment.
         mapping: From columns to quantities: items `COLUMN=JOINT.QUANTITY [unit]` (or `COLUMN=time [ms]`,
             `COLUMN=ignore`), a table of the same, or a YAML file. Added to (and winning over) the YAML beside the file,
@@ -47,7 +52,7 @@ def read_recording(
         rate: Hz; replaces the file's time by an even one from 0, for text and MATLAB files without a time.
 
     Returns:
-        The recording in SI units with all findings; show `guess_table(recording)` to the user.
+        The recording in SI units with all findings; show `guess_rows(recording)` to the user.
 
     Raises:
         RecordingError: With what was found and what was expected.
@@ -82,15 +87,31 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
             return _own_log(path) if _is_own_log(path) else read_bag(path, ignored)
         if suffix in (".bag", ".db3"):
             return read_bag(path, ignored)
-        if suffix == ".npz" or (suffix == ".mat" and not _is_text(path)):
+        if suffix in (".npz", ".npy") or (suffix == ".mat" and not _is_text(path)):
             return read_mat(path, maps, rate)
-        table = read_json(path) if is_json(path) else read_text(path, maps)
+        if (reader := sheet_reader(path)) is not None:
+            form, table = "sheet", _sheet(path, reader, maps)
+        else:
+            form, table = ("json", read_json(path)) if is_json(path) else ("csv", read_text(path, maps))
         if partly:
             here = [one for one in maps if one.role != "time" or find_column(one.column, table.layout.names) is not None]
             maps = here
-        return series_of(table, path, maps, rate, form="json" if is_json(path) else "csv")
+        return series_of(table, path, maps, rate, form=form)
     except OSError as error:
         raise RecordingError(f"cannot be read: {error.strerror or error}", file=path, code="no-file") from None
+
+
+def _sheet(path: Path, reader: SheetReader, maps: Sequence[ColumnMap]) -> Table:
+    """A table that is no text, by way of the text that it would be exported as."""
+    text, found = reader(path)
+    with TemporaryDirectory(prefix="asrsim-sheet-") as folder:
+        copy = Path(folder) / f"{path.stem}.csv"
+        copy.write_bytes(text)
+        try:
+            table = read_text(copy, maps)
+        except RecordingError as error:
+            raise RecordingError([replace(problem, file=path) for problem in error.problems]) from None
+    return replace(table, findings=(*found, *(replace(problem, file=path) for problem in table.findings)))
 
 
 def _is_text(path: Path) -> bool:

@@ -10,17 +10,13 @@ from pathlib import Path
 
 from asrsim.errors import RecordingError
 from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
+from asrsim.recordings.foreign import READ, refuse_foreign
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
 
 _SAMPLE = 200
 """Lines that are looked at to find out how a file is written."""
-_FOREIGN = (
-    (b"PK\x03\x04", "a zip archive (an Excel workbook, numpy's npz, or compressed)"), (b"\x1f\x8b", "compressed by gzip"),
-    (b"\x93NUMPY", "a numpy array"), (b"\x89HDF", "an HDF5 file"), (b"PAR1", "a Parquet file"), (b"%PDF", "a PDF document"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"), (b"<", "HTML or XML"),
-    (b"\x89PNG", "a picture"), (b"\xff\xd8\xff", "a picture"), (b"SQLite format 3", "a database; ROS 2 bags end in .db3"),
-)  # fmt: skip
-"""First bytes of files that laboratories have, and that are no tables of text."""
+_RECEIVED = re.compile(r"(\s*\d\d:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
+"""What Arduino's serial monitor writes before a line: when it came."""
 _SEPARATORS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 
 
@@ -51,11 +47,17 @@ class Layout:
     """Columns under a blank in the header; an index is written so."""
     widths: Mapping[int, int] = field(default_factory=dict)
     """Column of the file whose cells are lists -> their length; `names` has one for each entry."""
+    received: str = ""
+    """What stands for the arrow behind the time at which a line came; empty where lines have none."""
     misfit: str = ""
     """Why a line that looks like a header is not used."""
     misfit_line: int | None = None
     remarks: str = ""
     """What comments and lines above the header say."""
+
+    def plain(self, line: str) -> str:
+        """A line as one of a table."""
+        return _RECEIVED.sub(rf"\g<1>{self.received}", line, count=1) if self.received else line
 
 
 def encoding_of(path: Path) -> str:
@@ -66,12 +68,7 @@ def encoding_of(path: Path) -> str:
         raise RecordingError("the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
-    for magic, what in _FOREIGN:
-        if start.startswith(magic):
-            raise RecordingError(
-                f"is {what}, which is not read here", file=path, code="foreign-format",
-                hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; export or unpack it as CSV",
-            )  # fmt: skip
+    refuse_foreign(path, start)
     start = start.rstrip(b"\0")  # a computer that was switched off leaves them
     for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
         if zeros.count(b"\0") > 0.9 * len(zeros):
@@ -79,7 +76,7 @@ def encoding_of(path: Path) -> str:
     if b"\0" in start:
         raise RecordingError(
             "is not a text file (it holds zero bytes)", file=path, code="binary",
-            hint="Expected CSV, MCAP, a ROS bag or a MATLAB file; the ending of its name says which",
+            hint=f"Expected {READ}; the ending of its name says which",
         )  # fmt: skip
     if start.count(b"\n---\n") > 1 and b": " in start[:4096]:
         raise RecordingError(
@@ -114,6 +111,9 @@ def sniff(path: Path) -> Layout:
         lines = lines[1:]
     if not lines:
         raise RecordingError("holds comments only", file=path, code="empty", hint="Expected rows of numbers")
+    received = _received([text for _, text in lines])
+    if received:
+        lines = [(count, _RECEIVED.sub(rf"\g<1>{received}", text, count=1)) for count, text in lines]
     quoted = any('"' in text for _, text in lines)
     separator, decimal, columns = _separator(lines, quoted=quoted, declared=declared)
     rows = [(count, split(glue(text, separator), separator, quoted=quoted)) for count, text in lines]
@@ -137,6 +137,8 @@ def sniff(path: Path) -> Layout:
         before = [(n, c) for n, c in comments if n < rows[first][0] and comment_units(c, separator, columns) is None]
         names = comment_header(before[-1][1], separator, columns, decimal) if before else None
         header_at, misfit = (before[-1][0], "") if names else (None, misfit)
+    if names and received:
+        names = ["time", *names[1:]]
     used = {header_at, header.units_line}
     widths = _widths(data)
     names = names or [f"column_{i + 1}" for i in range(columns)]
@@ -154,10 +156,18 @@ def sniff(path: Path) -> Layout:
         widths=widths, units=tuple(stated), header_line=header_at, first_line=rows[first][0],
         skipped=tuple(n for n, _ in rows[:first] if n not in used),
         remarks="\n".join([*above, *(text for n, text in lines[:first] if n not in used)]),
-        misfit=misfit, misfit_line=header.line if misfit else None,
+        received=received, misfit=misfit, misfit_line=header.line if misfit else None,
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip
+
+
+def _received(texts: Sequence[str]) -> str:
+    """The separator that stands for the arrow of Arduino's serial monitor: that of the rest of most lines; empty without it."""
+    rests = [text[match.end() :] for text in texts if (match := _RECEIVED.match(text))]
+    if 2 * len(rests) < len(texts):
+        return ""
+    return next((mark for mark in "\t;,|" if 2 * sum(mark in rest for rest in rests) > len(rests)), " ")
 
 
 def _widths(data: Sequence[Sequence[str]]) -> dict[int, int]:

@@ -1,0 +1,151 @@
+"""Tables that are no text, read as the text that they would be exported as: Excel workbooks, Parquet and Feather files."""
+
+from __future__ import annotations
+
+import csv
+import re
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime, timedelta
+from io import BytesIO, StringIO
+from pathlib import Path
+from typing import Any
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.extras import library
+
+Lines = tuple[bytes, tuple[Problem, ...]]
+"""CSV in UTF-8, and what to know of it."""
+SheetReader = Callable[[Path], Lines]
+_DAYS = range(14, 23), range(45, 48)
+"""Excel's own number formats of dates and times."""
+_NAMED = re.compile(r'"[^"]*"|\[(?!h+\]|m+\]|s+\])[^\]]*\]|\\.')
+"""Parts of a number format that are no letters of a date: text, colours, currencies."""
+_ZERO = datetime(1899, 12, 30)
+"""Day 0 of Excel's count."""
+
+
+def sheet_reader(path: Path) -> SheetReader | None:
+    """What reads the file as text, by its first bytes; None where nothing here does."""
+    with path.open("rb") as stream:
+        start = stream.read(6)
+    if start.startswith((b"PAR1", b"ARROW1")):
+        return _columnar
+    if start.startswith(b"PK\x03\x04") and zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            return _workbook if "xl/workbook.xml" in archive.namelist() else None
+    return None
+
+
+def _columnar(path: Path) -> Lines:
+    """A Parquet or Feather file. Raises InputError without pyarrow, RecordingError for a broken file."""
+    arrow = library("pyarrow", "sweep")
+    from pyarrow import csv as writer
+    from pyarrow import feather, parquet
+
+    try:
+        with path.open("rb") as stream:
+            read = parquet.read_table if stream.read(4) == b"PAR1" else feather.read_table
+        text = BytesIO()
+        writer.write_csv(read(path), text)
+    except (OSError, ValueError, arrow.ArrowException) as error:
+        raise RecordingError(f"cannot be read: {str(error).splitlines()[0]}", file=path, code="bad-sheet") from None
+    return text.getvalue(), ()
+
+
+def _workbook(path: Path) -> Lines:
+    """The first sheet of an Excel workbook with two rows of numbers. Raises RecordingError where there is none."""
+    from lxml.etree import LxmlError
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            shared = ["".join(one.itertext("{*}t")) for one in _parts(archive, "xl/sharedStrings.xml", "si")]
+            timed = [_is_time(archive, int(one.get("numFmtId", 0))) for one in _cell_styles(archive)]
+            sheets = sorted((name for name in names if re.fullmatch(r"xl/worksheets/sheet\d+\.xml", name)), key=_number)
+            tables = {name: list(_rows(archive, name, shared, timed)) for name in sheets}
+    except (OSError, KeyError, ValueError, IndexError, zipfile.BadZipFile, LxmlError) as error:
+        raise RecordingError(f"cannot be read as a workbook: {error}", file=path, code="bad-sheet") from None
+    full = [name for name, rows in tables.items() if sum(any(map(_is_number, row)) for row in rows) > 1]
+    if not full:
+        raise RecordingError("has no sheet with rows of numbers", file=path, code="no-numbers")
+    # Blank cells at a row's end are not in the file.
+    width = max(map(len, tables[full[0]]))
+    filled = (row + [""] * (width - len(row)) if any(map(_is_number, row)) else row for row in tables[full[0]])
+    text = "".join(map(_line, filled))
+    message = f"has {len(full)} sheets with numbers, of which the first is read"
+    return text.encode(), (Problem(message, file=path, code="several-sheets"),) if len(full) > 1 else ()
+
+
+def _line(row: Sequence[str]) -> str:
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in row])
+    return text.getvalue()
+
+
+def _number(name: str) -> int:
+    return int(re.sub(r"\D", "", name))
+
+
+def _is_number(cell: str) -> bool:
+    return re.fullmatch(r"[-+.\d]+([eE][-+]?\d+)?", cell) is not None
+
+
+def _parts(archive: zipfile.ZipFile, name: str, tag: str) -> Iterator[Any]:
+    """Elements of a part of the workbook, each forgotten after its turn; none where there is no such part."""
+    from lxml.etree import iterparse
+
+    if name not in archive.namelist():
+        return
+    with archive.open(name) as stream:
+        for _, element in iterparse(stream, tag=f"{{*}}{tag}", resolve_entities=False):
+            yield element
+            element.clear()
+
+
+def _cell_styles(archive: zipfile.ZipFile) -> Iterator[Any]:
+    for table in _parts(archive, "xl/styles.xml", "cellXfs"):
+        yield from list(table)
+
+
+def _is_time(archive: zipfile.ZipFile, form: int) -> bool:
+    """Whether numbers in this format are days: Excel's own formats of dates, or one with letters of dates."""
+    codes = {int(one.get("numFmtId")): one.get("formatCode", "") for one in _parts(archive, "xl/styles.xml", "numFmt")}
+    return any(form in days for days in _DAYS) or re.search("[dhmsy]", _NAMED.sub("", codes.get(form, "")).lower()) is not None
+
+
+def _rows(archive: zipfile.ZipFile, name: str, shared: Sequence[str], timed: Sequence[bool]) -> Iterator[list[str]]:
+    """Rows of cells as text, blank ones where the sheet has none, so that lines are its rows."""
+    last = 0
+    for row in _parts(archive, name, "row"):
+        number = int(row.get("r", last + 1))
+        yield from ([] for _ in range(number - last - 1))
+        last, cells = number, list[str]()
+        for cell in row:
+            place = _column(cell.get("r", "")) or len(cells) + 1
+            cells += [""] * (place - 1 - len(cells))
+            cells.append(_text(cell, shared, timed))
+        yield cells
+
+
+def _column(place: str) -> int:
+    """27 of `AA3`."""
+    count = 0
+    for letter in re.sub(r"[^A-Z]", "", place):
+        count = 26 * count + ord(letter) - ord("A") + 1
+    return count
+
+
+def _text(cell: Any, shared: Sequence[str], timed: Sequence[bool]) -> str:
+    kind = cell.get("t", "n")
+    if kind == "inlineStr":
+        return "".join(cell.itertext("{*}t"))
+    value = cell.findtext("{*}v") or ""
+    if kind == "s":
+        return shared[int(value)]
+    style = int(cell.get("s", 0))
+    if kind == "n" and value and style < len(timed) and timed[style]:
+        days = float(value)
+        moment = _ZERO + timedelta(seconds=round(days * 86400, 6))
+        return moment.isoformat(timespec="microseconds") if days >= 1.0 else f"{moment:%H:%M:%S.%f}"
+    return value
