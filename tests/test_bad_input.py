@@ -59,6 +59,15 @@ ROBOTS = {
     "no real value": ("<spring_k>10<", "<spring_k>pow(-1, 0.5)<", "has no real value"),
     "negative inertia": ('ixx="1e-3"', 'ixx="-1e-3"', "negative principal moment"),
     "mode 9": ("<operation_mode>3<", "<operation_mode>9<", "8 (MotorCurrents)"),
+    "no joint": ("<joint>elbow</joint>", "", "required tag <joint> is missing"),
+    "no mass": ('<mass value="0.5"/>', "", "<inertial> has no <mass>"),
+    "no inertia": (
+        '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>', "", "<inertial> has no <inertia>"
+    ),
+    "two inertials": ("</inertial>", f"</inertial>{INERTIAL}", "more than one <inertial>"),
+    "divided by zero": ("<spring_k>10<", "<spring_k>1 / (2 - 2)<", "divides by zero"),
+    "too large": ("<spring_k>10<", "<spring_k>pow(10, 999)<", "too large for a number"),
+    "too deep": ("<spring_k>10<", f"<spring_k>{'-' * 150}1<", "nested deeper than"),
     "wrong joint": ("<joint>elbow<", "<joint>ellbow<", "Did you mean 'elbow'?"),
     "massless": ('<mass value="0.5"/>\n      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>',
                  '<mass value="0"/><inertia ixx="0" iyy="0" izz="0"/>', "nothing behind this joint"),
@@ -150,6 +159,14 @@ SCENARIOS = {
     "wrench of nothing": ("duration: 1.5", "duration: 1.5\nwrenches: [{link: arm}]", "a force or a torque"),
     "twice": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1, spring_stiffness: 2}}", "same parameter"),
     "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),
+    "reversed range": (
+        "duration: 1.5",
+        "duration: 1.5\nreference_ranges: {elbow: {equilibrium_position: [1, -1]}}",
+        "larger than the largest",
+    ),
+    "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
+    "named and variants": ("duration: 1.5", "duration: 1.5\nvariant: a\nvariants: {a: {}}", "names them there"),
+    "manager of nothing": ("duration: 1.5", "duration: 1.5\nmanager: step.yaml", "step.yaml"),
     "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),
 }
 """Case -> what is replaced in the tiny scenario, by what, and words of the error."""

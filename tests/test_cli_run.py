@@ -260,6 +260,7 @@ def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes:
     assert "elbow" in summary["message"]
 
 
+@pytest.mark.restless
 def test_ctrl_c_ends_a_run_cleanly(tiny) -> None:
     process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
     wait_for(lambda: log_of(tiny).exists() and log_of(tiny).stat().st_size > 200_000, process)

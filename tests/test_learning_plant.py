@@ -244,6 +244,7 @@ def test_the_default_gain_and_the_model_s_are_safe_by_themselves():
         assert result.trials[-1].worst < 1.3 * result.best_trial.worst
 
 
+@pytest.mark.restless
 def test_every_file_that_the_plant_depends_on_counts(tmp_path):
     """A resumed run is refused when a playback that another reference plays has changed."""
     recording = tmp_path / "torque.csv"

@@ -34,8 +34,8 @@ class Chain:
     """A robot on its base."""
 
     robot: Robot
-    base_position: Vector = (0.0, 0.0, 0.0)
-    base_rpy: Vector = (0.0, 0.0, 0.0)
+    base_position: Vector
+    base_rpy: Vector
 
     def poses(self, positions: Mapping[str, Array], base: Pose | None = None) -> dict[str, Pose]:
         """Pose of every link, link's frame, where joints stand at `positions` (joint -> (n,), rad or m; absent: 0).
