@@ -18,7 +18,8 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.certify import certify as certify_run
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.recording import Sink
+from asrsim.simulation.run import Run, simulate
 from asrsim.summary import Collector, RunSummary
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -23,6 +24,9 @@ from seen import CHANGING, _extent, figure_lines, page_lines
 import asrsim
 from asrsim.samples import Samples
 
+ROOT = Path(__file__).parents[1]
+HERE = re.compile(r"[^\s'\"]*/pytest-of-[^/]+/pytest-\d+/(?:popen-gw\d+/)?[^/\s'\"]+/")
+"""A test's own folder; places are named before texts are cut, which would else be cut elsewhere in another checkout."""
 WORDS = 60
 """Of a value or a file, which are kept."""
 SPEED = CHANGING[0][0]
@@ -64,7 +68,7 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
     elif isinstance(value, int | float):
         yield "0" if abs(value) < detail.least else f"{value:.4g}"
     elif isinstance(value, str):
-        yield repr(SPEED.sub("SPEED", value)[:60])
+        yield repr(SPEED.sub("SPEED", HERE.sub("FOLDER/", value.replace(str(ROOT), "ROOT")))[:60])
     elif isinstance(value, Path):
         yield value.name
     elif depth > 5:

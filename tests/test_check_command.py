@@ -115,7 +115,7 @@ def test_scenario_with_its_robot(runner: CliRunner, good: Path, tmp_path: Path) 
     )
     result = runner.invoke(app, ["check", str(scenario)])
     assert result.exit_code == 0, result.stdout
-    row = next(line for line in result.stdout.splitlines() if line.startswith("spring_stiffness"))
+    row = next(line for line in result.stdout.splitlines() if line.lstrip().startswith("spring_stiffness"))
     assert "300" in row
     assert "scenario" in row
     assert "too stiff at a step of 10 ms" in result.stdout

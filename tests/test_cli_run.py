@@ -211,6 +211,20 @@ def test_a_file_that_is_no_log_of_ours_is_kept(tiny, asrsim_command) -> None:
     assert (tiny.folder / "results" / "log.mcap").read_text() == "my diary"
 
 
+def test_a_repetition_that_ends_before_its_log_says_how_much_is_missing(tiny, asrsim_command, monkeypatch) -> None:
+    from asrsim.runs import repeat
+    from asrsim.simulation.run import simulate
+
+    asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "-q", "--set", "duration=0.1")
+    shorter = lambda scenario, *given, **how: simulate(replace(scenario, duration=0.04), *given, **how)  # noqa: E731
+    monkeypatch.setattr("asrsim.runs.repeat.simulate", shorter)
+    found = repeat.repeat(tiny.folder / "out" / "log.mcap")
+    assert (found.samples, found.missing, found.logged_samples, found.identical) == (41, 60, 101, False)
+    outcome = asrsim_command("rerun", "out/log.mcap")
+    assert outcome.code == 1
+    assert "60 samples before the log" in outcome.err
+
+
 def test_what_a_run_no_longer_makes_goes_with_the_earlier_one(tiny, asrsim_command) -> None:
     asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "--report", "-q")
     assert (tiny.folder / "out" / "report.html").exists()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from asrsim.scenario.data import LinkDamping
 from asrsim.simulation.damping import Response, mean_response
+from validation.models import Body, chain, run
 
 STEP = 1e-3
 
@@ -50,3 +52,12 @@ def test_joints_that_damping_couples_are_solved_for_together() -> None:
     assert found.response @ [1.0, -2.0] == pytest.approx(expected, rel=1e-12)
     still = np.linalg.solve(np.eye(2) + response @ np.diag(dampings), [0.3, 0.1])
     assert found.spread @ [0.3, 0.1] == pytest.approx(still, rel=1e-12)
+
+
+def test_damping_follows_the_stiffness_where_there_is_a_spring_and_is_constant_where_there_is_none() -> None:
+    constant, ratio = LinkDamping(constant=0.1), LinkDamping(constant=0.1, ratio=0.5, inertia=0.02)
+    for mode, same in ((1, True), (6, False)):
+        robot = chain(Body(actuator="sea"))
+        ends = [run(robot, mode=mode, initial=[0.3], duration=0.05, link_damping={"*": law}) for law in (constant, ratio)]
+        one, other = (end.samples.values["link_position"][-1, 0] for end in ends)
+        assert bool(one == other) is same

@@ -64,7 +64,7 @@ def test_claims_hold(scenario):
         if claim.variant not in (None, scenario.variant):
             continue
         columns = body_columns(samples, claim.body) if claim.body else joint_columns(run, claim.joint)
-        result = evaluate_expectation(claim, samples.time, columns)
+        result = evaluate_expectation(claim, samples.time, columns, checked=False)
         if not result.holds:
             failed.append(result.text)
     assert failed == []

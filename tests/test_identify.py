@@ -208,6 +208,14 @@ def test_a_delay_that_is_ignored_is_suspected(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_channel_of_another_sign_is_told_of(lab):
+    flipped = ["joint_1.link_position [rad]=-joint_1.link_position [rad]"]
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, mapping=flipped, starts=1, workers=1)
+    assert not result.fits
+    assert any("another sign of joint_1.link_position (-1" in text and "--map" in text for text in result.causes), result.causes
+
+
+@pytest.mark.slow
 def test_a_spring_of_another_law_does_not_fit(tmp_path):
     cubic = Path(tmp_path / "cubic.py")
     cubic.write_text(

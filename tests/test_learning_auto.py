@@ -167,9 +167,11 @@ def test_one_joint_of_a_soft_arm_learns_while_the_others_follow(joint, tmp_path)
 def test_losses_are_those_of_the_joint(tmp_path):
     robot = make_plant(random_arm(5).make(tmp_path)).robot
     assert Losses.of(robot, "joint_1").damping == robot.joint("joint_1").damping
-    limited = replace(robot.joint("joint_1"), lower=-0.5, upper=0.7, effort=3.0)
-    for kind, stops in (("revolute", (-0.5, 0.7)), ("continuous", (-np.inf, np.inf))):
-        joints = tuple(replace(limited, kind=kind) if joint.name == "joint_1" else joint for joint in robot.joints)
+    limited = replace(robot.joint("joint_1"), effort=3.0)
+    for (lower, upper), stops in (((-0.5, 0.7), (-0.5, 0.7)), ((None, None), (-np.inf, np.inf))):
+        joints = tuple(
+            replace(limited, lower=lower, upper=upper) if joint.name == "joint_1" else joint for joint in robot.joints
+        )
         found = Losses.of(replace(robot, joints=joints), "joint_1")
         assert (*found.stops, found.effort) == (*stops, 3.0)
 

@@ -388,6 +388,18 @@ def test_a_run_of_four_joints_has_no_overview_and_draws_all_of_them(tmp_path: Pa
     assert [page.name for page in run_pages([run], brief=True)] == ["joints_1", "joints_2"]
 
 
+def test_all_pages_are_drawn_unless_few_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    log, asked = made_up_log(tmp_path / "log.mcap", joints=1, count=50), []
+    monkeypatch.setattr("asrsim.plots.run.run_pages", lambda runs, **how: asked.append(how["brief"]) or [])
+    for draw in (
+        lambda: draw_run(log, tmp_path),
+        lambda: draw_runs([log], tmp_path),
+        lambda: draw_run(log, tmp_path, brief=True),
+    ):
+        assert draw() == []
+    assert asked == [False, False, True]
+
+
 def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
     from asrsim.log import open_log
     from asrsim.plots.claims import logged_claims

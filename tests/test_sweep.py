@@ -573,6 +573,7 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     assert list(table["run"]) == list(range(1000))
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
     assert not list(tmp_path.glob("part-*"))
+    assert len(Store(tmp_path, columns, 1000).missing) == 0
 
 
 @pytest.mark.parametrize(("samples", "points"), [(2, 2), (5, 8), (64, 64), (65, 128)])

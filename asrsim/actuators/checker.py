@@ -73,11 +73,11 @@ _Measure = Callable[[type[Actuator]], Iterator[tuple[float, str]]]
 def _run(name: str, doc: str, limit: float | None, measure: _Measure, actuator: type[Actuator]) -> Check:
     worst, where = 0.0, ""
     try:
-        for figure, place in measure(actuator):
+        for figure, point in measure(actuator):
             if math.isnan(figure):
-                raise _FailedError(f"not a number at {place}")
+                raise _FailedError(f"not a number at {point}")
             if figure > worst:
-                worst, where = figure, place
+                worst, where = figure, point
     except _FailedError as error:
         return Check(name=name, passed=False, doc=doc, limit=limit, detail=str(error))
     except Exception as error:

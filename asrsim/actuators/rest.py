@@ -61,13 +61,13 @@ def _resting(drive: Drive, motor: int, position: float, wanted: float, places: l
     def left(theta: float) -> float:
         return load(theta) - min(max(gain * (wanted - theta), -most), most)
 
-    here = load(wanted)
+    wanted_load = load(wanted)
     if drive.integral[motor] > 0.0:
         # In time the controller gives whatever holds the spring, up to the motor's largest torque.
-        held = min(max(here, -most), most)
-        rest = wanted if held == here else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)[0]
+        held = min(max(wanted_load, -most), most)
+        rest = wanted if held == wanted_load else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)[0]
     else:
-        rest = increasing_root(left, wanted, abs(here) / gain if gain > 0.0 else 1.0)[0]
+        rest = increasing_root(left, wanted, abs(wanted_load) / gain if gain > 0.0 else 1.0)[0]
     return min(max(rest, low), high)
 
 
@@ -76,15 +76,15 @@ def increasing_root(
 ) -> tuple[float, float]:
     """Where a growing function is 0, and 0: it is looked for from `start` on, first as far as `reach`, then farther, up to
     `farthest`; the last place looked at and the value there, where it has no zero so far."""
-    here = function(start)
-    side, near, there = -math.copysign(1.0, here), start, here
-    while here != 0.0 and reach <= farthest:
-        far = start + side * reach
-        there = function(far)
-        if there * here <= 0.0:
-            return _root_between(function, near, far), 0.0
-        near, reach = far, 2.0 * max(reach, ROOT_TOLERANCE)
-    return near, there
+    first = value = function(start)
+    side, place = -math.copysign(1.0, first), start
+    while first != 0.0 and reach <= farthest:
+        farther = start + side * reach
+        value = function(farther)
+        if value * first <= 0.0:
+            return _root_between(function, place, farther), 0.0
+        place, reach = farther, 2.0 * max(reach, ROOT_TOLERANCE)
+    return place, value
 
 
 def _root_between(function: Callable[[float], float], one: float, other: float) -> float:

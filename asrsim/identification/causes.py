@@ -1,5 +1,5 @@
-"""What a model that does not fit may lack: delays, zeros, springs of joints, ties that are none, springs of another law,
-hysteresis.
+"""What a model that does not fit may lack: delays, zeros, other signs, springs of joints, ties that are none, other laws of
+springs, hysteresis.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ FURTHER = 0.8
 """Share of the mean square error that is left, at most, where a second cause is looked for beside a first."""
 HOPE = 0.005
 """Share of the error, squared, that a cause must explain with all else as it is, to be tried beside the rest."""
+FOLLOWED = 0.5
+"""Share of a channel's variance below which a fit hardly follows it."""
 CAUSES = 3
 """That are suspected together, at most."""
 TREND = 0.6
@@ -45,6 +47,8 @@ class _Cause:
     """With it as its last entry."""
     begin: float | None
     """Where its search begins; None: where slopes say."""
+    far: bool = False
+    """Tried whatever slopes say."""
 
 
 def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
@@ -57,7 +61,7 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         here = residuals.under(layout)
         slopes = np.linalg.qr(here.jacobian(places[0]))[0]
         causes = list(_causes(residuals, layout, places[0]))
-        promised = [_promised(residuals, cause, places[0], slopes) for cause in causes]
+        promised = [1.0 if cause.far else _promised(residuals, cause, places[0], slopes) for cause in causes]
         trials = [_tried(residuals, cause, places, step) for cause, step in zip(causes, promised, strict=True) if step]
         if not trials:
             break
@@ -121,6 +125,10 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
         if key.endswith("position") and f"{key}.offset" not in free:
             parameter = Parameter(key=f"{key}.offset", unit=unit, start=0.0)
             yield _Cause(f"a zero offset of {key}", f"--free {key}.offset", layout.extended(parameter), 0.0)
+    for key in _lost(residuals, layout, x):
+        if f"{key}.gain" not in free:
+            parameter = Parameter(key=f"{key}.gain", unit="", start=1.0, low=-10.0, high=10.0)
+            yield _Cause(f"another sign of {key}", f"--map COLUMN=-{key}", layout.extended(parameter), -2.0, far=True)
     for drive in residuals.tracks[0].prepared.drives:
         key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
         if drive.joint.spring_stiffness == 0.0 and key not in free and not (drive.mode and drive.mode.spring):
@@ -135,6 +143,16 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
             without = replace(layout, ties=tuple(one for one in layout.ties if one is not tie))
             text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
             yield _Cause(text, f"--free {tie.key}", without.extended(parameter), 0.0)
+
+
+def _lost(residuals: Residuals, layout: Layout, x: Array) -> list[str]:
+    """Channels that are hardly followed."""
+    here, found = residuals.under(layout), dict[str, None]()
+    for number, track in enumerate(residuals.tracks):
+        for channel, left in zip(track.channels, here.raw(x, number, here.until(number)) or (), strict=False):
+            if float(np.mean(left**2)) > (1.0 - FOLLOWED) * float(np.var(channel.values[: len(left)])):
+                found[channel.key] = None
+    return list(found)
 
 
 def block_estimates(residuals: Residuals, x: Array, jacobian: Array, count: int = BLOCKS) -> tuple[Array, Array, Array]:

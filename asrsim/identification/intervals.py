@@ -58,9 +58,9 @@ class Uncertainty:
 
         ordinary: (k,) variances; directions: (k, n) by which blocks' scores move what is estimated.
         """
-        from scipy.stats import chi2, norm, t
+        from scipy.special import chdtri, ndtri, stdtrit
 
-        deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), norm.ppf(0.975))
+        deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), ndtri(0.975))
         # Blocks of a recording may differ less among each other than recordings do.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
@@ -69,10 +69,10 @@ class Uncertainty:
                 continue
             spread = np.sum((scores @ directions.T) ** 2, axis=0) * count / (count - 1)
             with np.errstate(invalid="ignore", divide="ignore"):
-                beyond = spread / ordinary > chi2.ppf(CHANCE, count - 1) / (count - 1)
+                beyond = spread / ordinary > chdtri(count - 1, 1.0 - CHANCE) / (count - 1)
             wide = np.sqrt(spread)
-            beyond &= wide * t.ppf(0.975, count - 1) > deviation * quantile
-            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, t.ppf(0.975, count - 1), quantile)
+            beyond &= wide * stdtrit(count - 1, 0.975) > deviation * quantile
+            deviation, quantile = np.where(beyond, wide, deviation), np.where(beyond, stdtrit(count - 1, 0.975), quantile)
         return deviation, quantile
 
 

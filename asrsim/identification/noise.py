@@ -76,7 +76,7 @@ def swings(residuals: Array, share: float = 0.0) -> bool:
     Swings fade and change their frequency, so that bands of several widths are tried where the rest is white (but for one lag);
     correlated noise has a smooth spectrum, on which only a narrow band stands out of those around.
     """
-    from scipy.stats import gamma
+    from scipy.special import gammaincc
 
     n = len(residuals)
     if n < 4 * AROUND or not np.any(residuals):
@@ -95,7 +95,7 @@ def swings(residuals: Array, share: float = 0.0) -> bool:
         band = np.convolve(height, np.ones(width), "same")
         most = int(np.argmax(band))
         inside = float(np.sum(power[max(most - width // 2, 0) : most + width // 2 + 1])) / float(np.sum(power))
-        if float(gamma.sf(band[most], width)) * len(power) < SELDOM and inside - width / len(power) > share:
+        if float(gammaincc(width, band[most])) * len(power) < SELDOM and inside - width / len(power) > share:
             return True
     return False
 

@@ -16,12 +16,13 @@ from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
 from asrsim.identification.layout import Layout
+from asrsim.identification.series import smoothed
 from asrsim.identification.track import Track, numbers_of
 from asrsim.robot.model import Link, Robot
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 
-ROWS = 400
+ROWS = 200
 """Of a recording, at most."""
 LOUD = 30.0
 """Times its noise that a spectrum must be for motion to show in it."""
@@ -130,7 +131,7 @@ class _Balance:
         self._links = [self._link_of(drive, motors) for drive, motors in zip(drives, self._motors, strict=True)]
         self._goals = [[self._smooth(goal) for goal in self._goals_of(drive)] for drive in drives]
         self._torques = {key: self._smooth(self._sampled(*key)) for key in self._recorded if "elastic_torque" in key[1]}
-        self._inertial: tuple[tuple[Link, ...], Array] | None = None
+        self._inertial: list[tuple[tuple[Link, ...], Array]] = []
 
     # -- what is known of the motion ---------------------------------------------------------------------------------
 
@@ -150,10 +151,8 @@ class _Balance:
         return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
 
     def _smooth(self, values: Array | None) -> Array | None:
-        """(n,) filtered forwards and backwards, where it counts."""
-        from scipy.signal import butter, sosfiltfilt
-
-        return None if values is None else sosfiltfilt(butter(4, self._filter, output="sos"), values)[self._kept]
+        """(n,) where it counts."""
+        return None if values is None else smoothed(values, self._filter)[self._kept]
 
     def _motion(self, values: Array | None) -> Motion | None:
         if values is None:
@@ -230,12 +229,16 @@ class _Balance:
 
     def _inertial_torques(self, robot: Robot, links: Sequence[Motion]) -> Array:
         """(n, joints) of inertia, gravity and Coriolis; what only losses or springs change is known from before."""
-        if self._inertial is None or self._inertial[0] != robot.links:
-            model = self._track.evaluation.engine_of(robot).model
-            assert model is not None  # links that nothing prescribes have dynamics
-            motions = (np.column_stack(part) for part in zip(*((m.place, m.velocity, m.rate) for m in links), strict=True))
-            self._inertial = robot.links, np.array([model.inverse_dynamics(*row) for row in zip(*motions, strict=True)])
-        return self._inertial[1]
+        for known, torques in self._inertial:
+            if known == robot.links:
+                return torques
+        model = self._track.evaluation.engine_of(robot).model
+        assert model is not None  # links that nothing prescribes have dynamics
+        motions = (np.column_stack(part) for part in zip(*((m.place, m.velocity, m.rate) for m in links), strict=True))
+        torques = np.array([model.inverse_dynamics(*row) for row in zip(*motions, strict=True)])
+        # Differences go to and fro between a place and those beside it.
+        self._inertial = [(robot.links, torques), *self._inertial[:1]]
+        return torques
 
 
 def _of_motor(drive: SteppedJoint, i: int, motor: Motion, command: Array, load: Array) -> Array:

@@ -20,6 +20,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.evaluation import EXTERNAL, Evaluation
 from asrsim.simulation.prepare import prepare, resolution_of
+from asrsim.simulation.prepared import Prepared
 
 NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
 """Last parts of keys that are of recordings."""
@@ -39,6 +40,8 @@ class Track:
         """Whether the user has chosen them."""
         self.prepared = prepare(self.scenario, robot)
         self.evaluation = Evaluation(self.prepared)
+        self._other: tuple[Prepared, Evaluation] | None = None
+        """Those of the substeps before: fits go to and fro between two."""
         joints = self.evaluation.joints
         self.wanted = [(joints.index(channel.joint), channel.quantity) for channel in data.channels]
         self._commands: tuple[object, Mapping[str, Mapping[str, Signal]]] | None = None
@@ -200,12 +203,18 @@ class Track:
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
         """Run with so many substeps from now on."""
-        if (substeps, motor_substeps) == (self.prepared.resolution.substeps, self.prepared.resolution.motor_substeps):
+        wanted = substeps, motor_substeps
+        if wanted == _substeps(self.prepared):
             return
-        scenario = replace(self.scenario, substeps=substeps, motor_substeps=motor_substeps)
-        self.prepared = prepare(scenario, self._robot)
-        self.evaluation.close()
-        self.evaluation = Evaluation(self.prepared)
+        other, self._other = self._other, (self.prepared, self.evaluation)
+        if other is not None and wanted == _substeps(other[0]):
+            self.prepared, self.evaluation = other
+        else:
+            if other is not None:
+                other[1].close()
+            scenario = replace(self.scenario, substeps=substeps, motor_substeps=motor_substeps)
+            self.prepared = prepare(scenario, self._robot)
+            self.evaluation = Evaluation(self.prepared)
         self._commands = None
 
     def _split(self, values: Mapping[str, float]) -> tuple[dict[str, dict[str, float]], list[float], list[float]]:
@@ -220,8 +229,14 @@ class Track:
         return numbers_of(values), positions, velocities
 
     def close(self) -> None:
-        """Release the engine."""
+        """Release the engines."""
         self.evaluation.close()
+        if self._other is not None:
+            self._other[1].close()
+
+
+def _substeps(prepared: Prepared) -> tuple[int, int]:
+    return prepared.resolution.substeps, prepared.resolution.motor_substeps
 
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.signals.base import Signal
     from asrsim.simulation.prepared import Prepared
-    from asrsim.simulation.run import Run, Sink
+    from asrsim.simulation.recording import Sink
+    from asrsim.simulation.run import Run
 
 
 TRIALS = 10

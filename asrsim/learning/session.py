@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,7 @@ from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.report import demand_data, result_data, transfer_data
 from asrsim.learning.table import write_inputs
 from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
-from asrsim.learning.trial import LearningResult, Trial, worst
+from asrsim.learning.trial import LearningResult, Simulate, Trial, worst
 from asrsim.outfile import write_json
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
@@ -100,17 +101,6 @@ def run_session(
             if on_start is not None:
                 on_start(prepared)
             logger = _Logger(folder, keep == "all")
-
-            if learning.plants is not None:
-                drawn = draw_plants(Spread.of(learning.plants, plant.joints), learning.plants.draws, learning.plants.seed)
-
-                def simulate(inputs: Array) -> Array:
-                    return np.array(outputs_of(plant, inputs, drawn, workers))
-            else:
-
-                def simulate(inputs: Array) -> Array:
-                    return logger.run(plant, inputs)
-
             foreseen: list[float] = []
 
             def ended(trial: Trial) -> None:
@@ -124,14 +114,9 @@ def run_session(
                     if on_foresight is not None:
                         on_foresight(prepared, foreseen)
 
+            simulate = _trials(plant, logger, workers)
             result = learn(
-                prepared.problem,
-                simulate,
-                prepared.settings,
-                ended,
-                law=prepared.law,
-                state=folder / STATE,
-                resume=resume,
+                prepared.problem, simulate, prepared.settings, ended, law=prepared.law, state=folder / STATE, resume=resume
             )
             if keep == "last":
                 logger.write(plant, result.inputs, LOG)
@@ -152,6 +137,15 @@ def run_session(
         )
         _write(session, folder, picture=picture)
         return session
+
+
+def _trials(plant: Plant, logger: _Logger, workers: Executor) -> Simulate:
+    """How a trial is made: by one run, or by one of each of the plants that are learned over."""
+    plants = plant.learning.plants
+    if plants is None:
+        return partial(logger.run, plant)
+    drawn = draw_plants(Spread.of(plants, plant.joints), plants.draws, plants.seed)
+    return lambda inputs: np.array(outputs_of(plant, inputs, drawn, workers))
 
 
 def session_data(session: Session) -> dict[str, Any]:

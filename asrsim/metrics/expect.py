@@ -66,7 +66,7 @@ def evaluate_expectation(
     *,
     reference: Array | None = None,
     prismatic: bool = False,
-    checked: bool = False,
+    checked: bool,
 ) -> ExpectationResult:
     """Evaluates a claim on the quantities of its joint or body.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asrsim.recordings.align import Alignment, align, resample
-from asrsim.recordings.checks import guess_rows, guess_table, suspect_scale
+from asrsim.recordings.checks import guess_rows, suspect_scale
 from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
@@ -23,7 +23,6 @@ __all__ = [
     "band",
     "compare",
     "guess_rows",
-    "guess_table",
     "name_of",
     "read_recording",
     "require_columns",

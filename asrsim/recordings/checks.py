@@ -1,10 +1,9 @@
-"""Suspicions: factors between simulation and recording that are units, not physics; and the table of guesses."""
+"""Suspicions: factors between simulation and recording that are units, not physics; and what columns were taken for."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,6 @@ from asrsim.errors import Problem
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 _FACTORS = (
     (180 / math.pi, "the recording seems to be in degrees"),
@@ -177,15 +173,3 @@ def guess_rows(recording: Recording) -> tuple[GuessRow, ...]:
         )
         for column in recording.channels.values()
     )
-
-
-def guess_table(recording: Recording) -> Table:
-    """The same as a table for the terminal."""
-    from rich.table import Table
-
-    table = Table(title=f"{recording.path.name} as it was read")
-    for heading in ("column", "joint.quantity", "unit", "conversion", "why"):
-        table.add_column(heading)
-    for row in guess_rows(recording):
-        table.add_row(row.column, row.meaning, row.unit, row.conversion, row.origin)
-    return table

@@ -52,7 +52,7 @@ def read_recording(
         rate: Hz; replaces the file's time by an even one from 0, for text and MATLAB files without a time.
 
     Returns:
-        The recording in SI units with all findings; show `guess_table(recording)` to the user.
+        The recording in SI units with all findings; show `guess_rows(recording)` to the user.
 
     Raises:
         RecordingError: With what was found and what was expected.

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError, did_you_mean
-from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, Robot
+from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
 JOINT_NAMES = {
@@ -39,6 +39,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
     joints = {joint.name: joint for joint in robot.joints}
     links = {link.name: link for link in robot.links}
     for owner, values in parameters.items():
+        numbers: dict[str, ParameterValue] = {}
         if owner not in joints and owner not in links:
             known = (*joints, *links)
             hint = did_you_mean(owner, known)
@@ -53,7 +54,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
                 joints[owner] = replace(joints[owner], **changed)
             elif owner in blocks and name in blocks[owner].parameters:
-                blocks[owner] = _with_parameter(blocks[owner], name, value, key, problems)
+                numbers[name] = _parameter(blocks[owner], name, value, key, problems)
             elif owner in links and name in LINK_NAMES:
                 links[owner] = _with_inertial(links[owner], name, value, key, problems)
             elif owner in joints or owner in links:
@@ -62,6 +63,8 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 problems.append(
                     Problem("no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
                 )
+        if numbers:
+            blocks[owner] = replace(blocks[owner], parameters={**blocks[owner].parameters, **numbers})
     if not problems:
         problems += (fault for block in robot.actuators if blocks[block.joint] is not block
                      for fault in together_faults(blocks[block.joint]))  # fmt: skip
@@ -98,12 +101,11 @@ def _declared(actuator: Any) -> dict[str, Parameter]:
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
 
-def _with_parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ActuatorBlock:
+def _parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ParameterValue:
     actuator: Any = ACTUATORS.get(block.actuator)
     fault = parameter_fault(_declared(actuator)[name], value)
     _check(fault is None, key, value, fault or "", problems)
-    changed = replace(block.parameters[name], value=float(value), origin="scenario")
-    return replace(block, parameters={**block.parameters, name: changed})
+    return replace(block.parameters[name], value=float(value), origin="scenario")
 
 
 def _with_inertial(link: Link, name: str, value: float, key: str, problems: list[Problem]) -> Link:

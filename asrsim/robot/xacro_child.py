@@ -90,16 +90,15 @@ def _refuse_entities(text: str, file: str) -> None:
     parser.Parse(text, True)
 
 
-def _restrict(request: dict[str, Any]) -> None:
-    """Put guards in the place of xacro's evaluation, parsing, YAML loading, packages and environment."""
-    import xacro
-    import xacro.substitution_args as substitution
+class _Guards:
+    """What stands in the place of xacro's parsing, YAML loading, packages, environment and evaluation of `$(eval ...)`."""
 
-    roots = [Path(root) for root in request["roots"]]
+    def __init__(self, request: dict[str, Any]) -> None:
+        self._request = request
 
-    def read(filename: str) -> str:
+    def _read(self, filename: str) -> str:
         path = Path(filename).resolve()
-        if not any(path.is_relative_to(root) for root in roots):
+        if not any(path.is_relative_to(root) for root in self._request["roots"]):
             raise RefusedError(
                 f"{filename} lies outside the file's folder and the known packages", code="path-outside",
                 hint="Name the package's folder if you trust it",
@@ -107,39 +106,40 @@ def _restrict(request: dict[str, Any]) -> None:
         if not path.is_file():
             raise RefusedError(f"{filename} does not exist", code="missing-file")
         with path.open("rb") as stream:
-            data = stream.read(request["max_bytes"] + 1)
-        if len(data) > request["max_bytes"]:
+            data = stream.read(self._request["max_bytes"] + 1)
+        if len(data) > self._request["max_bytes"]:
             raise RefusedError(f"{filename} is too large", code="file-too-large")
         return data.decode("utf-8-sig")
 
-    def parse(_given: Any, filename: str | None = None) -> Any:
+    def parse(self, _given: Any, filename: str | None = None) -> Any:
         import xml.dom.minidom
 
-        text = read(filename or "")
+        text = self._read(filename or "")
         try:
             _refuse_entities(text, filename or "")
             return xml.dom.minidom.parseString(text.encode())
         except expat.ExpatError as error:
             raise RefusedError(f"{filename}:{error.lineno}: not well-formed XML", code="malformed-xml") from error
 
-    def load_yaml(filename: str) -> Any:
+    def load_yaml(self, filename: str) -> Any:
+        import xacro
         import yaml
 
         for unit in xacro.ConstructUnits:
             yaml.SafeLoader.add_constructor(unit.value.tag, unit.constructor)
         full = xacro.abs_filename_spec(filename)
-        text = read(full)
+        text = self._read(full)
         xacro.filestack.append(full)
         try:
             return xacro.YamlListWrapper.wrap(yaml.safe_load(text))
         finally:
             xacro.filestack.pop()
 
-    def find(name: str) -> str:
-        if name in request["packages"]:
-            return str(request["packages"][name])
+    def find(self, name: str) -> str:
+        if name in self._request["packages"]:
+            return str(self._request["packages"][name])
         if name and "/" not in name and name not in (".", ".."):
-            for root in map(Path, request["searched"]):
+            for root in map(Path, self._request["searched"]):
                 candidates = (
                     [root, root / name, root / "share" / name] if root.name == name else [root / name, root / "share" / name]
                 )
@@ -151,12 +151,15 @@ def _restrict(request: dict[str, Any]) -> None:
             hint=f"Give its folder: --package {name}=FOLDER, or packages in the scenario",
         )  # fmt: skip
 
-    def environment(name: str) -> str:
+    def environment(self, name: str) -> str:
         raise RefusedError(
             f"environment variable {name} is not given to a robot file", code="xacro-refused", hint="Use a xacro argument"
         )
 
-    def evaluate(expression: str, context: dict[str, Any]) -> str:
+    def evaluate(self, expression: str, context: dict[str, Any]) -> str:
+        import xacro
+        import xacro.substitution_args as substitution
+
         names = {
             key: value
             for key, value in xacro.create_global_symbols().items()
@@ -164,18 +167,25 @@ def _restrict(request: dict[str, Any]) -> None:
         }
         names.update(
             {key: substitution.convert_value(value, "auto") for key, value in context.get("arg", {}).items()},
-            find=find, env=environment, optenv=lambda _name, default="": default, true=True, false=False,
+            find=self.find, env=self.environment, optenv=lambda _name, default="": default, true=True, false=False,
             arg=lambda name: substitution.convert_value(context["arg"][name], "auto"),
         )  # fmt: skip
         return str(_checked_eval(expression, names))
 
+
+def _restrict(request: dict[str, Any]) -> None:
+    """Put the guards in their places."""
+    import xacro
+    import xacro.substitution_args as substitution
+
+    guards = _Guards(request)
     xacro.safe_eval = _checked_eval
-    xacro.parse = parse
-    xacro.load_yaml = load_yaml
-    substitution._eval_find = find
-    substitution._eval_env = environment
+    xacro.parse = guards.parse
+    xacro.load_yaml = guards.load_yaml
+    substitution._eval_find = guards.find
+    substitution._eval_env = guards.environment
     substitution._eval_optenv = lambda _name, default="": default
-    substitution._eval = evaluate
+    substitution._eval = guards.evaluate
     # The tables of names hold the old functions: fill them anew, then take out what opens doors.
     symbols = xacro.create_global_symbols()
     for name in ("type", "vars", "hash", "repr"):

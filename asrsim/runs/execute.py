@@ -22,7 +22,8 @@ from asrsim.simulation.certify import Certificate
 from asrsim.simulation.certify import certify as certify_run
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.recording import Sink
+from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.side_by_side import COMPARED
 from asrsim.summary import Collector, RunSummary, make_summary
 from asrsim.summary.claims import Claims, check_claims, needs_of

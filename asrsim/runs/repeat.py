@@ -21,7 +21,8 @@ from asrsim.runs.folder import LOG, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
-from asrsim.simulation.run import Run, Sink, simulate
+from asrsim.simulation.recording import Sink
+from asrsim.simulation.run import Run, simulate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,10 +147,14 @@ def repeat(
             error, run = caught, caught.run
         if writer is not None:
             writer.close(result_metadata(run, error))
+    return _told(reader, run, comparer, folder / LOG if folder is not None else None)
+
+
+def _told(reader: LogReader, run: Run, comparer: Comparer, log: Path | None) -> Repetition:
+    """What came of it; log: of the repeated run."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
-    here = run.info.metadata
-    there = reader.info.metadata
+    here, there = run.info.metadata, reader.info.metadata
     return Repetition(
         path=reader.path,
         variant=reader.info.variant,
@@ -164,7 +169,7 @@ def repeat(
             for name in ("asrsim", "engine_version", "numpy")
             if name in there and name in here and there[name] != here[name]
         },
-        log=folder / LOG if folder is not None else None,
+        log=log,
     )
 
 

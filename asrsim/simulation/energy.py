@@ -149,27 +149,35 @@ class EnergyMeter:
                 losses[HEAT] = springs.heat(raw)
             for flow, loss in losses.items():
                 flows.setdefault(flow, np.zeros((joints, n)))[pick] = loss
-        through = np.abs(work)
-        through += np.abs(link)
-        if pushed_in is not None:
-            through += np.abs(pushed_in)
-        turnover = through.sum(axis=1)
-        self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
+        self._turn_over([work, link] if pushed_in is None else [work, link, pushed_in])
         flows |= {WORK: work, LINK: link}
         at = [self._sum(flow, flows.get(flow), n if self._whole else 1) for flow in range(FLOWS)]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
         if not self._whole:
             stored, kinetic = stored[:, -1:], kinetic[:, -1:]
+        residual = self._vanished(at, stored + kinetic - self._start)
+        self.residual = residual[:, -1].copy()
+        return {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
+
+    def _turn_over(self, flows: Sequence[Array]) -> None:
+        """Flows (joints, n) in J have gone through."""
+        through = np.abs(flows[0])
+        for flow in flows[1:]:
+            through += np.abs(flow)
+        turnover = through.sum(axis=1)
+        self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
+
+    def _vanished(self, at: Sequence[Array], held: Array) -> Array:
+        """(joints, n) J, of the flows and of what springs and motors hold, both since the start."""
         residual = at[WORK] - at[LOST]
         residual -= at[LINK]
         if at[CUT].any():
             residual -= self._sprung * at[CUT]
         if at[LAGGED].any():
             residual -= at[LAGGED]
-        residual -= stored + kinetic - self._start
-        self.residual = residual[:, -1].copy()
-        return {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
+        residual -= held
+        return residual
 
     def _sum(self, flow: int, values: Array | None, rows: int) -> Array:
         """J since the start at the rows (joints, n), or at the last of them (joints, 1), of what flows from each to the next;

@@ -82,20 +82,21 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         worst = drives[max(free, key=lambda j: abs(left[j]))].name
         message = f"joint '{worst}' finds no equilibrium: nothing holds it"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
-    found = []
-    for j, drive in enumerate(drives):
-        position = float(q[j])
-        positions: tuple[float, ...] | None = None
-        integrals: tuple[float, ...] = ()
-        if drive.drive and drive.drive.mode.controller:
-            if drive.dynamic_motors:
-                positions = resting = resting_motors(drive.drive, position, goals[j])
-                integrals = resting_integrals(drive.drive, position, resting)
-            elif _holds(drive):
-                load = float(weight(q)[j] - external[j]) - link_torque(drive, position, goals[j])
-                integrals = (_limited(drive, load),)
-        found.append(replace(drive, initial_position=position, motor_positions=positions, integrals=integrals))
-    return tuple(found)
+    loads = (weight(q) - external).tolist()
+    return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, loads, strict=True))
+
+
+def _resting(drive: SteppedJoint, q: float, goals: tuple[float, float], load: float) -> SteppedJoint:
+    """The drive with its link at q, rad (m), where it holds a load, N m (N)."""
+    positions: tuple[float, ...] | None = None
+    integrals: tuple[float, ...] = ()
+    if drive.drive and drive.drive.mode.controller:
+        if drive.dynamic_motors:
+            positions = resting = resting_motors(drive.drive, q, goals)
+            integrals = resting_integrals(drive.drive, q, resting)
+        elif _holds(drive):
+            integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
+    return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
 def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> float:

@@ -162,28 +162,16 @@ class Loop:
         count = len(self.drives)
         joints = zip(self.drives, self._sensings, self._flat, positions, velocities, strict=True)
         rows = [joint_row(*joint, self.substep, compiled=self.compiled) for joint in joints]
-        if self.compiled:
-            width = max(map(len, rows))
-            table = np.zeros((count + 1, width + 2 * count))
-            for j, row in enumerate(rows):
-                table[j, : len(row)] = row
-            if hasattr(self, "joints"):
-                table[:, -2 * count :] = self.joints[:, -2 * count :]
-                table[:, WEIGHT] = self.joints[:, WEIGHT]
-                self.joints[:] = table
-            else:
-                self.joints: Any = table
-            return
+        width = max(map(len, rows)) if self.compiled else 0
         old = getattr(self, "joints", None)
         for j, row in enumerate(rows):
-            row += [0.0] * (2 * count) if old is None else old[j][-2 * count :]
+            row.extend([0.0] * (width - len(row)))
+            row.extend([0.0] * (2 * count) if old is None else old[j][-2 * count :])
             if old is not None:
                 row[WEIGHT] = old[j][WEIGHT]
-        if old is None:
-            self.joints = [*rows, [0, 0]]
-        else:
-            for j, row in enumerate(rows):
                 old[j][:] = row
+        if old is None:
+            self.joints: Any = np.array([*rows, [0.0] * len(rows[0])]) if self.compiled else [*rows, [0, 0]]
 
     def refresh_response(self, k: int) -> None:
         """Look at how the links' velocities answer torques, every :data:`REFRESH` substeps; at 0 also at what acts already."""

@@ -30,8 +30,8 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
 
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
-        here = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
-        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {here}"
+        installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
+        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.compiling import available
-from asrsim.errors import DivergenceError, Problem, SimulationError
+from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
@@ -196,6 +196,3 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
                 )
             )
     return warnings
-
-
-__all__ = ["Prepared", "Run", "SimulationError", "Sink", "prepare", "simulate"]

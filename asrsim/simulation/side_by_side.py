@@ -109,6 +109,6 @@ class Differences:
 
     def of(self, quantity: str, joint: int) -> tuple[float, float]:
         """The largest, and the root of their mean square."""
-        place = COMPARED.index(quantity), joint
-        seen = self._seen[place]
-        return float(self._largest[place]), math.sqrt(self._squares[place] / seen) if seen else math.nan
+        entry = COMPARED.index(quantity), joint
+        seen = self._seen[entry]
+        return float(self._largest[entry]), math.sqrt(self._squares[entry] / seen) if seen else math.nan

@@ -168,8 +168,8 @@ class SpringMeter:
 
     def _adjuster(self, raw: Array, cut: Array, spring: Array, absorbed: Array, moved: Array) -> Array:
         """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
-        q, theta, place = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
+        q, theta, lever = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
-        work = self._energy(middle, motor, place[:, 1:]) - self._energy(middle, motor, place[:, :-1])
+        work = self._energy(middle, motor, lever[:, 1:]) - self._energy(middle, motor, lever[:, :-1])
         # In a step in which it jumps its work is what spring, link and motor have absorbed.
         return np.asarray(np.where(cut, absorbed + spring * (moved - change(theta)), work))

@@ -15,8 +15,8 @@ from asrsim.simulation.stretch import Joints, leave
 from asrsim.simulation.substep import BOUND, FORCE, RAW, Step
 
 FLUSH = 4_000
-"""Numbers after which plain Python's inputs are taken from and its record moved to compact arrays: short lists stay in the
-processor's cache."""
+"""Numbers, at most, of inputs and record that plain Python holds as lists, before the record moves to a compact array: short
+lists stay in the processor's cache."""
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
 

@@ -173,14 +173,14 @@ def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
                 lagging = state[MOTOR_STATE * i + 1]
                 x = state[MOTOR_STATE * i] + joint[LAG] * lagging
             # The ring's last three numbers: the place of the present, position and velocity that are held.
-            place = int(ring[2 * size])
-            speed = now * lagging + before * ring[2 * ((place + size - 1) % size) + 1]
-            ring[2 * place] = x
-            ring[2 * place + 1] = lagging
-            oldest = (place + 1) % size
+            present = int(ring[2 * size])
+            speed = now * lagging + before * ring[2 * ((present + size - 1) % size) + 1]
+            ring[2 * present] = x
+            ring[2 * present + 1] = lagging
+            oldest = (present + 1) % size
             ring[2 * size] = float(oldest)
             if goals[READINGS + 2 * i] != 0.0:
-                late = (place + 2) % size
+                late = (present + 2) % size
                 seen = ring[2 * late] + goals[READINGS + 2 * i + 1]
                 if quantum > 0.0:
                     seen = quantum * floor(seen / quantum + 0.5)

@@ -64,8 +64,8 @@ def track(simulation: Simulation) -> Track:
     simulation.flush()
     recording, prepared = simulation.recording, simulation.prepared
     wanted = tuple(tuple(name for name in recorded_quantities(d) if name in recording.wanted) for d in prepared.drives)
-    taken = clock.perf_counter() - began
-    return Track(simulation, prepared, recording.parts or (), recording.energy or 0.0, wanted, taken)
+    wall_time = clock.perf_counter() - began
+    return Track(simulation, prepared, recording.parts or (), recording.energy or 0.0, wanted, wall_time)
 
 
 def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,13 @@ from over_ranges import NOISE, Asked, T, found, shapes
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ROWS = NOISE[:60].reshape(4, 15)
+
+
+def _run(motion: np.ndarray, slope: float) -> Any:
+    """A run of a joint that rings about an equilibrium which creeps."""
+    rest = 0.2 + slope * T
+    series = SimpleNamespace(link_position=rest + motion, equilibrium_position=rest)
+    return type("Run", (), {"time": T, "__getitem__": lambda self, joint: series})()
 
 
 def of_bodies() -> Asked:
@@ -43,6 +52,9 @@ def of_bodies() -> Asked:
         lambda s: found("reproduce.ringing.fit_ringing")(T, ringing, start=s),
         [(s,) for s in (-1.0, 0.0, 0.5, 1.9, 1.97)],
     )
+    for name in ("arm_steps._frequency", "arm_steps._swings", "arm_steps._overshoot", "arm_steps._settling"):
+        one = found(f"reproduce.{name}")
+        yield name, lambda slope, one=one: one(_run(0.05 * ringing, slope), "joint"), [(s,) for s in (0.0, 0.02, 0.5)]
     yield "swings", found("reproduce.law.swings"), [(ringing, goal) for goal in (0.0, 0.05, 0.5, -0.2)]
     mass = np.array([[2.0, 0.3], [0.3, 0.5]])
     yield (
@@ -53,7 +65,7 @@ def of_bodies() -> Asked:
     for explicit in (False, True):
         for coupled in (None, True, False):
             how = {"explicit": explicit, "coupled": coupled}
-            asked = [([c, 0.1 * c], h) for c in (0.0, 0.1, 10.0, 1e3) for h in (1e-4, 1e-3)]
+            asked = [([c, 0.1 * c], h) for c in (0.0, 0.1, 10.0, 1e3, 2e4) for h in (1e-4, 1e-3)]
             yield f"response {how}", lambda c, h, how=how: found("simulation.damping.mean_response")(mass, c, h, **how), asked
     yield (
         "between samples",

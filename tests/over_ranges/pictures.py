@@ -17,6 +17,9 @@ def of_pictures() -> Asked:
         lambda n, b: found("plots.decimate.decimate")(T[:n], shapes(T)["noise"][:n], bins=b),
         [(n, b) for n in (3, 40, 41, 401) for b in (1, 10, 100)],
     )
+    style = found("plots.style.RC")
+    yield "style", style.get, [(name,) for name in sorted(style)]
+    yield "line styles", found("plots.style.line_style"), [(n,) for n in range(7)]
     curve = found("plots.curves.Curve")
     for lines, gone in ((25.0, 0.6), (60.0, 0.0), (90.0, 1.0)):
         yield (
