@@ -115,7 +115,7 @@ def _reset_ms(folder: Path) -> float:
 def _differing(folder: Path) -> float:
     """Quantities whose bits depend on how many steps are taken at a time."""
     from asrsim.scenario import load_scenario
-    from asrsim.simulation.run import join
+    from asrsim.samples import concatenate
     from asrsim.simulation.simulation import Simulation
 
     (loaded,) = load_scenario(scenario(chain(folder, 2), engine="mujoco", duration=9.0))
@@ -126,7 +126,7 @@ def _differing(folder: Path) -> float:
                 simulation.advance_to(min(simulation.substep + size, simulation.last + 2))
             simulation.flush()
             kept = getattr(simulation, "recording", simulation).kept
-            records.append(join(kept).values)
+            records.append(concatenate(kept).values)
     return float(
         sum(not all(np.array_equal(records[0][n], other[n], equal_nan=True) for other in records[1:]) for n in records[0])
     )

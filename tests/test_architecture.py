@@ -6,6 +6,8 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -150,3 +152,23 @@ def test_everything_public_is_documented():
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
+
+
+def test_whatever_is_imported_in_functions_outside_the_package_is_there() -> None:
+    """Benchmarks, examples and documentation import inside functions, which tests seldom call."""
+    root = Path(__file__).parents[1]
+    missing = [
+        f"{file.name}:{node.lineno}: {node.module}.{name.name}"
+        for folder in ("benchmarks", "docs", "examples")
+        for file in sorted((root / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "asrsim" and not node.level
+        for name in node.names
+        if not _gives(str(node.module), name.name)
+    ]
+    assert not missing
+
+
+def _gives(module: str, name: str) -> bool:
+    found = import_module(module)
+    return hasattr(found, name) or (hasattr(found, "__path__") and find_spec(f"{module}.{name}") is not None)
