@@ -26,6 +26,7 @@ JOINT_NAMES = {
 """Name -> field of a joint; the last two are of a joint's own spring (Gazebo's)."""
 CENTRES = ("x", "y", "z")
 LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
+_INERTIAS = frozenset(INERTIAS)
 
 
 def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) -> Robot:
@@ -123,16 +124,21 @@ def _with_inertial(link: Link, name: str, value: float, key: str, problems: list
     return replace(link, inertia=(inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]))
 
 
-def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
     """Changes of inertias with what they ask of the others: no principal moment is larger than the sum of the other two.
 
     Diagonal moments that are not among the changes follow, by as little as will do. Raises RobotError where these cannot.
     """
-    result = {owner: dict(values) for owner, values in changes.items()}
+    # Of every evaluation and every run of a sweep, and few change an inertia.
+    touched = [owner for owner, values in changes.items() if not _INERTIAS.isdisjoint(values)]
+    if not touched:
+        return changes
     links = {link.name: link for link in robot.links}
-    for owner, values in result.items():
-        if owner not in links or not any(name in INERTIAS for name in values):
+    result = {owner: dict(values) for owner, values in changes.items()}
+    for owner in touched:
+        if owner not in links:
             continue
+        values = result[owner]
         old = dict(zip(INERTIAS, links[owner].inertia or (0.0,) * 6, strict=True))
         free = [name for name in ("ixx", "iyy", "izz") if name not in values]
         for _ in range(3):
