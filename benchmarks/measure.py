@@ -114,8 +114,8 @@ def _reset_ms(folder: Path) -> float:
 
 def _differing(folder: Path) -> float:
     """Quantities whose bits depend on how many steps are taken at a time."""
-    from asrsim.scenario import load_scenario
     from asrsim.samples import concatenate
+    from asrsim.scenario import load_scenario
     from asrsim.simulation.simulation import Simulation
 
     (loaded,) = load_scenario(scenario(chain(folder, 2), engine="mujoco", duration=9.0))
