@@ -155,7 +155,8 @@ def put_slurm(folder: Path, monkeypatch, submit: str) -> None:
 @pytest.mark.slow
 def test_a_file_of_jobs_starts_the_workers_of_a_study(tmp_path: Path, monkeypatch):
     pytest.importorskip("dask_jobqueue")
-    put_slurm(tmp_path, monkeypatch, 'bash "$1" > /dev/null 2>&1 & echo "Submitted batch job $!"')
+    # A copy: the script goes as soon as it is submitted.
+    put_slurm(tmp_path, monkeypatch, 'cat "$1" > "$0.$$"; bash "$0.$$" > "$0.$$.out" 2>&1 & echo "Submitted batch job $!"')
     file = tmp_path / "jobs.yaml"
     file.write_text("slurm: {jobs: 2, cores: 1, processes: 1, memory: 1GB}\n")
     there = asrsim.sweep(study_of(60), out=tmp_path / "jobs", cluster=file)
