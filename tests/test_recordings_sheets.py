@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 import shlex
 import zipfile
 from pathlib import Path
@@ -146,6 +147,17 @@ def test_a_broken_workbook_is_refused_in_one_line(tmp_path: Path):
         read_recording(path)
     with pytest.raises(RecordingError, match="no sheet with rows of numbers"):
         read_recording(workbook(tmp_path / "text.xlsx", [["a", "b"]]))
+
+
+@pytest.mark.parametrize(("place", "named"), [("A999999999", "row 999999999"), ("ZZZZZZ2", "column 321272406")])
+def test_a_cell_that_no_sheet_has_does_not_fill_the_memory(tmp_path: Path, place: str, named: str):
+    path = tmp_path / "far.xlsx"
+    row = re.sub(r"\D", "", place)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("xl/workbook.xml", BOOK)
+        archive.writestr("xl/worksheets/sheet1.xml", SHEET.format(f'<row r="{row}"><c r="{place}"><v>1</v></c></row>'))
+    with pytest.raises(RecordingError, match=f"{named} is none of a sheet"):
+        read_recording(path)
 
 
 SERIAL = [f"10:00:{t:06.3f} -> {{}}{a:.6f},{b:.6f}" for t, a, b in zip(TIME, Q1, Q2, strict=True)]

@@ -17,6 +17,8 @@ from asrsim.extras import library
 Lines = tuple[bytes, tuple[Problem, ...]]
 """CSV in UTF-8, and what to know of it."""
 SheetReader = Callable[[Path], Lines]
+ROWS, COLUMNS = 1_048_576, 16_384
+"""Of a sheet, at most: who names a place beyond is no Excel, and would fill the memory with blank cells."""
 _DAYS = range(14, 23), range(45, 48)
 """Excel's own number formats of dates and times."""
 _NAMED = re.compile(r'"[^"]*"|\[(?!h+\]|m+\]|s+\])[^\]]*\]|\\.')
@@ -61,7 +63,7 @@ def _workbook(path: Path) -> Lines:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             shared = ["".join(one.itertext("{*}t")) for one in _parts(archive, "xl/sharedStrings.xml", "si")]
-            timed = [_is_time(archive, int(one.get("numFmtId", 0))) for one in _cell_styles(archive)]
+            timed = _timed(archive)
             sheets = sorted((name for name in names if re.fullmatch(r"xl/worksheets/sheet\d+\.xml", name)), key=_number)
             tables = {name: list(_rows(archive, name, shared, timed)) for name in sheets}
     except (OSError, KeyError, ValueError, IndexError, zipfile.BadZipFile, LxmlError) as error:
@@ -103,15 +105,15 @@ def _parts(archive: zipfile.ZipFile, name: str, tag: str) -> Iterator[Any]:
             element.clear()
 
 
-def _cell_styles(archive: zipfile.ZipFile) -> Iterator[Any]:
-    for table in _parts(archive, "xl/styles.xml", "cellXfs"):
-        yield from list(table)
-
-
-def _is_time(archive: zipfile.ZipFile, form: int) -> bool:
-    """Whether numbers in this format are days: Excel's own formats of dates, or one with letters of dates."""
-    codes = {int(one.get("numFmtId")): one.get("formatCode", "") for one in _parts(archive, "xl/styles.xml", "numFmt")}
-    return any(form in days for days in _DAYS) or re.search("[dhmsy]", _NAMED.sub("", codes.get(form, "")).lower()) is not None
+def _timed(archive: zipfile.ZipFile) -> list[bool]:
+    """Of each style of cells, whether its numbers are days: by Excel's own formats of dates, or one with letters of dates."""
+    styles = "xl/styles.xml"
+    codes = {int(one.get("numFmtId")): one.get("formatCode", "") for one in _parts(archive, styles, "numFmt")}
+    forms = [int(one.get("numFmtId", 0)) for table in _parts(archive, styles, "cellXfs") for one in table]
+    return [
+        any(form in days for days in _DAYS) or re.search("[dhmsy]", _NAMED.sub("", codes.get(form, "")).lower()) is not None
+        for form in forms
+    ]
 
 
 def _rows(archive: zipfile.ZipFile, name: str, shared: Sequence[str], timed: Sequence[bool]) -> Iterator[list[str]]:
@@ -119,10 +121,14 @@ def _rows(archive: zipfile.ZipFile, name: str, shared: Sequence[str], timed: Seq
     last = 0
     for row in _parts(archive, name, "row"):
         number = int(row.get("r", last + 1))
+        if number > ROWS:
+            raise ValueError(f"row {number} is none of a sheet")
         yield from ([] for _ in range(number - last - 1))
         last, cells = number, list[str]()
         for cell in row:
             place = _column(cell.get("r", "")) or len(cells) + 1
+            if place > COLUMNS:
+                raise ValueError(f"column {place} is none of a sheet")
             cells += [""] * (place - 1 - len(cells))
             cells.append(_text(cell, shared, timed))
         yield cells
