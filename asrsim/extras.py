@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -22,7 +23,5 @@ def library(name: str, extra: str) -> Any:
 
 def install(extra: str) -> str:
     """The command that brings an extra, also to an environment without a pip of its own (as README makes one)."""
-    import sys
-
     where = "" if find_spec("pip") else f" --python {sys.prefix}"
     return f"pip{where} install 'asrsim[{extra}]'"

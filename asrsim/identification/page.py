@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -12,7 +11,7 @@ from typing import Any
 from asrsim.identification.result import Result
 from asrsim.identification.show import advice, columns, correlated, errors, judgement
 from asrsim.outfile import write_text
-from asrsim.report.html import badge, bullets, section, table
+from asrsim.report.html import badge, bullets, data_address, document, section, table
 
 PAGE = "report.html"
 
@@ -26,8 +25,6 @@ def write_page(result: Result, folder: Path, *, pictures: bool = True) -> Path:
 
 def make_page(result: Result, pictures: Sequence[Path]) -> str:
     """The page as text."""
-    from asrsim import __version__
-
     title = f"{result.task.name}: {len(result.estimates)} parameters from {len(result.task.experiments)} recordings"
     css = files("asrsim.report").joinpath("assets/page.css").read_text(encoding="utf-8")
     good = result.fits
@@ -47,13 +44,7 @@ def make_page(result: Result, pictures: Sequence[Path]) -> str:
         body += section("To know more", bullets(told))
     body += section("Recordings", bullets([f"{one.file}" for one in result.task.experiments] + list(result.remarks)))
     body += section("Pictures", "".join(map(_picture, pictures)))
-    return (
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="generator" content="asrsim {__version__}">'
-        f"<title>{escape(title)}</title><style>{css} img {{max-width: 100%}}</style></head>"
-        f"<body><main>{body}</main></body></html>\n"
-    )
+    return document(title, f"{css} img {{max-width: 100%}}", body)
 
 
 def _table(found: Sequence[tuple[str, list[str], bool]]) -> str:
@@ -63,5 +54,4 @@ def _table(found: Sequence[tuple[str, list[str], bool]]) -> str:
 
 
 def _picture(path: Path) -> str:
-    data = base64.b64encode(path.read_bytes()).decode()
-    return f'<img alt="{escape(path.stem)}" src="data:image/png;base64,{data}">'
+    return f'<img alt="{escape(path.stem)}" src="{data_address(path.read_bytes())}">'

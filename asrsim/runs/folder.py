@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, OutputError
+from asrsim.errors import AsrsimError, InputError, OutputError, listed
 from asrsim.outfile import check_output, is_special, remove_ours
 from asrsim.scenario.data import Scenario
 
@@ -82,7 +82,7 @@ def find_logs(place: Path) -> list[Path]:
             message = "holds no log of a run (log.mcap), nor does a folder in it"
             # Of a study with logs, or of several scenarios.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
-            hint = f"Folders further down have some: {', '.join(map(str, deeper[:3]))}" if deeper else hint
+            hint = f"Folders further down have some: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
     return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
 
