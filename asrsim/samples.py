@@ -20,7 +20,7 @@ class JointInfo:
     actuator: str
     """Registry name of the actuator (`sea`, `qbmove`, ...), `rigid` for a joint without plugin."""
     mode: int | None
-    """Operation mode 0..6; None for a joint without plugin."""
+    """Operation mode 0..8; None for a joint without plugin."""
     namespace: str = ""
     """ROS namespace without slashes at the ends; topics are `/<namespace>/<joint>/...`."""
     motors: int = 0

@@ -5,16 +5,24 @@ from __future__ import annotations
 import importlib.util
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+import asrsim
+from asrsim.actuators import ACTUATORS
+from asrsim.engines import ENGINES
+from asrsim.live.transport import TRANSPORTS
 from asrsim.metrics import MEASURES
+from asrsim.reproduce.figure import FIGURES
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
 from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
+from asrsim.simulation.steppings import STEPPINGS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -118,6 +126,30 @@ def test_commands_in_the_documentation_exist(page):
         options = {word.partition("=")[0].rstrip(".,;:)") for word in words[1:] if re.match(r"--[a-z]", word)}
         known = {name for parameter in COMMANDS[words[0]].params for name in (*parameter.opts, *parameter.secondary_opts)}
         assert options <= known | {"--help"}, f"{page.name}: asrsim {line}"
+
+
+def test_names_of_the_library_in_the_pages_exist(tiny):
+    """Every `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` of the text can be asked for."""
+    # What other packages register under has names that look alike.
+    registries = (ACTUATORS, ENGINES, FIGURES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS)
+    groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
+    result = asrsim.run(tiny.scenario)
+    with asrsim.Simulation(tiny.scenario, record=True) as simulation:
+        roots = {
+            "simulation": simulation, "result": result, "asrsim": asrsim, "Scenario": simulation.scenario,
+        }  # fmt: skip
+        named = re.compile(rf"`({'|'.join(roots)})((?:\.[a-zA-Z_]+)+)(?=[`(])")
+        found = {match.groups() for page in PAGES for match in named.finditer(page.read_text(encoding="utf-8"))}
+        assert {root for root, _ in found} == set(roots)
+        for root, path in sorted(found):
+            thing = roots[root]
+            for name in path[1:].split("."):
+                if path[1:] in groups:
+                    break
+                if isinstance(thing, ModuleType) and not hasattr(thing, name):
+                    import_module(f"{thing.__name__}.{name}")
+                assert hasattr(thing, name), f"{root}{path}"
+                thing = getattr(thing, name)
 
 
 def printed_commands(page: Path) -> list[str]:

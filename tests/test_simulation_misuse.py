@@ -35,6 +35,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
         (lambda one: one.reset({"elbow": 99.0}), InputError, "initial.elbow: lies outside the limits of 'elbow'"),
         (lambda one: one.reset(velocities={"elbow": float("inf")}), InputError, "velocities.elbow: must be a finite number"),
         (lambda one: one.reset(parameters={"elbow": {"damping": -1.0}}), AsrsimError, "must be at least 0"),
+        (lambda one: one.samples, InputError, "make it with record=True"),
         (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
     ],
 )

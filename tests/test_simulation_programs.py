@@ -37,7 +37,7 @@ class Program:
 
     def __post_init__(self) -> None:
         self.tape = Tape()
-        self.simulation = Simulation(self.prepared, sinks=[self.tape], compiled=self.compiled)
+        self.simulation = Simulation(self.prepared, sinks=[self.tape], compiled=self.compiled, record=True)
 
     def advance(self) -> None:
         steps = int(self.source.integers(1, 60))
@@ -115,6 +115,7 @@ class Program:
             assert len(self.tape.chunks) > 0 or not tape.chunks
             if tape.chunks:
                 assert_same(concatenate(self.tape.chunks), concatenate(tape.chunks), moves=False)
+                assert_same(self.simulation.samples, concatenate(tape.chunks), moves=False)
 
 
 OPERATIONS = (

@@ -181,18 +181,22 @@ class Recording:
         self.recorder = self._make_recorder()
         self._guard = EnergyGuard(self.energy or 0.0)
         self._world.put_back(copy.deepcopy(self._first_world))
+        self.kept = None if self.kept is None else []
 
     def state(self) -> Any:
         """A copy of what decides how the recording goes on; None where nothing is recorded."""
         if not self.active:
             return None
-        return copy.deepcopy((self.recorder, self._guard, self._raw, self._sides, self._world.kept()))
+        going_on = copy.deepcopy((self.recorder, self._guard, self._raw, self._sides, self._world.kept()))
+        return going_on, None if self.kept is None else list(self.kept)
 
     def put_back(self, state: Any) -> None:
         """Go on from a state; what went to sinks stays there."""
         if state is not None:
-            self.recorder, self._guard, self._raw, self._sides, world = copy.deepcopy(state)
+            going_on, kept = state
+            self.recorder, self._guard, self._raw, self._sides, world = copy.deepcopy(going_on)
             self._world.put_back(world)
+            self.kept = None if kept is None else list(kept)
 
 
 def _joined(parts: Sequence[Array]) -> Array:

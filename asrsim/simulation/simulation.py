@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any
 
 from asrsim.errors import InputError, SimulationError
-from asrsim.samples import Array, RunInfo
+from asrsim.samples import Array, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.choice import make_loop
@@ -54,7 +54,7 @@ class Simulation:
         chunk: int | None = None,
     ) -> None:
         """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
-        take chunks of samples, or a function that makes them; record: keep all samples. compiled: whether the loop is
+        take chunks of samples, or a function that makes them; record: keep what is logged, as `samples`. compiled: whether the loop is
         compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many. duration: s that
         are recorded, instead of the scenario's; chunk: substeps, at most, between samples handed on."""
         if not isinstance(scenario, Prepared):
@@ -156,6 +156,15 @@ class Simulation:
     def flush(self) -> None:
         """Hand on what is recorded so far; raises DivergenceError where energy came from nowhere."""
         self.recording.flush(self.substep)
+
+    @property
+    def samples(self) -> Samples:
+        """What is logged since the start, of a simulation that was made with `record=True`; another raises InputError."""
+        if self.recording.kept is None:
+            raise InputError("keeps no samples: make it with record=True", key="simulation", code="samples")
+        if not self._closed:
+            self.flush()
+        return concatenate(self.recording.kept, joints=self.joints)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
