@@ -416,8 +416,8 @@ def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> No
         (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
         (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
         (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
-        (("init", "scenario.yaml"), "is this a scenario?"),
-        (("render", "scenario.yaml"), "the folder of a run"),
+        (("init", "scenario.yaml"), "is a scenario, no robot. What takes it: asrsim run scenario.yaml"),
+        (("render", "scenario.yaml"), "is a scenario, no log. What takes it: asrsim run scenario.yaml"),
         (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )

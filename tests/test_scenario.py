@@ -378,11 +378,6 @@ def test_any_variant_is_merged_or_refused(tmp_path_factory, data):
         load_scenario(path, overrides=["references.a.b.step.at=1"])
 
 
-def test_a_robot_in_place_of_a_scenario_is_told_how_to_get_one(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="asrsim init"):
-        load_scenario(tmp_path / "arm.urdf")
-
-
 def test_the_start_may_be_states_or_the_equilibrium(tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot/>")
     states = {"a": 0.3, "b": {"velocity": -1, "motor_positions": [0.6, 0.4], "motor_velocities": [0, 1]}, "*": 0.1}

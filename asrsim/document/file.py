@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from asrsim.document.block import Block
+from asrsim.document.mistaken import DOCUMENTS, mistaken
+from asrsim.document.node import Node
 from asrsim.document.reading import Reading, Rejected
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
@@ -14,10 +16,24 @@ from asrsim.errors import InputError, Problem
 T = TypeVar("T")
 
 
+def read_document(
+    path: Path, wanted: str, *, error: type[InputError] = InputError, faults: list[Problem] | None = None
+) -> tuple[Node, str]:
+    """As :func:`asrsim.document.yaml_reader.read_yaml`; a file of another kind than is wanted is refused as that."""
+    other = mistaken(path, wanted) if path.suffix.lower() not in DOCUMENTS else None
+    if other is not None:
+        raise error([other])
+    root, text = read_yaml(path, error=error, faults=faults)
+    other = mistaken(path, wanted, root)
+    if other is not None:
+        raise error([other])
+    return root, text
+
+
 def read_file(block: Block[T], path: Path) -> T:
     """What the file's keys make. Raises InputError with every problem."""
     faults: list[Problem] = []
-    root, _ = read_yaml(path, faults=faults)
+    root, _ = read_document(path, block.noun, faults=faults)
     reading = Reading(base=path.parent)
     found: T | None = None
     with suppress(Rejected):
@@ -25,9 +41,3 @@ def read_file(block: Block[T], path: Path) -> T:
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
     return found
-
-
-def has_key(path: Path, key: str) -> bool:
-    """Whether a file has a key at its top, which tells what kind of file it is. Raises InputError where it cannot be read."""
-    root, _ = read_yaml(path)
-    return isinstance(root.value, dict) and key in root.value

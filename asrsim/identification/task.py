@@ -12,8 +12,9 @@ from typing import Any
 from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
-from asrsim.document.file import has_key, read_file
+from asrsim.document.file import read_document, read_file
 from asrsim.document.kinds import NUMBER, Boolean, Choice, File, Integer, Number, Optional, Text
+from asrsim.document.mistaken import kind_of
 from asrsim.errors import InputError
 
 LOSSES = ("huber", "linear")
@@ -106,8 +107,8 @@ TASK: Block[dict[str, Any]] = replace(_KEYS, build=dict)
 
 
 def is_task(path: Path) -> bool:
-    """Whether a file is a fit, not a scenario. Raises InputError where it cannot be read."""
-    return has_key(path, "experiments")
+    """Whether a file is a fit, not a scenario."""
+    return kind_of(path) == "fit"
 
 
 def task_of(path: Path, experiments: Sequence[str | Path], *, plugins: Sequence[Path | str] = (), **options: Any) -> Task:
@@ -181,6 +182,7 @@ def make_task(
     """A task from plain data: free as `KEY[=...]` texts or key -> start or Wish; ties as `KEY=[FACTOR*]KEY`; own: keys of
     which each recording has its own value. Raises InputError.
     """
+    read_document(Path(scenario), "scenario")
     if not experiments:
         raise InputError("no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording")
     if options.get("loss", LOSSES[0]) not in LOSSES:

@@ -16,7 +16,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, MetadataIndex
 
-from asrsim.errors import LogError
+from asrsim.document.mistaken import mistaken
+from asrsim.errors import LogError, Problem
 from asrsim.log.storage import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
@@ -65,7 +66,8 @@ def read_structure(path: Path) -> Structure:
             if size == 0:
                 raise LogError("the file is empty", file=path, code="empty-log")
             if file.read(len(MAGIC)) != MAGIC:
-                raise LogError("this is not an MCAP file", file=path, code="not-mcap", hint=_WANTED)
+                other = mistaken(path, "log")
+                raise LogError([other or Problem("this is not an MCAP file", file=path, code="not-mcap", hint=_WANTED)])
             structure = Structure(path=path)
             try:
                 if not _read_index(file, size, structure):

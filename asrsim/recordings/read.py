@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from asrsim.document.mistaken import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, similar_file
 from asrsim.quantities import QUANTITIES, unit_of
 from asrsim.recordings.bags import read_bag
@@ -97,6 +98,12 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
             here = [one for one in maps if one.role != "time" or find_column(one.column, table.layout.names) is not None]
             maps = here
         return series_of(table, path, maps, rate, form=form)
+    except RecordingError:
+        # What was read is a recording, whatever its keys are called.
+        other = mistaken(path, "recording") if suffix in (*DOCUMENTS, ".urdf", ".xacro") else None
+        if other is None:
+            raise
+        raise RecordingError([other]) from None
     except OSError as error:
         raise RecordingError(f"cannot be read: {error.strerror or error}", file=path, code="no-file") from None
 

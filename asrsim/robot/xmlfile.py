@@ -9,7 +9,8 @@ from xml.parsers import expat
 
 from lxml import etree
 
-from asrsim.errors import RobotError, similar_file
+from asrsim.document.mistaken import mistaken
+from asrsim.errors import Problem, RobotError, similar_file
 
 MAX_BYTES = 64 * 1024 * 1024
 """Of a robot's file."""
@@ -48,10 +49,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
-        raise RobotError(
-            f"XML is not well-formed: {reason}", file=path, line=error.lineno or None, code="malformed-xml",
-            hint=_expected(path),
-        ) from error  # fmt: skip
+        raise _malformed(path, reason, error.lineno or None) from error
     # expat looked above; lxml may see declarations that expat did not.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
@@ -96,18 +94,13 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
         hint = "Save the file as UTF-8"
         raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error
     except expat.ExpatError as error:
-        raise RobotError(
-            f"XML is not well-formed: {expat.ErrorString(error.code)}",
-            file=path,
-            line=error.lineno,
-            code="malformed-xml",
-            hint=_expected(path),
-        ) from error
+        raise _malformed(path, expat.ErrorString(error.code), error.lineno) from error
 
 
-def _expected(path: Path) -> str | None:
-    """A hint where another kind of file was named."""
-    return "Expected a robot's URDF; is this a scenario?" if path.suffix.lower() in (".yaml", ".yml") else None
+def _malformed(path: Path, reason: str, line: int | None) -> RobotError:
+    other = mistaken(path, "robot")
+    problem = other or Problem(f"XML is not well-formed: {reason}", file=path, line=line, code="malformed-xml")
+    return RobotError([problem])
 
 
 def text_of(element: Any) -> str:

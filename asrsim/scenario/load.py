@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from asrsim.document.file import read_document
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import Reading
-from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.scenario.build import build_scenario
 from asrsim.scenario.data import Scenario
@@ -43,11 +43,8 @@ def load_scenario(
         hint = "Of what load_scenario gives, which is one for each variant, choose one"
         raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
-    if path.suffix in (".urdf", ".xacro"):
-        cure = f"Write a scenario for it with: asrsim init {path}"
-        raise ScenarioError("is a robot, no scenario", file=path, hint=cure, code="robot")
     faults: list[Problem] = []
-    root, text = read_yaml(path, error=ScenarioError, faults=faults)
+    root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
         message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])

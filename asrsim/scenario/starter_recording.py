@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.actuators.user import command_line
 from asrsim.errors import listed
+from asrsim.quantities import unit_of
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
@@ -103,7 +104,8 @@ def placeholders(plan: Plan) -> list[Claim]:
     for joint, column in plan.compared:
         values = column.values[np.isfinite(column.values)]
         extent = float(np.ptp(values))
-        if extent > 0.0:
+        # Energies, which only a simulation's own log has, follow from the rest.
+        if extent > 0.0 and unit_of(str(column.quantity)) != "J":
             said = f"a placeholder: {100 * SHARE:g} % of the recorded range"
             claims.append(Claim(joint=joint, quantity=str(column.quantity), limit=_rounded(SHARE * extent), said=said))
     return claims

@@ -54,9 +54,9 @@ class Simulation:
         chunk: int | None = None,
     ) -> None:
         """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
-        take chunks of samples, or a function that makes them; record: keep what is logged, as `samples`. compiled: whether the loop is
-        compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many. duration: s that
-        are recorded, instead of the scenario's; chunk: substeps, at most, between samples handed on."""
+        take chunks of samples, or a function that makes them; record: keep what is logged, as `samples`. compiled: whether the
+        loop is compiled; None: the scenario's choice, else where Numba is installed and `expected_substeps` are many. duration:
+        s that are recorded, instead of the scenario's; chunk: substeps, at most, between samples handed on."""
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
         self.prepared, self.scenario = scenario, scenario.scenario

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.document.mistaken import mistaken
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
 from asrsim.samples import Array
@@ -72,7 +73,8 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
         return InputError(message, file=file, key="fit", hint=hint, code="sweep-fit")
 
     if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
-        raise wrong("lacks keys, mean or covariance")
+        other = mistaken(file, "fit.json of asrsim identify") if file is not None else None
+        raise InputError([other]) if other is not None else wrong("lacks keys, mean or covariance")
     keys = tuple(map(str, data["keys"]))
     try:
         mean, covariance = np.array(data["mean"], float), np.array(data["covariance"], float)

@@ -11,8 +11,9 @@ from typing import Any
 from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
-from asrsim.document.file import has_key, read_file
+from asrsim.document.file import read_document, read_file
 from asrsim.document.kinds import Boolean, Choice, File, Integer, Kind, Number, Optional, Schema, Text
+from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import InputError, Problem
@@ -88,8 +89,8 @@ STUDY = block_of(StudyFile, "study")
 
 
 def is_study(path: Path) -> bool:
-    """Whether a file is a study, not a scenario. Raises InputError where it cannot be read."""
-    return has_key(path, "scenario")
+    """Whether a file is a study, not a scenario."""
+    return kind_of(path) == "study"
 
 
 def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
@@ -137,6 +138,7 @@ def make_study(
     """A study from plain data: `over` maps dotted keys to lists, texts as `10:200:20`, or distributions, or lists
     `key=law` texts. Raises InputError with every problem.
     """
+    read_document(Path(scenario), "scenario")
     problems: list[Problem] = []
     axes: list[Axis] = []
     for item in over.items() if isinstance(over, Mapping) else map(_split, over):

@@ -1,0 +1,62 @@
+"""A file of another kind than is wanted: which kind it is, and which command takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+from asrsim.document.node import Node
+from asrsim.document.yaml_reader import read_yaml
+from asrsim.errors import InputError, Problem
+
+COMMANDS = {
+    "robot": "asrsim init {path}",
+    "scenario": "asrsim run {path}",
+    "fit": "asrsim identify {path}",
+    "study": "asrsim sweep {path}",
+    "log": "asrsim plot {path}",
+    "recording": "asrsim init ROBOT.urdf --experiment {path}",
+    "summary": "asrsim report {folder}",
+}
+"""Kind of file -> what takes it."""
+ENDINGS = {
+    ".urdf": "robot", ".xacro": "robot", ".mcap": "log", ".csv": "recording", ".tsv": "recording", ".bag": "recording",
+    ".db3": "recording", ".mat": "recording", ".npz": "recording", ".npy": "recording", ".xlsx": "recording",
+    ".parquet": "recording", ".feather": "recording",
+}  # fmt: skip
+"""File ending -> kind."""
+KEYS = {
+    "summary": {"generator"},
+    "scenario": {"robot", "references", "duration"},
+    "fit": {"free", "experiments", "ties", "validate"},
+    "study": {"over", "scenario"},
+}
+"""Kind -> keys at the top of such a file; any of them tells, and what stands above wins."""
+DOCUMENTS = (".yaml", ".yml", ".json")
+"""File endings of what has keys."""
+
+
+def kind_of(path: Path, root: Node | None = None) -> str | None:
+    """The kind of a file by its ending, else by its keys; None where neither tells. root: of the file, where it is read."""
+    if path.is_dir():
+        return "log" if (path / "log.mcap").exists() else None
+    if not path.exists():
+        return None
+    if kind := ENDINGS.get(path.suffix.lower()):
+        return kind
+    if root is None and path.suffix.lower() in DOCUMENTS:
+        try:
+            root, _ = read_yaml(path)
+        except InputError:
+            return None
+    keys: Collection[str] = root.value if root is not None and isinstance(root.value, dict) else ()
+    return next((kind for kind, known in KEYS.items() if known.intersection(keys)), None)
+
+
+def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | None:
+    """What is wrong where the file, or folder, is plainly of another kind than is wanted."""
+    kind = kind_of(path, root)
+    if kind is None or kind == wanted:
+        return None
+    command = COMMANDS[kind].format(path=path, folder=path.parent)
+    return Problem(f"is a {kind}, no {wanted}", file=path, hint=f"What takes it: {command}", code="other-kind")
