@@ -54,7 +54,7 @@ class Problem:
         if self.choices:
             text += f"; choose from {', '.join(self.choices)}"
         if self.hint:
-            text += f". {self.hint}"
+            text += f"{'' if text.endswith('?') else '.'} {self.hint}"
         return printable(text).replace("\n", "\\n")
 
     def as_dict(self) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 
@@ -91,6 +92,12 @@ def linear_unit(unit: str) -> str:
 
 PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "N m/rad")}
 """Of what recordings and references have: unit of a prismatic joint by that of a revolute one."""
+
+
+def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
+    """Whether a simulation is held against a recording by a quantity: by all but energies, where none is `wanted` by name.
+    Only another simulation has those, and they follow from the rest."""
+    return unit_of(name) != "J" if wanted is None else name in wanted
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:

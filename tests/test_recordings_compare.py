@@ -401,3 +401,15 @@ def test_a_delay_at_the_limit_of_its_search_is_marked(tmp_path: Path) -> None:
         assert series is not None
         untold = bool(np.isnan(series.metrics["delay"]))
         assert untold == (name == "late") == any(finding.code == "delay-at-limit" for finding in series.findings)
+
+
+def test_energies_are_compared_only_where_they_are_asked_for(tmp_path, tiny, asrsim_command):
+    """Only another simulation has them, and they follow from what is compared."""
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "made").code == 0
+    log = tmp_path / "made" / "log.mcap"
+    assert asrsim_command("plot", log, "--experiment", log, "--out", "beside").code == 0
+    assert asrsim_command("plot", log, "--experiment", log, "--out", "asked", "--quantity", "link_work").code == 0
+    usual, asked = ((tmp_path / name / "metrics.csv").read_text(encoding="utf-8") for name in ("beside", "asked"))
+    assert "link_position" in usual
+    assert "link_work" not in usual
+    assert "link_work" in asked

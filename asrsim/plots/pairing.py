@@ -16,6 +16,7 @@ from asrsim.metrics import MetricRow
 from asrsim.plots.curves import Progress, available
 from asrsim.plots.decimate import BINS, decimate
 from asrsim.plots.world import Curve
+from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, Series, band, compare
 from asrsim.recordings.align import Alignment, LagChoice
 from asrsim.recordings.clock import align_recording, series_of
@@ -111,7 +112,7 @@ def compare_run(
     common = [
         name
         for name in known
-        if (quantities is None or name in quantities)
+        if is_comparable(name, quantities)
         and any(column.quantity == name for recording in recordings for column in recording.channels.values())
     ]
     if not paired or not common:

@@ -13,7 +13,7 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
-from asrsim.quantities import unit_of
+from asrsim.quantities import is_comparable, unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
 from asrsim.recordings.checks import suspicions, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
@@ -99,7 +99,7 @@ def compare(
         recording: The experiment.
         infos: The log's joints (:attr:`RunInfo.joints`), for derived quantities (deflection, equilibrium, position error).
         joints: Joint of the recording -> joint of the simulation; None: by name, or by order for guessed names.
-        quantities: Only these; None: all in common.
+        quantities: Only these; None: all in common but energies.
         lag: auto, off, start, or s by which the recording is late.
         lag_limit: s, largest lag that auto may find.
         align_on: Joint (of the simulation) and quantity to correlate; None: the reference if it moves, else the position.
@@ -113,7 +113,7 @@ def compare(
     wrong: list[Problem] = []
     for column in recording.channels.values():
         joint = pairing.get(column.joint or "")
-        if joint is None or column.quantity is None or (quantities is not None and column.quantity not in quantities):
+        if joint is None or column.quantity is None or not is_comparable(column.quantity, quantities):
             continue
         values = simulated(samples, joint, column.quantity, infos)
         if values is None:

@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.actuators.user import command_line
 from asrsim.errors import listed
-from asrsim.quantities import unit_of
+from asrsim.quantities import is_comparable
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
@@ -104,8 +104,7 @@ def placeholders(plan: Plan) -> list[Claim]:
     for joint, column in plan.compared:
         values = column.values[np.isfinite(column.values)]
         extent = float(np.ptp(values))
-        # Energies, which only a simulation's own log has, follow from the rest.
-        if extent > 0.0 and unit_of(str(column.quantity)) != "J":
+        if extent > 0.0 and is_comparable(str(column.quantity)):
             said = f"a placeholder: {100 * SHARE:g} % of the recorded range"
             claims.append(Claim(joint=joint, quantity=str(column.quantity), limit=_rounded(SHARE * extent), said=said))
     return claims
