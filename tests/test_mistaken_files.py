@@ -42,6 +42,14 @@ def test_every_kind_is_known_by_its_file(files) -> None:
     assert kind_of(files["log"].parent) == "log"
 
 
+def test_a_studys_folder_is_no_run(tmp_path: Path, asrsim_command) -> None:
+    folder = tmp_path / "swept"
+    folder.mkdir()
+    (folder / "study.json").write_text("{}", encoding="utf-8")
+    for command in TAKES["log"]:
+        assert f"is a study, no log. What takes it: asrsim sweep {folder}" in asrsim_command(command, folder).err
+
+
 @pytest.mark.parametrize("wanted", TAKES)
 def test_commands_say_what_they_were_given(wanted: str, files, asrsim_command) -> None:
     for command in TAKES[wanted]:

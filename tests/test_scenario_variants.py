@@ -180,3 +180,18 @@ def test_a_folder_bag_is_attached_file_by_file(tmp_path):
     assert scenario.resolved["references"]["a"]["reference_2"]["playback"]["file"] == "run"
     again = scenario_from_data(scenario.resolved, base_dir=tmp_path, files=scenario.attachments)
     assert again.references == scenario.references
+
+
+@pytest.mark.parametrize("key", ["gravity", "base.position", "base.rpy"])
+def test_an_entry_of_a_list_that_the_file_leaves_to_its_default(key, tmp_path):
+    """Each other entry stays what it is without the key."""
+    (tmp_path / "arm.urdf").write_text("<robot/>", encoding="utf-8")
+    given = {"robot": str(tmp_path / "arm.urdf"), "duration": 1}
+    usual = scenario_from_data(given)
+    for entry in range(3):
+        changed = scenario_from_data(given, overrides={f"{key}.{entry}": 0.25})
+        name = key.replace(".", "_")
+        expected = [0.25 if place == entry else value for place, value in enumerate(getattr(usual, name))]
+        assert list(getattr(changed, name)) == expected
+        with pytest.raises(ScenarioError, match="is no index of a list of 3"):
+            scenario_from_data(given, overrides={f"{key}.3": 0.25})

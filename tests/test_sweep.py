@@ -423,6 +423,20 @@ def test_results_have_units_in_rad_or_m(tmp_path):
     assert table.unit("signal:joint_1.link_torque") == "N m"
 
 
+def test_what_is_varied_has_its_units(tmp_path):
+    units = {"gravity.2": "m/s^2", "base.rpy.1": "rad", "initial.joint_1": "rad", "step": "s", "seed": "", "link_1.mass": "kg"}
+    over = {
+        "gravity.2": [-9, -10],
+        "base.rpy.1": [0.1],
+        "initial.joint_1": [0],
+        "step": [1e-3],
+        "seed": [3],
+        "link_1.mass": [0.3],
+    }
+    table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)
+    assert {name: table.unit(name) for name in over} == units
+
+
 @pytest.mark.once
 def test_logs_on_request_give_the_same_rows(tmp_path):
     plain = asrsim.sweep(study_of({"link_1.mass": [0.3, 0.4]}), out=tmp_path / "a", workers=1)

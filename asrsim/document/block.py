@@ -88,6 +88,24 @@ def declare(
     return dataclasses.field(default=value, metadata=metadata)
 
 
+def key_at(kind: Kind[Any], path: Sequence[str], key: Key | None = None) -> Key | None:
+    """The key that declares the value at a path into a kind, through free names and numbers of entries; None: none does.
+
+    Of an entry of a list, and of a mapping by free names, it is the key of the whole. `key` is the kind's own.
+    """
+    if not path:
+        return key
+    if isinstance(kind, Block):
+        inner = next((each for each in kind.keys if each.name == path[0]), None)
+        return inner and key_at(inner.kind, path[1:], inner)
+    for place, part in kind.parts:
+        rest = path[1:] if place else path
+        found = None if place == "[]" and not path[0].isdigit() else key_at(part, rest, key)
+        if found is not None:
+            return found
+    return None
+
+
 def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
     """The keys that a dataclass declares by :func:`declare`, in order. `groups` hold those with dotted names: keys whose
     kind is a block without keys, spread over the dataclass's fields.

@@ -25,6 +25,8 @@ ENDINGS = {
     ".parquet": "recording", ".feather": "recording",
 }  # fmt: skip
 """File ending -> kind."""
+FOLDERS = {"log.mcap": "log", "study.json": "study"}
+"""File in a folder -> kind of the folder."""
 KEYS = {
     "summary": {"generator"},
     "scenario": {"robot", "references", "duration"},
@@ -39,7 +41,7 @@ DOCUMENTS = (".yaml", ".yml", ".json")
 def kind_of(path: Path, root: Node | None = None) -> str | None:
     """The kind of a file by its ending, else by its keys; None where neither tells. root: of the file, where it is read."""
     if path.is_dir():
-        return "log" if (path / "log.mcap").exists() else None
+        return next((kind for name, kind in FOLDERS.items() if (path / name).exists()), None)
     if not path.exists():
         return None
     if kind := ENDINGS.get(path.suffix.lower()):

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from asrsim.document.mistaken import mistaken
 from asrsim.errors import AsrsimError, InputError, OutputError, listed
 from asrsim.outfile import check_output, is_special, remove_ours
 from asrsim.scenario.data import Scenario
@@ -80,6 +81,9 @@ def find_logs(place: Path) -> list[Path]:
         message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
             message = "holds no log of a run (log.mcap), nor does a folder in it"
+            other = mistaken(place, "log")
+            if other is not None and not any(place.glob(f"*/*/{LOG}")):
+                raise InputError([other])
             # Of a study with logs, or of several scenarios.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Folders further down have some: {listed(deeper, 3)}" if deeper else hint

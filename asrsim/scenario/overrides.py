@@ -6,9 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
+from asrsim.document.block import key_at
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, ScenarioError
+from asrsim.scenario.keys import SCENARIO
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
 
@@ -64,16 +66,21 @@ def _check_key(key: str) -> None:
         raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
 
 
-def _set(node: Node, path: tuple[str, ...], value: Node, key: str) -> Node:
+def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[str, ...] = ()) -> Node:
     if not path:
         return value
     head, rest = path[0], path[1:]
+    if node.value is None and head.isdigit():
+        # An entry of a list that the file leaves to its default, such as gravity.2.
+        declared = key_at(SCENARIO, above)
+        if declared is not None and isinstance(declared.default, tuple):
+            node = node_from_data(list(declared.default))
     if isinstance(node.value, list):
         if not head.isdigit() or int(head) >= len(node.value):
             message = f"'{head}' is no index of a list of {len(node.value)} entries (they count from 0)"
             raise ScenarioError(message, key=key, code="override")
         items = list(node.value)
-        items[int(head)] = _set(items[int(head)], rest, value, key)
+        items[int(head)] = _set(items[int(head)], rest, value, key, (*above, head))
         return Node(items, node.line, None, node.file)
     mapping = dict(node.value) if isinstance(node.value, dict) else {}
     if not isinstance(node.value, dict) and node.value is not None:
@@ -82,7 +89,7 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str) -> Node:
     if not rest and value.value is None:
         mapping.pop(head, None)
     else:
-        mapping[head] = _set(mapping.get(head, Node(None)), rest, value, key)
+        mapping[head] = _set(mapping.get(head, Node(None)), rest, value, key, (*above, head))
     lines = dict(node.key_lines or {})
     lines[head] = None
     return Node(mapping, node.line, lines, node.file)

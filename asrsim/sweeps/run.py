@@ -10,10 +10,13 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from asrsim.document.block import key_at
 from asrsim.errors import Problem, SimulationError
 from asrsim.extras import library
-from asrsim.quantities import unit_of
+from asrsim.quantities import linear_unit, unit_of
 from asrsim.runs.lock import owned
+from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.overrides import split_path
 from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
 from asrsim.sweeps.read import is_study, make_study, read_study
 from asrsim.sweeps.rows import lost
@@ -194,7 +197,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
 
 
 def units_of(payload: Payload) -> dict[str, str]:
-    """Column -> SI unit, of the robot's numbers, results and kept signals that have one."""
+    """Column -> SI unit, of the robot's numbers, keys of the scenario, results and kept signals that have one."""
     # Workers, which import this module, need nothing of fits.
     from asrsim.identification.keys import parameters_of
 
@@ -213,6 +216,10 @@ def units_of(payload: Payload) -> dict[str, str]:
             units = {numbers[place].unit for owner, name in places if (place := f"{owner}.{name}") in numbers}
             found[key] = units.pop() if len(units) == 1 else ""
     known = {name for name, _ in payload.columns}
+    for key in {key for axis in payload.study.axes for key in axis.keys} - found.keys():
+        path = split_path(key)
+        unit = getattr(key_at(SCENARIO, path), "unit", "")
+        found[key] = linear_unit(unit) if any(prismatic.get(part) for part in path) else unit
     return {name: unit for name, unit in found.items() if unit and name in known}
 
 
