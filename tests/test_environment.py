@@ -176,6 +176,12 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"observe": ("link_positon",)}, "Did you mean 'link_position'"),
         ({"observe": ("tip",)}, "needs the argument tip"),
         ({"observe": ("motor_work",)}, "cannot be observed"),
+        ({"observe": ()}, "nothing is observed"),
+        ({"tip": ("link_2", (0.0, 0.0))}, "three finite numbers"),
+        ({"tip": ("link_2", (0.0, 0.0, float("nan")))}, "three finite numbers"),
+        ({"tip": ("link_2", None)}, "three finite numbers"),
+        ({"render_mode": "rgb_array", "size": 0}, "from 1 to 8192 pixels"),
+        ({"render_mode": "rgb_array", "size": 1.5}, "from 1 to 8192 pixels"),
         ({"act": ("reference_1",)}, "no joint has the reference"),
         ({"control_rate": 300}, "no whole number of steps"),
         ({"control_rate": -1}, "above 0"),
@@ -215,3 +221,34 @@ def test_resets_are_fast():
             env.simulation.reset()
         times.append((process_time() - began) / 10)
     assert min(times) < 1e-4
+
+
+@pytest.mark.parametrize("mode", [3, 6])
+def test_an_episode_begins_with_what_a_run_logs_first(scenario, mode):
+    """Torques, stiffness, references and ideal motors, too, of which a simulation that has not stepped knows nothing."""
+    observed = ["link_position", "link_torque", "elastic_torque_1", "stiffness", "reference_1", "motor_1_position"]
+    observed += ["motor_1_torque", "friction_torque_1"] if mode == 6 else []
+    overrides = {"modes": mode, "initial": {"joint_1": 0.3}, "references.joint_1.equilibrium_position": 0.5}
+    env = make_env(scenario, observe=observed, overrides=overrides)
+    first, _ = env.reset(seed=1)
+    result = asrsim.run(scenario, overrides=overrides)
+    logged = [result[joint][name][0] for name in observed for joint in result.joints]
+    np.testing.assert_allclose(first, logged, rtol=1e-12, atol=1e-12)
+    assert np.count_nonzero(first) >= 5  # start, reference, motors, stiffness
+    # The look ahead is taken back.
+    moved, plain = env, make_env(scenario, overrides=overrides)
+    plain.reset(seed=1)
+    for _ in range(3):
+        seen, other = moved.step(np.zeros(2))[0], plain.step(np.zeros(2))[0]
+    np.testing.assert_array_equal(seen[:2], other[:2])
+
+
+def test_one_name_needs_no_list(scenario):
+    env = make_env(scenario, observe="link_position", act="joint_1.equilibrium_position")
+    assert env.observation_space.shape == (2,)
+    assert env.action_names == ("joint_1.equilibrium_position",)
+
+
+def test_a_scenario_that_is_made_takes_no_overrides(scenario):
+    with pytest.raises(asrsim.InputError, match="takes no variant and no overrides"):
+        make_env(asrsim.load_scenario(scenario)[0], overrides={"duration": 1})

@@ -16,8 +16,8 @@ from asrsim.environment.draws import Draws, plan
 from asrsim.environment.readings import Readings
 from asrsim.errors import DivergenceError, InputError, Problem, did_you_mean
 from asrsim.samples import Array
-from asrsim.scenario import load_scenario, only_variant
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.prepare import one_scenario
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.simulation.simulation import Simulation
@@ -25,6 +25,10 @@ from asrsim.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from asrsim.environment.picture import Picture
     from asrsim.render.draw import Image
+
+
+LARGEST = 8192
+"""Pixels of a picture's edge, at most."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +57,16 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
     ) -> None:  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
+        if not (isinstance(size, int) and 1 <= size <= LARGEST):
+            raise InputError(f"a picture has from 1 to {LARGEST} pixels an edge", value=size, code="picture-size")
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
-        if not isinstance(scenario, Scenario):
-            scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
+        scenario = one_scenario(scenario, variant=variant, overrides=overrides)
         prepared = with_ranges(scenario)
         self._steps = _steps(control_rate, scenario.step)
         self.metadata = {**self.metadata, "render_fps": max(1, round(control_rate))}
         self._last = math.ceil(scenario.duration / (self._steps * scenario.step) - 1e-9)
-        self._actions, low, high = _actions(prepared, act)
+        self._actions, low, high = _actions(prepared, (act,) if isinstance(act, str) else act)
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = reward, terminated
         self._random, self._start, self._goal = Draws(randomise), Draws(initial), Draws(goal)
@@ -71,7 +76,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         self._plan = plan(self._random, prepared)
         substeps = prepared.resolution.substeps
         self.simulation = Simulation(prepared, chunk=self._steps * substeps, expected_substeps=10**6, duration=1e7)
-        self._readings = Readings(self.simulation, observe, tip)
+        self._readings = Readings(self.simulation, (observe,) if isinstance(observe, str) else observe, tip)
         self._count = 0
         self._drawn: dict[str, float] = {}
         self._goals: dict[str, float] = {}

@@ -31,6 +31,18 @@ CONFIGURATIONS = 8
 """Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
 
 
+def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
+    """The one that is meant: of a file, or one that is made already. Raises ScenarioError and InputError."""
+    from asrsim.scenario import load_scenario, only_variant
+
+    if not isinstance(scenario, Scenario):
+        return only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
+    if variant not in (None, scenario.variant) or overrides:
+        message = "a scenario that is made already takes no variant and no overrides"
+        raise InputError(message, hint="Give them where it is made", code="usage")
+    return scenario
+
+
 def prepare(
     scenario: str | Path | Scenario,
     robot: Robot | None = None,
@@ -44,13 +56,9 @@ def prepare(
     variant, overrides: of a scenario's file, as :func:`asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
     largest value that may be set while it runs, beside those that the scenario declares; substeps are chosen for them.
     """
-    from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
+    from asrsim.scenario import apply_to_robot, checked_robot
 
-    if not isinstance(scenario, Scenario):
-        scenario = only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
-    elif variant not in (None, scenario.variant) or overrides:
-        message = "a scenario that is made already takes no variant and no overrides"
-        raise InputError(message, hint="Give them where it is made", code="usage")
+    scenario = one_scenario(scenario, variant=variant, overrides=overrides)
     robot, warnings = checked_robot(scenario, robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
