@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from asrsim.cli.app import COMMANDS
-from asrsim.errors import OutputError
+from asrsim.errors import InputError, OutputError
 from asrsim.log import LogWriter, read_log
 
 FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
@@ -292,6 +292,28 @@ def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_an_import_that_ctrl_c_ends_is_an_interruption(tiny, asrsim_command, monkeypatch, wrapped: bool) -> None:
+    """Libraries in C then raise an ImportError, which is neither a fault of theirs nor a missing library."""
+    import asrsim.scenario.load as load
+
+    def interrupted(*arguments: object, **options: object) -> None:
+        try:
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as signal_:
+                raise ImportError("initialization failed") from signal_
+        except ImportError:
+            if wrapped:
+                raise InputError("the engine is not installed") from None
+            raise
+
+    monkeypatch.setattr(load, "build_scenario", interrupted)
+    done = asrsim_command("run", tiny.scenario)
+    assert done.code == 130
+    assert done.err.strip() == "asrsim: aborted"
 
 
 @pytest.mark.restless

@@ -122,42 +122,42 @@ def main() -> None:
 
 
 def _call() -> int:
-    from asrsim.cli.console import complain, error_lines
-    from asrsim.cli.interrupt import like_an_interruption
-    from asrsim.errors import AsrsimError
+    from asrsim.cli.console import complain
+    from asrsim.cli.interrupt import INTERRUPTED, came_from_interruption, like_an_interruption
 
     try:
         with like_an_interruption():
             app()
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except KeyboardInterrupt:
-        from asrsim.cli.interrupt import INTERRUPTED
+    except (Exception, KeyboardInterrupt) as error:
+        if came_from_interruption(error):
+            complain("asrsim: aborted")
+            return INTERRUPTED
+        return _told(error)
+    return 0
 
-        complain("asrsim: aborted")
-        return INTERRUPTED
-    except AsrsimError as error:
-        if _debugging():
-            raise
-        for line in (*error_lines(error), *getattr(error, "__notes__", ())):
-            complain(f"asrsim: {line}")
-        return 1
-    except BrokenPipeError:
+
+def _told(error: BaseException) -> int:
+    """Exit code, once an error is told."""
+    from asrsim.cli.console import complain, error_lines
+    from asrsim.errors import AsrsimError
+
+    if isinstance(error, BrokenPipeError):
         # The reader of our output has gone: no message would arrive.
         return 0
-    except OSError as error:
-        if _debugging():
-            raise
+    if _debugging():
+        raise error
+    if isinstance(error, AsrsimError):
+        for line in (*error_lines(error), *getattr(error, "__notes__", ())):
+            complain(f"asrsim: {line}")
+    elif isinstance(error, OSError):
         what = f"{error.filename}: " if error.filename else ""
         complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
-        return 1
-    except Exception as error:
-        if _debugging():
-            raise
+    else:
         complain(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}")
         complain("asrsim: run with ASRSIM_DEBUG=1 to see where it came from")
-        return 1
-    return 0
+    return 1
 
 
 def _debugging() -> bool:

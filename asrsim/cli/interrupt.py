@@ -37,6 +37,17 @@ def like_an_interruption() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def came_from_interruption(error: BaseException | None) -> bool:
+    """Whether it is an interruption, or an import that one ended: libraries in C then raise an error of their own."""
+    if isinstance(error, KeyboardInterrupt):
+        return True
+    while error is not None:
+        if isinstance(error, ImportError) and isinstance(error.__cause__, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
 class Interruption:
     """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt.
 
