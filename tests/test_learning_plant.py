@@ -103,6 +103,22 @@ def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
     assert holds(scenario)
 
 
+@pytest.mark.parametrize("computed", [True, False])
+def test_the_playback_of_some_joints_leaves_the_others_as_they_were(tmp_path, computed):
+    """The other joint's input, if it is computed, follows from what the learned one is to do."""
+    motion = {"minimum_jerk": {"duration": 0.25, "to": 0.2}}
+    everyone = {"equilibrium_position": motion, "stiffness_preset": 0.4, "inverse_dynamics": computed}
+    learning = {"tolerance": 1e-6, "max_iterations": 2, "trajectory": {"joint_1": motion}}
+    scenario = make_scenario(EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.4, references={"*": everyone}, ilc=learning)
+    chosen = make_plant(scenario)
+    session = run_session(chosen, tmp_path, picture=False)
+    replayed = load_scenario(tmp_path / "learned.yaml")[0]
+    samples = simulate(replayed).samples
+    assert samples is not None
+    np.testing.assert_array_equal(samples.values["link_position"][:, [0]], session.result.trials[session.result.best].outputs)
+    assert holds(replayed)
+
+
 def test_the_playback_s_claim_is_the_error_over_the_whole_time_and_fails_on_another_robot(tmp_path):
     """The learned error, not the tolerance: a little more mass, a shifted input, and the claim no longer holds."""
     chosen = plant()

@@ -74,7 +74,7 @@ class SoftArm:
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
         """The motion of all joints of the model, in which `joints` move as `positions` (n, joints) at `time` (n,).
 
-        Other driven joints follow their references, those without drive stay where they are.
+        Other driven joints move as is desired of them, else follow their references; those without drive stay where they are.
         """
         grid = model_time(float(time[-1] - time[0]), float(time[1] - time[0])) + time[0]
         columns = []
@@ -83,8 +83,9 @@ class SoftArm:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
             resting = for_joint(self.scenario.initial_positions, joint, 0.0)
-            signal = None
-            if joint in self.drives:
+            # What the link is to do, where the reference is another: a learned input.
+            signal = for_joint(self.scenario.desired, joint)
+            if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
             columns.append(np.full(len(grid), resting) if signal is None else signal.values(grid))
         return smooth_motion(grid, np.column_stack(columns))

@@ -11,6 +11,7 @@ from typing import Any
 from asrsim.learning.plant import Plant
 from asrsim.outfile import write_text
 from asrsim.plain import mapped
+from asrsim.scenario.joint_keys import INVERSE_DYNAMICS
 
 DIGITS = 3
 """Of a claimed error, rounded up: a replay on the same plant repeats it bit for bit, on another one it fails."""
@@ -38,15 +39,25 @@ def playback_data(
     # The error of a replay is that against what was to be learned.
     data["desired"] = learned.get("trajectory", {})
     data["references"] = {joint: dict(signals) for joint, signals in data.get("references", {}).items()}
-    # A joint's own entry hides the one for all joints, so it repeats what that one says.
-    common = data["references"].get("*", {})
+    # What the entry for all joints says holds name by name.
+    common = data["references"].pop("*", {})
     for joint, drive in zip(plant.joints, plant.drives, strict=True):
         names = drive.mode.references
-        own = data["references"].setdefault(joint, dict(common))
-        own.pop("inverse_dynamics", None)
+        own = data["references"].setdefault(joint, {})
+        own.pop(INVERSE_DYNAMICS, None)
         own[names[0]] = {"playback": {"file": os.path.relpath(inputs, folder), "column": joint}}
         if joint in plant.presets:
             own[names[1]] = {"playback": {"file": os.path.relpath(inputs, folder), "column": f"{joint}.{names[1]}"}}
+        if common.get(INVERSE_DYNAMICS):
+            own[INVERSE_DYNAMICS] = False
+    # Without what every joint has of its own, which would do nothing.
+    missed = {
+        name
+        for drive in plant.prepared.drives if drive.mode
+        for name in (*drive.mode.references, INVERSE_DYNAMICS) if name not in data["references"].get(drive.name, {})
+    }  # fmt: skip
+    left = {name: signal for name, signal in common.items() if name in missed}
+    data["references"] = ({"*": left} if left else {}) | data["references"]
     if desired is not None:
         if not plant.prepared.stepping.released:
             # Those of the trials: a replay repeats them bit for bit.
