@@ -31,7 +31,7 @@ from asrsim.identification.task import Task, task_of
 from asrsim.identification.teller import Progress, Teller
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
-from asrsim.workers import cores, executor
+from asrsim.workers import cores, executor, one_thread
 
 
 def identify(
@@ -65,7 +65,7 @@ def identify(
     """
     task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
     teller = Teller(progress, stop)
-    with ExitStack() as stack:
+    with one_thread(), ExitStack() as stack:
         teller.stage("reading and preparing")
         setup, count = set_up(task, stack), cores() if workers is None else workers
         pool = Pool(task, stack.enter_context(executor(count, task.plugins)) if count > 1 else None)
