@@ -67,7 +67,10 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         places = [_looked(here, place) for place in begins]
         promises = [one for cause in _causes(residuals, layout, begins[0]) for one in _promises(residuals, cause, places)]
         # One that explains nearly all does so by its slopes, too, at one of the places.
-        promises = sorted((one for one in promises if one.share > HOPE), key=lambda one: -one.share)[:TRIED]
+        # The first of each: a limit is tried at several sizes, and from several places.
+        ordered = sorted((one for one in promises if one.share > HOPE), key=lambda one: -one.share)
+        first = {one.cause.text: one for one in reversed(ordered)}
+        promises = [one for one in ordered if first[one.cause.text] is one][:TRIED]
         if not promises:
             break
         trials = [(*_kept(residuals, one), one.cause) for one in promises]

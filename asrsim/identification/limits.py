@@ -15,7 +15,7 @@ from asrsim.identification.task import Tie
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
-BITES, RELEASES = 0.7, 2.0
+BITES, RELEASES = (0.75, 0.3, 0.1), 2.0
 """Shares of what the motion reaches, and of a limit that it reaches, at which another limit is tried."""
 REACHED = 0.999
 """Share of a limit from which on the motion has run into it."""
@@ -45,20 +45,20 @@ def limits(residuals: Residuals, layout: Layout, x: Array) -> Iterator[Limit]:
                 if key not in known or key in values or key in tied:
                     continue
                 reached = _reached(track.series(values, [(j, f"motor_{i}_{SIZES.get(what, 'position')}")]), what)
-                start = _start(known[key].start, reached, PLACES.get(what))
-                if start is None:
+                starts = _starts(known[key].start, reached, PLACES.get(what))
+                if not starts:
                     continue
                 other = f"{drive.name}.motor_2_{what}"
                 same = key == first and other in known and other not in values and drive.dynamic_motors > 1
                 ties = [Tie(key=other, to=key)] if same and known[other].start == known[key].start else []
                 tied.update((tie.key, key) for tie in ties)
-                yield f"a limit of the motors of {drive.name}, {what}", _parameter(known[key], start, what), ties
+                for start in starts:
+                    yield f"a limit of the motors of {drive.name}, {what}", _parameter(known[key], start, what), ties
         key = f"{drive.name}.{DEFLECTION}"
-        if key in known and key not in values and drive.mode and drive.mode.spring:
-            sizes = [_reached(_deflection(track, values, j, i), DEFLECTION) for i in range(1, drive.dynamic_motors + 1)]
+        if key in known and key not in values and drive.actuator and drive.mode and drive.mode.spring:
+            sizes = [_reached(_deflection(track, values, j, i), DEFLECTION) for i in range(1, drive.actuator.motors + 1)]
             most = max((one[1] for one in sizes if one is not None), default=0.0)
-            start = _start(known[key].start, (0.0, most), None)
-            if start is not None:
+            for start in _starts(known[key].start, (0.0, most), None):
                 yield f"a limit of the deflection of {drive.name}", _parameter(known[key], start, DEFLECTION), []
 
 
@@ -75,16 +75,17 @@ def _reached(series: Array | None, what: str) -> tuple[float, float] | None:
     return float(found.min()), float(found.max())
 
 
-def _start(limit: float, reached: tuple[float, float] | None, side: float | None) -> float | None:
-    """Where another limit is tried; None where there is nothing to limit."""
+def _starts(limit: float, reached: tuple[float, float] | None, side: float | None) -> list[float]:
+    """Where another limit is tried; nowhere, where there is nothing to limit."""
     if reached is None or reached[0] == reached[1]:
-        return None
+        return []
     low, high = reached
+    # Where a jump of the command reaches the limit for a moment, a lower one may be missing all the same.
     if side is None:
-        return (RELEASES * limit if high >= REACHED * limit else BITES * high) if high > 0.0 else None
+        return [*([RELEASES * limit] if high >= REACHED * limit else []), *(bite * high for bite in BITES)]
     reach, extent = (high if side > 0.0 else low), high - low
     into = math.isfinite(limit) and side * (limit - reach) <= (1.0 - REACHED) * extent
-    return limit + side * extent if into else reach - side * (1.0 - BITES) * extent
+    return [*([limit + side * extent] if into else []), *(reach - side * (1.0 - bite) * extent for bite in BITES)]
 
 
 def _parameter(parameter: Parameter, start: float, what: str) -> Parameter:

@@ -14,7 +14,7 @@ CORRELATED = 0.95
 """From which on two estimates are named as correlated."""
 
 NOTHING = 1e-6
-"""Share of the largest number of a row, whose digits the table has, below which another is rounding."""
+"""Share of an interval's width, of which the table has five digits, below which a number is rounding."""
 
 
 def columns(result: Result) -> Sequence[tuple[str, list[str], bool]]:
@@ -125,9 +125,9 @@ def _value(one: Estimate) -> str:
 
 
 def _digits(one: Estimate, number: float, count: int) -> str:
-    """As many digits as are told; what is nothing beside the row's other numbers is none."""
-    most = max(abs(other) for other in (one.start, one.value, one.low, one.high) if not math.isnan(other))
-    return f"{number:.{count}g}" if abs(number) > NOTHING * most else "0"
+    """As many digits as are told; what is nothing beside the interval is none."""
+    width = 0.0 if math.isnan(one.low) else one.high - one.low
+    return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
 
 
 def _interval(one: Estimate) -> str:
