@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from identify_files import CHIRP, SEA, record, write
+from threadpoolctl import threadpool_info
 from typer.testing import CliRunner
 
 import asrsim
@@ -274,6 +275,16 @@ def test_derivatives_by_other_processes_are_the_same_bits(lab, monkeypatch):
     assert together.x.tolist() == alone.x.tolist()
     assert together.evaluations == alone.evaluations
     assert [(one.low, one.high) for one in together.estimates] == [(one.low, one.high) for one in alone.estimates]
+
+
+def test_a_fit_in_a_script_takes_one_thread_and_gives_them_back(lab):
+    def threads():
+        return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+
+    before, during = threads(), []
+    identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, check=True, progress=lambda _: during.extend(threads()))
+    assert set(during) == {1}
+    assert set(threads()) == set(before)
 
 
 def test_two_recordings_share_what_is_the_robots(lab):

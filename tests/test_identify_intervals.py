@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from identify_files import CHIRP, SEA, record, write
 
 from asrsim import identify
 from asrsim.identification.intervals import with_faint_directions
@@ -131,3 +132,26 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
         assert one.value == pytest.approx(value, rel=near)
         assert abs(one.value - value) < 0.75 * (one.high - one.low)
+
+
+LIMITED = {
+    "max_torque": ("mot_tauMax", 1.0),
+    "max_velocity": ("mot_maxVel", 1.5),
+    "max_position": ("mot_maxPos", 0.2),
+    "max_deflection": ("max_def", 0.05),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LIMITED)
+@pytest.mark.parametrize("given", [False, True])
+def test_a_limit_that_the_recording_or_the_model_runs_into_is_suspected(tmp_path: Path, name: str, given: bool) -> None:
+    tag, limit = LIMITED[name]
+    free = {**SEA, "mode": 6}
+    tight = {**free, "tags": f"{SEA['tags']}<{tag}>{limit}</{tag}>"}
+    true = write(tmp_path, "true", free if given else tight, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"))
+    lab = write(tmp_path, "lab", {**(tight if given else free), "damping": 0.025})
+    result = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not result.fits
+    assert any(f"joint_1.{name}" in text or f"motor_1_{name}" in text for text in result.causes), (result.misfit, result.causes)

@@ -28,11 +28,16 @@ MOVEMENTS = {
 
 
 def estimate(
-    key: str, verdict: str = "weak", *, low: float = 1.0, high: float = 3.0, value: float = 2.0, reason: str = ""
+    key: str,
+    verdict: str = "weak",
+    *,
+    low: float = 1.0,
+    high: float = 3.0,
+    value: float = 2.0,
+    start: float = 0.123456,
+    reason: str = "",
 ) -> Estimate:
-    return Estimate(
-        key=key, name=key, unit="N m", start=0.123456, value=value, low=low, high=high, verdict=verdict, reason=reason
-    )
+    return Estimate(key=key, name=key, unit="N m", start=start, value=value, low=low, high=high, verdict=verdict, reason=reason)
 
 
 def channel(key: str, **changes: Any) -> SimpleNamespace:
@@ -68,14 +73,15 @@ def test_the_table_of_parameters() -> None:
         estimate("j.a", "identified", low=1.99999, high=2.00001),
         estimate("j.b", "no effect", low=NAN, high=NAN, value=1234567.8),
         estimate("j.c", low=-1000.0, high=1000.0),
+        estimate("j.d", low=-1e-3, high=1e-3, start=1.29284e-10, value=2e-4),
     )
     table = {name: (cells, right) for name, cells, right in show.columns(result(estimates=rows))}
     assert list(table) == ["parameter", "unit", "start", "estimate", "95 % interval", "+-", "verdict"]
     assert [right for _, right in table.values()] == [False, False, True, True, True, True, False]
-    assert table["start"][0] == ["0.12346"] * 3
-    assert table["estimate"][0] == ["2", "1.23457e+06", "2"]
-    assert table["95 % interval"][0] == ["2 .. 2", "-", "-1000 .. 1000"]
-    assert table["+-"][0] == ["0.0005 %", "-", "-"]
+    assert table["start"][0] == [*["0.12346"] * 3, "0"]
+    assert table["estimate"][0] == ["2", "1.23457e+06", "2", "0.0002"]
+    assert table["95 % interval"][0] == ["2 .. 2", "-", "-1000 .. 1000", "-0.001 .. 0.001"]
+    assert table["+-"][0] == ["0.0005 %", "-", "-", "500 %"]
 
 
 def test_the_table_of_errors() -> None:

@@ -47,6 +47,7 @@ def with_bristles(residuals: Residuals, x: Array, robot: Robot) -> tuple[Layout,
             continue
         # What others explain is no part of what is left.
         others = np.linalg.qr(residuals.under(layout).jacobian(x, base=base))[0]
+        base -= others @ (others.T @ base)
         places = [np.append(x, move) for move in np.log(FACTORS)]
         sizes = [(track, track.prepared.resolution) for track in residuals.tracks]
         left = [_left(wider, place, others) for place in places]

@@ -1,10 +1,10 @@
-"""What a model that does not fit may lack: delays, zeros, other signs, springs of joints, ties that are none, other laws of
-springs, hysteresis.
+"""What a model that does not fit may lack: delays, zeros, other signs, springs of joints, limits of motors, ties that are none,
+other laws of springs, hysteresis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,8 +12,9 @@ import numpy as np
 from asrsim.identification.intervals import BLOCKS
 from asrsim.identification.keys import LATEST, Parameter
 from asrsim.identification.layout import Layout
+from asrsim.identification.limits import limits
 from asrsim.identification.residuals import Residuals
-from asrsim.identification.solver import solve
+from asrsim.identification.solver import Known, solve
 from asrsim.identification.task import Tie
 from asrsim.identification.told import percent
 from asrsim.samples import Array
@@ -22,8 +23,12 @@ EXPLAINED = 0.9
 """Share of the error beyond the noise, squared, that a cause must explain to be suspected: others would, too, in part."""
 FURTHER = 0.8
 """Share of the mean square error that is left, at most, where a second cause is looked for beside a first."""
-HOPE = 0.005
-"""Share of the error, squared, that a cause must explain with all else as it is, to be tried beside the rest."""
+HOPE = 0.02
+"""Share of the error, squared, that a cause must explain by slopes to be tried beside the rest."""
+TRIED = 4
+"""Causes that are tried at a time, at most, those that promise most: of a model that is all wrong, nothing explains it."""
+ROUNDS = 15
+"""Steps with a cause free, at most."""
 FOLLOWED = 0.5
 """Share of a channel's variance below which a fit hardly follows it."""
 CAUSES = 3
@@ -47,8 +52,8 @@ class _Cause:
     """With it as its last entry."""
     begin: float | None
     """Where its search begins; None: where slopes say."""
-    far: bool = False
-    """Tried whatever slopes say."""
+    jump: bool = False
+    """At its start it acts already: slopes about the estimate, where it does not, tell nothing of it."""
 
 
 def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
@@ -56,15 +61,19 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
     base = float(np.mean(residuals(x) ** 2))
     texts: list[str] = []
     flags: list[str] = []
-    layout, places, cost = residuals.layout, [x, start], base
+    layout, begins, cost = residuals.layout, [x, start], base
     while len(texts) < CAUSES and cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
         here = residuals.under(layout)
-        slopes = np.linalg.qr(here.jacobian(places[0]))[0]
-        causes = list(_causes(residuals, layout, places[0]))
-        promised = [1.0 if cause.far else _promised(residuals, cause, places[0], slopes) for cause in causes]
-        trials = [_tried(residuals, cause, places, step) for cause, step in zip(causes, promised, strict=True) if step]
-        if not trials:
+        places = [_looked(here, place) for place in begins]
+        promises = [one for cause in _causes(residuals, layout, begins[0]) for one in _promises(residuals, cause, places)]
+        # One that explains nearly all does so by its slopes, too, at one of the places.
+        # The first of each: a limit is tried at several sizes, and from several places.
+        ordered = sorted((one for one in promises if one.share > HOPE), key=lambda one: -one.share)
+        first = {one.cause.text: one for one in reversed(ordered)}
+        promises = [one for one in ordered if first[one.cause.text] is one][:TRIED]
+        if not promises:
             break
+        trials = [(*_kept(residuals, one), one.cause) for one in promises]
         least, there, cause = min(trials, key=lambda one: one[0])
         if least > FURTHER * cost:
             break
@@ -74,41 +83,54 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         size = f"{1e3 * value:.3g} m{unit}" if cause.flags.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
         texts.append(f"{cause.text} ({size.strip()})")
         flags.append(cause.flags.replace("START", f"{value:.4g}"))
-        layout, places, cost = cause.layout, [there], least
+        layout, begins, cost = cause.layout, [there], least
     if not texts or cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
         return []
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     return [f"{' and '.join(texts)} {verb} the error to {percent((cost / base) ** 0.5)} ({' '.join(flags)})"]
 
 
-def _promised(residuals: Residuals, cause: _Cause, place: Array, slopes: Array) -> float:
-    """What a cause, beside all that is free (slopes (m, n), orthonormal), would be, if slopes hold; 0 where it explains nothing
-    of the error.
-    """
+@dataclass(frozen=True, eq=False)
+class _Promise:
+    """What a cause, beside all that is free, would do near a place, if slopes hold."""
+
+    cause: _Cause
+    near: Array
+    """The place, with the cause at its start as the last entry."""
+    known: Known | None
+    """Of it."""
+    move: float
+    """Of that entry."""
+    share: float
+    """Of the error that all else leaves, squared."""
+
+
+def _looked(residuals: Residuals, x: Array) -> Known:
+    """A place from which causes are tried."""
+    there = residuals(x)
+    return x, there, residuals.jacobian(x, base=there)
+
+
+def _promises(residuals: Residuals, cause: _Cause, places: Sequence[Known]) -> Iterator[_Promise]:
+    """What a cause promises near each place."""
     trial = residuals.under(cause.layout)
-    x = np.append(place, 0.0)
-    base = trial(x)
-    step = np.zeros(len(x))
-    step[-1] = 1e-3
-    slope = (trial(x + step) - base) / 1e-3
-    slope -= slopes @ (slopes.T @ slope)
-    along, size = float(slope @ base), float(slope @ slope)
-    return -along / size if along**2 > HOPE * size * float(base @ base) else 0.0
+    for place, there, matrix in places:
+        x, step = np.append(place, 0.0), 0.0 if cause.jump else 1e-3
+        slope = (trial(np.append(place, step)) - there) / (step or 1.0)
+        free = np.linalg.qr(matrix)[0]
+        alone, left = slope - free @ (free.T @ slope), there - free @ (free.T @ there)
+        along, size = float(alone @ left), float(alone @ alone)
+        if size > 0.0:
+            known = None if cause.jump else (x, there, np.column_stack([matrix, slope]))
+            yield _Promise(cause, x, known, -along / size, along**2 / (size * float(left @ left)))
 
 
-def _tried(residuals: Residuals, cause: _Cause, places: list[Array], promised: float) -> tuple[float, Array, _Cause]:
-    """Mean square error and vector with a cause free, the best from several places."""
-    trial, begin = residuals.under(cause.layout), promised if cause.begin is None else cause.begin
-    best: tuple[float, Array, _Cause] | None = None
-    for place in places:
-        there = solve(trial, np.append(place, begin), loss="linear", rounds=25, tolerance=1e-4)
-        cost = float(np.mean(trial(there) ** 2))
-        if best is None or cost < best[0]:
-            best = cost, there, cause
-        if cost < 1.0 + 0.1 * (float(np.mean(residuals(place[: len(residuals.layout)]) ** 2)) - 1.0):
-            break
-    assert best is not None  # there is a place
-    return best
+def _kept(residuals: Residuals, promise: _Promise) -> tuple[float, Array]:
+    """Mean square error and vector with a cause free."""
+    cause, x = promise.cause, promise.near.copy()
+    trial, x[-1] = residuals.under(cause.layout), promise.move if cause.begin is None else cause.begin
+    there = solve(trial, x, loss="linear", rounds=ROUNDS, tolerance=1e-3, known=promise.known)
+    return float(np.mean(trial(there) ** 2)), there
 
 
 def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
@@ -128,12 +150,15 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
     for key in _lost(residuals, layout, x):
         if f"{key}.gain" not in free:
             parameter = Parameter(key=f"{key}.gain", unit="", start=1.0, low=-10.0, high=10.0)
-            yield _Cause(f"another sign of {key}", f"--map COLUMN=-{key}", layout.extended(parameter), -2.0, far=True)
+            yield _Cause(f"another sign of {key}", f"--map COLUMN=-{key}", layout.extended(parameter), -2.0)
     for drive in residuals.tracks[0].prepared.drives:
         key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
         if drive.joint.spring_stiffness == 0.0 and key not in free and not (drive.mode and drive.mode.spring):
             parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
             yield _Cause(f"a spring of {drive.name}'s own", f"--free {key}=START", layout.extended(parameter), None)
+    for text, parameter, ties in limits(residuals, layout, x):
+        flags = f"--free {parameter.key}=START" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
+        yield _Cause(text, flags, layout.extended(parameter, ties), 0.0, jump=True)
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
         entry = next((one for one in layout.entries if one.parameter.key == tie.to and one.track is None), None)

@@ -136,14 +136,17 @@ def _profiles(result: Result) -> Any:
     """Misfit along each parameter, with the interval that was told."""
     figure, axes = _grid(len(result.estimates), 2.9, 2.2, min(4, len(result.estimates)))
     for one, profile, axis in zip(result.estimates, result.profiles, axes.ravel(), strict=False):
+        top = 4.0 * CERTAIN
         axis.plot(*profile.alone, "--", color="C1", label="others stay")
         if profile.followed is not None:
             axis.plot(*profile.followed, ".-", color="C0", label="others follow")
+            # Where noise is correlated, it is steeper than the interval says.
+            top = max(top, 1.5 * float(np.median(profile.followed[1])))
         if np.isfinite(one.low):
             axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
         axis.axvline(one.value, color="0.3", linewidth=0.7)
         axis.axhline(CERTAIN, color="0.3", linewidth=0.7, linestyle=":")
-        axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.5, 4.0 * CERTAIN))
+        axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.03 * top, top))
         axis.xaxis.label.set_fontsize("x-small")
         axis.tick_params(labelsize="x-small")
         axis.locator_params(axis="x", nbins=3)

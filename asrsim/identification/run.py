@@ -31,7 +31,7 @@ from asrsim.identification.task import Task, task_of
 from asrsim.identification.teller import Progress, Teller
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
 from asrsim.samples import Array
-from asrsim.workers import cores, executor
+from asrsim.workers import cores, executor, one_thread
 
 
 def identify(
@@ -65,7 +65,7 @@ def identify(
     """
     task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
     teller = Teller(progress, stop)
-    with ExitStack() as stack:
+    with one_thread(), ExitStack() as stack:
         teller.stage("reading and preparing")
         setup, count = set_up(task, stack), cores() if workers is None else workers
         pool = Pool(task, stack.enter_context(executor(count, task.plugins)) if count > 1 else None)
@@ -159,6 +159,30 @@ def _unless_stopped(teller: Teller, found: Callable[[], Iterable[Any]]) -> tuple
         teller.deaf = True
 
 
+def _remarks(setup: Setup, best: Best, layout: Layout, finer: str) -> list[str]:
+    """What is said beside the tables; finer: of substeps."""
+    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
+    if count := best.substeps.get("substeps"):
+        remarks.append(f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise")
+    remarks += [finer] if finer else []
+    asked = {parameter.key for parameter in setup.free}
+    remarks += [
+        f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
+        for entry in layout.entries if entry.parameter.key not in asked
+    ]  # fmt: skip
+    if held := setup.fitted[0].held:
+        remarks.append(
+            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
+            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
+        )
+    remarks += [
+        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, in motion, or "
+        "where a sensor said"
+        for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
+    ]  # fmt: skip
+    return remarks
+
+
 def _judged(
     setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, teller: Teller,
     *, profiled: bool,
@@ -203,26 +227,8 @@ def _judged(
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
     if moved := _moved(layout, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
-    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
-    if count := best.substeps.get("substeps"):
-        remarks.append(f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise")
-    remarks += [finer] if finer else []
-    asked = {parameter.key for parameter in setup.free}
-    remarks += [
-        f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
-        for entry in layout.entries if entry.parameter.key not in asked
-    ]  # fmt: skip
+    remarks = _remarks(setup, best, layout, finer)
     held = setup.fitted[0].held
-    if held:
-        remarks.append(
-            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
-            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
-        )
-    remarks += [
-        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, in motion, or "
-        "where a sensor said"
-        for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
-    ]  # fmt: skip
     teller.stage("profiles")
     wanted = profiled and status == "complete"
     shapes = _unless_stopped(teller, lambda: profiles(residuals, x, found)) if wanted else ()

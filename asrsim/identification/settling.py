@@ -72,4 +72,5 @@ def reweighted(residuals: Residuals, x: Array, task: Task) -> Array:
         [Weights(float(np.sqrt(np.mean(r**2)))) for r in residuals.raw(x, track, residuals.until(track)) or []]
         for track in range(len(residuals.tracks))
     ]  # fmt: skip
-    return x
+    # A search that was far from the noise has not gone to the end.
+    return solve(residuals, x, loss="linear", rounds=10)

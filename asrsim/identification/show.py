@@ -13,6 +13,9 @@ from asrsim.robot.model import INERTIAS
 CORRELATED = 0.95
 """From which on two estimates are named as correlated."""
 
+NOTHING = 1e-6
+"""Share of an interval's width, of which the table has five digits, below which a number is rounding."""
+
 
 def columns(result: Result) -> Sequence[tuple[str, list[str], bool]]:
     """The table of parameters, as :func:`asrsim.cli.console.say_table` takes it."""
@@ -20,7 +23,7 @@ def columns(result: Result) -> Sequence[tuple[str, list[str], bool]]:
     return (
         ("parameter", [one.name for one in rows], False),
         ("unit", [one.unit for one in rows], False),
-        ("start", [f"{one.start:.5g}" for one in rows], True),
+        ("start", [_digits(one, one.start, 5) for one in rows], True),
         ("estimate", [_value(one) for one in rows], True),
         ("95 % interval", [_interval(one) for one in rows], True),
         ("+-", [_margin(one) for one in rows], True),
@@ -118,11 +121,17 @@ def correlated(result: Result) -> Iterator[tuple[str, str, float]]:
 
 
 def _value(one: Estimate) -> str:
-    return f"{one.value:.6g}"
+    return _digits(one, one.value, 6)
+
+
+def _digits(one: Estimate, number: float, count: int) -> str:
+    """As many digits as are told; what is nothing beside the interval is none."""
+    width = 0.0 if math.isnan(one.low) else one.high - one.low
+    return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
 
 
 def _interval(one: Estimate) -> str:
-    return "-" if math.isnan(one.low) else f"{one.low:.5g} .. {one.high:.5g}"
+    return "-" if math.isnan(one.low) else f"{_digits(one, one.low, 5)} .. {_digits(one, one.high, 5)}"
 
 
 def _margin(one: Estimate) -> str:

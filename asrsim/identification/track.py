@@ -170,6 +170,21 @@ class Track:
             predicted.append(exact / gain + offset)
         return predicted
 
+    def series(self, values: Mapping[str, float], wanted: Sequence[tuple[int, str]]) -> Array | None:
+        """Quantities (joint's number, name) at whole steps, whether they were recorded or not; None as :meth:`predict`."""
+        robot, positions, velocities = self._split(values)
+        try:
+            return self.evaluation.run(
+                robot,
+                wanted,
+                references=self.references(values),
+                positions=positions,
+                velocities=velocities,
+                motors=self.motors,
+            )
+        except (DivergenceError, RobotError):
+            return None
+
     def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
         """By how much noise as the recorded commands have it moves each channel (n,): one draw; None where it moves nothing."""
         generator, plain = np.random.default_rng(0), self.data
