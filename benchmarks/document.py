@@ -38,14 +38,17 @@ steps the world, and records *everything*: positions, velocities, torques, stiff
 - The world is stepped by the automatic number of substeps ([scenario](scenario.md), `substeps`); cost grows with it.
 - PyBullet's velocity torques, which it takes half a step late, are corrected in every substep (0.1: at most every eighth), and
   friction and stops are exact: both come from MuJoCo's model of the same robot in one compiled call. In plain Python, where
-  Numba is not there or a run is short, that call costs as much as the rest of the step: up to twice 0.1's loop.
-- The recorder is a smaller share of a step than it seems: the loop beneath it has become several times faster than it has.
+  Numba is not there or a run is short, that is six calls of the library, 5 us a step with two joints and 7 with five; all
+  else takes as long as in 0.1.
+- The recorder takes 0.16 us a joint and substep, of which NumPy's arithmetic on arrays in the cache is 0.1; the loop beneath it
+  has become several times faster than it has, and so its share is larger than it was.
 
 ## Memory
 
-A run with 5 joints holds some 290 MB (PyBullet) or 230 MB (MuJoCo) whatever its duration, of which Numba is 160; samples go to
-the log as they come. `--certify` and `--cross-check` run side by side what they compare and hold 380 MB. From Python,
-`asrsim.run` keeps all samples instead: 48 MB a minute with 5 joints at 1 kHz.
+A run with 5 joints holds some 290 MB (PyBullet) or 230 MB (MuJoCo) whatever its duration, of which Numba is 160: with the
+libraries of both engines imported and one line compiled Python holds 193. Samples go to the log as they come. `--certify` and
+`--cross-check` run side by side what they compare and hold 380 MB. From Python, `asrsim.run` keeps all samples instead: 48 MB a
+minute with 5 joints at 1 kHz.
 
 ## The compiled loop
 

@@ -49,6 +49,30 @@ def loop(request: dict[str, Any]) -> float:
         return (time.process_time() - begin) / steps
 
 
+def recorder(request: dict[str, Any]) -> float:
+    """What recording and energies add to the loop, as its share: the same steps with a sink and without, in turns.
+
+    Both take some ms, so the median of many pairs counts. The first chunk does not: arrays are made in it.
+    """
+    from statistics import median
+
+    from asrsim.scenario import load_scenario
+    from asrsim.simulation.simulation import Simulation
+
+    (scenario,) = load_scenario(request["scenario"])
+
+    def seconds(sinks: list[Any]) -> float:
+        with Simulation(scenario, sinks=sinks) as simulation:
+            simulation.advance_to(simulation.next_chunk(simulation.last))
+            begin = time.process_time()
+            simulation.advance_to(simulation.last)
+            simulation.flush()
+            return time.process_time() - begin
+
+    pairs = [(seconds([Discard()]), seconds([])) for _ in range(9)]
+    return median(recorded / bare - 1.0 for recorded, bare in pairs)
+
+
 def bare(request: dict[str, Any]) -> float:
     """CPU s of a step of the engine alone: the same robot swings, without springs, reset now and then.
 
@@ -81,7 +105,7 @@ def command(request: dict[str, Any]) -> float:
 
 def main() -> None:
     """Answer until the requests end."""
-    measures = {"whole": whole, "loop": loop, "bare": bare, "command": command}
+    measures = {"whole": whole, "loop": loop, "recorder": recorder, "bare": bare, "command": command}
     for line in sys.stdin:
         request = json.loads(line)
         sys.stdout.write(json.dumps(measures[request["what"]](request)) + "\n")

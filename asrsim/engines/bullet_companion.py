@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from struct import Struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +46,10 @@ class Companion:
         self._exact = exact
         self._mujoco = MujocoEngine(scenario if exact else replace(scenario, world=World(), wrenches=()), robot)
         self._world = self._mujoco.state
+        count = len(self._world.positions)
+        self._lay = Struct(f"{count}d").pack_into
+        """Lays numbers into memory: several times faster than NumPy takes a list."""
+        self._memory = tuple(array.data for array in (self._world.positions, self._world.velocities, self._world.forces))
         self._task = stages.HOLD if exact else stages.CORRECT
 
     def vary(self, robot: Robot) -> bool:
@@ -73,9 +78,10 @@ class Companion:
         """`forces` with what Bullet lacks, mean torques in N m; what acts on a free base is applied. states: positions and
         velocities, joint by joint."""
         world = self._world
-        world.positions[:] = [state[0] for state in states]
-        world.velocities[:] = [state[1] for state in states]
-        world.forces[:] = forces
+        positions, velocities, given = self._memory
+        self._lay(positions, 0, *[state[0] for state in states])
+        self._lay(velocities, 0, *[state[1] for state in states])
+        self._lay(given, 0, *forces)
         if world.free:
             self._take_base()
         self._mujoco.stage(self._task)

@@ -52,18 +52,15 @@ def stage(world: World, number: int) -> None:
             return
         mj_comVel(world.model, world.data)
         mj_rne(world.model, world.data, 0, world.at_lag)
-    kick = _push(world)
+    _find_bias(world)
     if number != CORRECT:
+        kick = _push(world)
         settle(world, kick)
-    if number == MOVE:
-        _drift(world)
-        return
-    if number == HOLD:
+        if number == MOVE:
+            _drift(world)
+            return
         _add_held(world, kick)
-    for i in range(len(world.lag)):
-        world.lag[i] -= world.bias[i]
-    for j in range(len(world.joint_v)):
-        world.forces[j] += world.lag[world.joint_v[j]]
+    _add_lag(world)
 
 
 class Handle(NamedTuple):
@@ -101,9 +98,12 @@ def move_at(handle: Handle) -> None:
 
 
 def _put_joints(world: World) -> None:
-    for j in range(len(world.joint_q)):
-        world.qpos[world.joint_q[j]] = world.positions[j]
-        world.qvel[world.joint_v[j]] = world.velocities[j]
+    # In plain Python a name of a record takes as long to look up as a number to be copied.
+    qpos, qvel, joint_q, joint_v = world.qpos, world.qvel, world.joint_q, world.joint_v
+    positions, velocities = world.positions, world.velocities
+    for j in range(len(joint_q)):
+        qpos[joint_q[j]] = positions[j]
+        qvel[joint_v[j]] = velocities[j]
 
 
 def _read_joints(world: World) -> None:
@@ -135,8 +135,17 @@ def _add_held(world: World, kick: float) -> None:
                 world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
 
 
-def _push(world: World) -> float:
-    """Impulses of everything but friction and stops; returns the kick's length in s."""
+def _add_lag(world: World) -> None:
+    """What velocity torques at the lagging velocity lack."""
+    lag, bias, forces, joint_v = world.lag, world.bias, world.forces, world.joint_v
+    for i in range(len(lag)):
+        lag[i] -= bias[i]
+    for j in range(len(joint_v)):
+        forces[j] += lag[joint_v[j]]
+
+
+def _find_bias(world: World) -> None:
+    """Coriolis and centrifugal torques, at the velocity of the whole step, and gravity."""
     now, before = world.scheme[NOW], world.scheme[BEFORE]
     qvel, velocity, previous = world.qvel, world.velocity, world.previous
     for i in range(len(qvel)):
@@ -144,12 +153,16 @@ def _push(world: World) -> float:
         velocity[i] = lagging
         qvel[i] = now * lagging + before * previous[i]
         previous[i] = lagging
-    # Coriolis and centrifugal torques at the velocity of the whole step.
     mj_comVel(world.model, world.data)
     mj_rne(world.model, world.data, 0, world.at_bias)
-    kick: float = world.scheme[FRACTION] * world.scheme[STEP]
     for i in range(len(qvel)):
         qvel[i] = velocity[i]
+
+
+def _push(world: World) -> float:
+    """Impulses of everything but friction and stops; returns the kick's length in s."""
+    kick: float = world.scheme[FRACTION] * world.scheme[STEP]
+    for i in range(len(world.qvel)):
         world.impulse[i] = -kick * world.bias[i]
     for j in range(len(world.joint_v)):
         world.impulse[world.joint_v[j]] += kick * world.forces[j]

@@ -68,6 +68,8 @@ class Board:
         self._table = np.full(record + len(_FOUND) * len(self._joints) + 1, np.nan)
         """Numbers of a step: the raw record (joints, columns), the quantities of `_FOUND` (5, joints), and a NaN."""
         self._record, self._found = self._table[:record], self._table[record:-1].reshape(len(_FOUND), -1)
+        self._filled = record + _FOUND.index("stiffness") * len(self._joints)
+        self._positions = [COLUMN[name] for name in ("link_position", "position_1", "position_2")]
         self._encoder = _Encoder(topics, self._place)
         self._wanted: Sequence[Sequence[bool]] = ()
 
@@ -116,18 +118,15 @@ class Board:
         if simulation.row is None:
             raise RuntimeError("nothing has been simulated yet")
         raw, inputs = simulation.row
-        self._record[:] = raw.ravel()
-        *references, velocity, stiffness = self._found
-        for own, given in zip(references, inputs, strict=True):
-            own[:] = given
-        velocity[:] = raw[:, COLUMN["engine_velocity"]]
+        np.concatenate((raw, *inputs, raw[:, COLUMN["engine_velocity"]]), axis=None, out=self._table[: self._filled])
         if simulation.prepared.stepping.staggered and simulation.substep > 1:
+            velocity = self._found[_FOUND.index("link_velocity")]
             velocity += simulation.engine.read()[1]
             velocity *= 0.5
         if "stiffness" in self._encoder.wanted:
             for group, law, elastic in self._groups:
-                places = (COLUMN["link_position"], COLUMN["position_1"], COLUMN["position_2"])
-                stiffness[group.pick] = law(*(raw[group.pick, place, None] for place in places), elastic)[:, 0]
+                positions = (raw[group.pick, place, None] for place in self._positions)
+                self._found[-1, group.pick] = law(*positions, elastic)[:, 0]
 
 
 class _Encoder:
@@ -150,7 +149,7 @@ class _Encoder:
             stamps += [(start + offset) // 4 for offset in topic.template.stamps]
         self._data = np.frombuffer(bytes(data) + bytes(-len(data) % 8), np.uint8).copy()
         self._numbers, self._words = self._data.view("<f8"), self._data.view("<u4")
-        self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.array(stamps)
+        self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.add.outer(stamps, (0, 1))
         self.choose([True] * len(topics))
 
     def choose(self, listened: Sequence[bool]) -> None:
@@ -163,8 +162,7 @@ class _Encoder:
     def encode(self, table: Array, time: int) -> list[bytes]:
         """Time in ns."""
         self._numbers[self._floats] = table[self._sources]
-        seconds, rest = divmod(time, 1_000_000_000)
-        self._words[self._stamps], self._words[self._stamps + 1] = seconds, rest
+        self._words[self._stamps] = divmod(time, 1_000_000_000)
         whole = self._data.tobytes()
         return [whole[start:end] for start, end in self._places]
 

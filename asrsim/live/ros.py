@@ -23,7 +23,7 @@ DEPTH = 300
 1000 a reliable subscriber that keeps all and takes none slows a run tenfold."""
 MOST = 1000
 """Messages that a subscription keeps for us, and that are taken at once; what waits too long is overtaken."""
-SERVICES_EVERY = 0.02
+SERVICES_EVERY = 0.05
 """s between looks at services, parameters, and who listens and speaks."""
 MOST_PUBLISHERS = 1000
 """Publishers whose numbers are kept, so that lost commands are counted."""

@@ -25,7 +25,7 @@ from asrsim.summary.data import RunSummary
 
 TICK = 1e-3
 """s of wall time between ticks, or a step where that is longer."""
-BATCH = 0.064
+BATCH = 0.128
 """s between samples handed to the log."""
 MOST_BEHIND = 48
 """Jobs of the log that wait for a tick that comes in time."""

@@ -45,11 +45,9 @@ class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
     def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
-        """groups: of the joints with springs; whole: energies of every row are asked for, not only the balance at the last."""
+        """groups: of the joints with springs; whole: energies are asked for, not only the balance at the last row."""
         self._whole = whole
-        self._ends: Any = slice(None, -1) if whole else [0, -2]
-        """Rows, of those of a block and the one after, at which springs' and motors' energies count."""
-        self._springs = [SpringMeter(group, substep, self._ends) for group in groups]
+        self._springs = [SpringMeter(group, substep) for group in groups]
         joints = len(drives)
         self._stiffness = np.array([[drive.joint.spring_stiffness] for drive in drives])
         self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
@@ -91,14 +89,17 @@ class EnergyMeter:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(self, raw: Array, ahead: Array, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
-        """Energies (joints, n) at the rows of raw (columns, joints, n + 1) but for the last; (joints, 1) at the end, if that
-        will do.
+    def add(self, raw: Array, ahead: Array, logged: slice, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+        """Energies (joints, m) at the logged ones of the rows of raw (columns, joints, n + 1) but for the last, if they are
+        asked for.
 
         ahead: the row after those, (columns, joints, 1); external: torques (joints, n + 1); sides: means over the two halves
         of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
         """
         joints, n = raw.shape[1], raw.shape[2] - 1
+        asked = range(*logged.indices(n)) if self._whole else range(1)
+        # What springs and motors hold counts where it is asked for, and in the balance at the end.
+        ends: Any = slice(None, -1) if len(asked) == n else [*asked, n - 1]
         cut = np.zeros(n, dtype=bool)
         for row in sides:
             cut[max(row - 1, 0) : row + 1] = True
@@ -138,12 +139,12 @@ class EnergyMeter:
             given = given - flows[DAMPED]
         self.given += given.sum(axis=1)
         work = link.copy()
-        stored, kinetic = np.zeros((2, joints, raw[0, 0, self._ends].size))
+        stored, kinetic = np.zeros((2, joints, raw[0, 0, ends].size))
         for springs in self._springs:
             pick = springs.group.pick
             released = link[pick] + flows[CUT][pick] if CUT in flows else link[pick]
             work[pick], stored[pick], kinetic[pick], losses = springs.balance(
-                raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], released, cut
+                raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], released, cut, ends
             )
             if springs.electric:
                 losses[HEAT] = springs.heat(raw)
@@ -151,14 +152,13 @@ class EnergyMeter:
                 flows.setdefault(flow, np.zeros((joints, n)))[pick] = loss
         self._turn_over([work, link] if pushed_in is None else [work, link, pushed_in])
         flows |= {WORK: work, LINK: link}
-        at = [self._sum(flow, flows.get(flow), n if self._whole else 1) for flow in range(FLOWS)]
+        at = [self._sum(flow, flows.get(flow), n, ends) for flow in range(FLOWS)]
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
-        if not self._whole:
-            stored, kinetic = stored[:, -1:], kinetic[:, -1:]
         residual = self._vanished(at, stored + kinetic - self._start)
         self.residual = residual[:, -1].copy()
-        return {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
+        found = {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
+        return {name: values[:, : len(asked)] for name, values in found.items()}
 
     def _turn_over(self, flows: Sequence[Array]) -> None:
         """Flows (joints, n) in J have gone through."""
@@ -179,12 +179,11 @@ class EnergyMeter:
         residual -= held
         return residual
 
-    def _sum(self, flow: int, values: Array | None, rows: int) -> Array:
-        """J since the start at the rows (joints, n), or at the last of them (joints, 1), of what flows from each to the next;
-        None: nothing does."""
+    def _sum(self, flow: int, values: Array | None, n: int, ends: Any) -> Array:
+        """J since the start at the rows `ends` of n + 1, of what flows from each to the next; None: nothing does."""
         total = self._totals[flow]
         if values is None:
-            return np.repeat(total[:, None], rows, axis=1)
+            return np.repeat(total[:, None], np.arange(n + 1)[ends].size, axis=1)
         if not self._whole:
             last = total + values[:, :-1].sum(axis=1)
             self._totals[flow] = last + values[:, -1]
@@ -194,4 +193,4 @@ class EnergyMeter:
         running[:, 1:] = values
         np.cumsum(running, axis=1, out=running)
         self._totals[flow] = running[:, -1]
-        return running[:, :-1]
+        return running[:, ends]

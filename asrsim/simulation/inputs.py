@@ -87,8 +87,6 @@ class Inputs:
         self.held: dict[tuple[int, int], float] = {}
         """(joint, 0 or 1) -> the reference that stands in place of the scenario's; it makes no jumps."""
         self._starts: dict[Any, tuple[Array, list[Cut]]] = {}
-        self._smooth: tuple[int, Any, Array] = (0, None, np.empty((3, 0, 0)))
-        """The last plan without cuts: its first substep, what was held, and its tables."""
         self._sensors = tuple(sensors)
         self._wrenches = [wrench_table(wrench, staggered=staggered) for wrench in scenario.wrenches]
         self.staggered = staggered
@@ -169,23 +167,25 @@ class Inputs:
         arrays = inputs[0][:count], inputs[1][:count], inputs[2][:count]
         return Block(first, arrays, stacked, wrenches, self._events(cuts, [array[count:].tolist() for array in goals]))
 
+    def hold(self, block: Block, row: int) -> None:
+        """What is held now, in a block without cuts that was made when the same references were held, from a row on."""
+        for (joint, slot), value in self.held.items():
+            block.arrays[slot][row:, joint] = value
+        for column, goal in enumerate(self._goals((block.arrays[0][row:], block.arrays[1][row:], block.arrays[2][row:]))):
+            block.stacked[row:, :, column] = goal
+
     def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
         """What the scenario says for a block, (3, joints, n + pieces): for its substeps, then for the pieces of its cuts, which
-        come too. Kept for the first block of many runs alike, and where a value that is held changes within a block."""
+        come too. Kept for the first block of many runs alike."""
         key = first, count, frozenset(self.held)
         if key in self._starts:
             tables, cuts = self._starts[key]
             return tables.copy(), cuts
-        began, held, tables = self._smooth
-        if held == key[2] and began <= first and first + count <= began + tables.shape[2]:
-            return tables[:, :, first - began : first - began + count].copy(), []
         cuts = self._cuts(first, count)
         times = grid(first, count, self.substep), *(np.array(cut.looks) for cut in cuts)
         tables = np.concatenate([self._scenario_at(time) for time in times], axis=2)
         if not first:
             self._starts = {key: (tables.copy(), cuts)}
-        elif self.held and not cuts:
-            self._smooth = first, key[2], tables.copy()
         return tables, cuts
 
     def _cuts(self, first: int, count: int) -> list[Cut]:

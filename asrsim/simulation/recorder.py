@@ -146,19 +146,19 @@ class Recorder:
             return None
         first = self._next
         self._next += count
-        values = self._values(table[:, :, : count + BEHIND], [array[:, : count + 1] for array in inputs], first)
         logged = slice((-first) % self.every, count, self.every)
+        values = self._values(table[:, :, : count + BEHIND], [array[:, : count + 1] for array in inputs], first, logged)
         time = grid(first, count, self.substep)[logged]
         if not len(time):
             return None
         return Samples(
             time=time,
             joints=tuple(drive.name for drive in self.drives),
-            values={name: values[name][:, logged].T for name in self._lacking},
+            values={name: values[name].T for name in self._lacking},
         )
 
-    def _values(self, raw: Array, inputs: Sequence[Array], first: int) -> dict[str, Array]:
-        """Quantities (joints, n) by name, of the rows of raw (columns, joints, n + 2) but the last two."""
+    def _values(self, raw: Array, inputs: Sequence[Array], first: int, logged: slice) -> dict[str, Array]:
+        """Quantities (joints, m) by name, at the logged ones of the rows of raw (columns, joints, n + 2) but the last two."""
         raw, ahead = raw[:, :, :-1], raw[:, :, -1:]
         count = raw.shape[2] - 1
         joints = len(self.drives)
@@ -186,8 +186,9 @@ class Recorder:
         for group in self._electric:
             for name, found in group.electricity(now).items():
                 values.setdefault(name, np.full((joints, count), np.nan))[group.pick] = found
-        values |= self.meter.add(raw, ahead, external=inputs[2], sides=sides)
+        energies = self.meter.add(raw, ahead, logged, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
+        values = {name: values[name][:, logged] for name in self._lacking if name in values} | energies
         for name, lacking in self._lacking.items():
             if lacking:
                 values[name] = values[name].copy()

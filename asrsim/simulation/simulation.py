@@ -87,6 +87,8 @@ class Simulation:
         self.row: tuple[Array, list[Array]] | None = None
         """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
         self._block: Block | None = None
+        self._stale = False
+        """Another value is held than the block has."""
         self._first: Block | None = None
         self.substep = 0
         """Substeps done."""
@@ -118,6 +120,9 @@ class Simulation:
             block = self._block
             if block is None or self.substep >= block.first + len(block):
                 block = self._block = self._next_block()
+            elif self._stale:
+                self._inputs.hold(block, self.substep - block.first)
+            self._stale = False
             self._run(block, self.substep - block.first, min(end - block.first, len(block)))
             if self.substep == block.first + len(block):
                 self.flush()
@@ -175,17 +180,21 @@ class Simulation:
         values that are not finite.
         """
         j, slot = self.prepared.slot_of(joint, reference)
+        held = self._inputs.held
         if value is None:
-            self._inputs.held.pop((j, slot), None)
+            held.pop((j, slot), None)
+            self._block = None
         else:
             if not math.isfinite(value):
                 raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
             low, high = self.prepared.range_of(joint, reference)
             value = min(max(float(value), low), high)
-            if self._inputs.held.get((j, slot)) == value:
+            if held.get((j, slot)) == value:
                 return value
-            self._inputs.held[j, slot] = value
-        self._block = None
+            # A block that is kept for later runs, or that a reference's jumps cut, is no place for another value.
+            if (j, slot) not in held or self._block is self._first or (self._block and self._block.events):
+                self._block = None
+            held[j, slot], self._stale = value, True
         return value
 
     def observe(self) -> Observation:

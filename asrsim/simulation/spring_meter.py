@@ -45,10 +45,8 @@ def _reaches(values: Array, ahead: Array, low: Any, high: Any) -> bool:
 class SpringMeter:
     """Springs and motors of a group of joints; arrays are (joints, n), raw records (columns, joints, n + 1)."""
 
-    def __init__(self, group: Group, substep: float, ends: Any) -> None:
-        """ends: rows at which energies count."""
+    def __init__(self, group: Group, substep: float) -> None:
         self.group = group
-        self._ends = ends
         self.substep = substep
         self._law = energy_over_arrays(group.actuator)
         self._elastic = group.elastic
@@ -74,12 +72,13 @@ class SpringMeter:
         return twin
 
     def balance(
-        self, raw: Array, ahead: Array, mean: Mean, moved: Array, released: Array, cut: Array
+        self, raw: Array, ahead: Array, mean: Mean, moved: Array, released: Array, cut: Array, ends: Any
     ) -> tuple[Array, Array, Array, dict[int, Array]]:
         """Work of the motors over the steps, energy in springs and in motors where it counts, and losses over the steps by
         flow, all in J.
 
-        moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps.
+        moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps; ends: rows at
+        which energies count.
         """
         flows: dict[int, Array] = {}
         places = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
@@ -91,12 +90,12 @@ class SpringMeter:
                 kept, flows[LAGGED], pushed = self._hysteresis(raw)
                 energy = energy + kept
             absorbed = change(energy) + flows.get(LAGGED, 0.0)
-            stored = energy[:, self._ends]
+            stored = energy[:, ends]
         else:
-            stored = self._energy(*(place[:, self._ends] for place in places))
+            stored = self._energy(*(place[:, ends] for place in places))
         if not self.group.motors:
             return self._ideal(raw, cut, released + absorbed, pushed), stored, np.zeros_like(stored), flows
-        motors = [self._motor(index, raw, ahead, mean) for index in range(1, self.group.motors + 1)]
+        motors = [self._motor(index, raw, ahead, mean, ends) for index in range(1, self.group.motors + 1)]
         work, flows[LOST], kinetic = (reduce(np.add, parts) for parts in zip(*motors, strict=True))
         if self.group.actuator.adjuster:
             work = work + self._adjuster(raw, cut, mean(SPRING_1), absorbed, moved)
@@ -129,7 +128,7 @@ class SpringMeter:
     def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
         return self._law(q, theta_1, theta_2, self._elastic)
 
-    def _motor(self, index: int, raw: Array, ahead: Array, mean: Mean) -> tuple[Array, Array, Array]:
+    def _motor(self, index: int, raw: Array, ahead: Array, mean: Mean, ends: Any) -> tuple[Array, Array, Array]:
         """Work of motor `index` and what it lost over the steps, and its kinetic energy where it counts, in J."""
         base = MOTOR_1 if index == 1 else MOTOR_2
         position, velocity = raw[base], raw[base + 1]
@@ -153,7 +152,7 @@ class SpringMeter:
             near[:, :1] |= before
             spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
             lost = np.where(near, work - spring - change((0.5 * inertia) * (velocity * velocity)), lost)
-        speed = velocity[:, self._ends]
+        speed = velocity[:, ends]
         return work, lost, (0.5 * inertia) * (speed * speed)
 
     def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Any) -> Array:
