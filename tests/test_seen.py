@@ -1,4 +1,5 @@
-"""Tables, pictures and pages hold what they held when somebody last looked at them: every word, limit, colour and number.
+"""Tables, pictures and pages hold what they held when somebody last looked at them: every word, limit, colour and number;
+and what the functions behind them gave.
 
 `ASRSIM_RECORD=1 python -m pytest tests/test_seen.py` records them anew: read the difference before you keep it.
 """
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from inside import inside, otherwise, write
 from seen import differences, figure_lines, page_lines, picture_lines, steady
 from short_lab import ShortLab
 
@@ -244,9 +246,18 @@ def _file(path: Path, folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_what_users_see(name: str, tmp_path: Path, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
-    shown, path = session(name, tmp_path, asrsim_command, monkeypatch), RECORDED / f"{name}.txt"
+    with inside(tmp_path) as heard:
+        shown = session(name, tmp_path, asrsim_command, monkeypatch)
+    path, functions = RECORDED / f"{name}.txt", RECORDED / "inside" / f"{name}.txt"
     assert not [line for line in shown if "could not be run" in line]
     if "ASRSIM_RECORD" in os.environ:
         path.write_text("\n".join(shown) + "\n", encoding="utf-8")
-    found = differences(shown, path.read_text(encoding="utf-8").splitlines())
+        # What differs from run to run is left out: another run tells.
+        folder = tmp_path.with_name(f"{tmp_path.name}again")
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        with inside(folder) as again:
+            session(name, folder, asrsim_command, monkeypatch)
+        write(functions, heard.heard, again.heard)
+    found = differences(shown, path.read_text(encoding="utf-8").splitlines()) + otherwise(functions, heard.heard)
     assert not found, "\n".join(found[:20])
