@@ -6,16 +6,21 @@ package what its first calls gave, or, of one that gives nothing, what it was le
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
 from given import Detail, value_line
 from seen import differences, steady
+
+import asrsim
 
 PACKAGE = f"{Path(__file__).parents[1] / 'asrsim'}/"
 LOOKS = 8
@@ -27,7 +32,7 @@ LONGEST = 160
 DETAIL = Detail(elements=4, words=32)
 PASSING = re.compile(r"PROJECT/|\.\./|'/\w|e\+1[2-9]|[0-9a-f]{12}|environment:")
 """Places, addresses and digests, which are those of one checkout and one machine."""
-APART = ("runs/lock ", "log/storage McapStorage._write", "compiling ", "versions ", "live/")
+APART = ("runs/lock ", "log/storage McapStorage._write", "compiling ", "versions ", "live/", "workers/local Processes.")
 """Modules and functions whose values depend on when something happens, or on what else is open."""
 
 Lines = dict[str, list[str]]
@@ -70,9 +75,18 @@ class Inside:
         return self._names[id(code)]
 
 
+@cache
+def _import_all() -> None:
+    """What modules do when they are imported belongs to no session."""
+    for module in pkgutil.walk_packages(asrsim.__path__, "asrsim."):
+        with suppress(ImportError):
+            import_module(module.name) if not module.name.endswith("__main__") else None
+
+
 @contextmanager
 def inside(folder: Path) -> Iterator[Inside]:
     """Listens from here; what this process remembers of calls before is forgotten, so that all sessions begin alike."""
+    _import_all()
     for name, module in list(sys.modules.items()):
         for value in list(vars(module).values()) if name.startswith("asrsim.") else ():
             if hasattr(value, "cache_clear"):

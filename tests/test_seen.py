@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from inside import inside, otherwise, write
 from matplotlib.figure import Figure
 from PIL import Image
-from inside import inside, otherwise, write
 from seen import differences, figure_lines, page_lines, picture_lines, steady
 from short_lab import ShortLab
 
