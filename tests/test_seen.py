@@ -196,7 +196,7 @@ SESSIONS: dict[str, tuple[str, ...]] = {
     ),
     **{f"figure_{number}": (f"reproduce {number} -o figure --processes 1",) for number in (8, 11, 12, 13, 14, 15)},
 }  # fmt: skip
-SHOWN_ONLY = ("picture", "live", "figure_11", "figure_12", "figure_13", "figure_15")
+SHOWN_ONLY = ("picture", "live", "figure_11", "figure_12", "figure_13", "figure_14", "figure_15")
 """Sessions in which little runs that no other runs: the functions behind them are not looked at."""
 READ = ("*.yaml", "*.html", "*.gif", "*.json", "bench_out.csv", "learned.csv", "metrics.csv", "film*.png")
 """What is read of the files that commands wrote."""

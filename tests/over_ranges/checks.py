@@ -25,6 +25,25 @@ def of_checks() -> Asked:
     yield from _references()
     yield from _clocks()
     yield from _limits()
+    yield "formats", found("plots.output.check_formats"), [(("png", "pdf", "png"),), (("svgg",),), (("x", "png", "y"),), ((),)]
+    yield "kept rows", _kept, [(rate, *chunks) for rate in (1000.0, 300.0, 90.0) for chunks in ((10, 10), (7, 1, 12), (20,))]
+    actuators, told = found("actuators.ACTUATORS"), found("cli.actuators._as_dict")
+    for name in actuators.names():
+        parts = {k: v for k, v in told(actuators.get(name)).items() if k != "parameters"}
+        yield f"told of {name}", lambda p=parts: p, [()]
+        for one in told(actuators.get(name))["parameters"]:
+            yield f"told of {name}", lambda p=one: p, [()]
+
+
+def _kept(rate: float, *chunks: int) -> list[float]:
+    """Times of a study's signals, whose samples come in chunks."""
+    kept = found("sweeps.tap.Signals")(Fake(signals=("j.link_position",), rate=rate), Fake(joints=()), 0.001)
+    start = 0
+    for count in chunks:
+        time = 0.001 * np.arange(start, start + count)
+        kept.write(Fake(time=time, joints=("j",), values={"link_position": time[:, None]}))
+        start += count
+    return [round(float(t), 6) for one in kept._kept for t in one.time]
 
 
 def _all(text: str) -> list[str]:
