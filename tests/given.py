@@ -68,7 +68,8 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
     elif isinstance(value, int | float):
         yield "0" if abs(value) < detail.least else f"{value:.4g}"
     elif isinstance(value, str):
-        yield repr(SPEED.sub("SPEED", HERE.sub("FOLDER/", value.replace(str(ROOT), "ROOT")))[:60])
+        # Of a page in one word the search for places would take minutes.
+        yield repr(SPEED.sub("SPEED", HERE.sub("FOLDER/", value[:2000].replace(str(ROOT), "ROOT")))[:60])
     elif isinstance(value, Path):
         yield value.name
     elif depth > 5:

@@ -124,3 +124,11 @@ def test_ctrl_c_and_resume_give_the_same_bits_on_the_real_robot(asrsim_command, 
     assert 2 <= trials_in(state) < 5
     asrsim_command("ilc", scenario, "--out", "cut", "--resume", *arguments)
     assert (tmp_path / "cut" / "learned.csv").read_bytes() == (tmp_path / "whole" / "learned.csv").read_bytes()
+
+
+def test_a_transfer_needs_its_block(tiny, asrsim_command):
+    outcome = asrsim_command("ilc", tiny.scenario, "--transfer", "-o", "learn")
+    assert outcome.code == 1
+    assert outcome.err.endswith(
+        "step.yaml: ilc.transfer: --transfer needs the block `ilc.transfer`: what differs, and by how much\n"
+    )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from given import Detail, value_line
-from over_ranges import bodies, core, drives, identification, learning, metrics, motors, pictures, recordings
+from over_ranges import bodies, checks, core, drives, identification, learning, metrics, motors, pictures, rare, recordings
 from seen import differences
 
 pytestmark = pytest.mark.once
@@ -27,7 +27,7 @@ ASKED = {
     "identification": identification.of_identification, "core": core.of_the_core, "learning": learning.of_learning,
     "kicks": motors.kicks, "signals": motors.of_signals, "bodies": bodies.of_bodies, "robots": bodies.of_robots,
     "files": bodies.of_files, "waiting": bodies.of_waiting, "drives": drives.of_drives,
-    "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps,
+    "pictures": pictures.of_pictures, "sweeps": pictures.of_sweeps, "rare": rare.of_the_rare, "checks": checks.of_checks,
 }  # fmt: skip
 
 
