@@ -52,9 +52,9 @@ class Registry(Generic[T]):
             ) from None
 
     def names(self) -> tuple[str, ...]:
-        """All names, in the order of registration; installed ones last."""
+        """All names, in the order of registration, numbers in theirs; installed ones last."""
         self._search_entry_points()
-        return tuple(self._entries)
+        return tuple(sorted(self._entries, key=lambda name: int(name) if name.isdecimal() else 0))
 
     def __contains__(self, name: object) -> bool:
         if name not in self._entries:

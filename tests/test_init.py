@@ -148,14 +148,19 @@ def test_step_stays_within_the_limits(tmp_path):
         {"name": "down", "lower": -2, "upper": 0.1},
         {"name": "narrow", "lower": 0, "upper": 0.1},
         {"name": "below", "lower": -2, "upper": -0.5},
+        {"name": "centred", "lower": -0.2, "upper": 0.2},
     )
     write_starter(robot, tmp_path / "s.yaml")
     (scenario, _) = load_scenario(tmp_path / "s.yaml")
     assert scenario.initial_positions == {"up": 0.5, "below": -0.5}
     steps = {joint: references["equilibrium_position"] for joint, references in scenario.references.items()}
-    assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow", "below")] == [
-        (0.5, 0.8), (0.0, -0.3), (0.0, 0.05), (-0.5, -0.8),
+    assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow", "below", "centred")] == [
+        (0.5, 0.8), (0.0, -0.3), (0.0, 0.04), (-0.5, -0.8), (0.0, 0.08),
     ]  # fmt: skip
+    # Without damping a joint swings to twice its step.
+    for joint in load_robot(robot).joints:
+        swing = 2 * steps[joint.name].after - steps[joint.name].before
+        assert joint.lower < swing < joint.upper
 
 
 def test_names_that_yaml_would_misread_are_quoted(tmp_path):

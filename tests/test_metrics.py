@@ -106,12 +106,13 @@ def test_frequency_of_a_ringing(hertz: float, damping: float) -> None:
     assert measure("frequency", TIME, q) == pytest.approx(hertz, rel=5e-4)
 
 
-def test_frequency_of_a_hardening_ringing_in_a_short_record_is_no_flank_of_the_step() -> None:
+@pytest.mark.parametrize(("length", "decay"), [(4, 3), (4, 6), (10, 6)])
+def test_frequency_of_a_hardening_ringing_is_no_flank_of_the_step_and_no_rest_beside_it(length: int, decay: float) -> None:
     # Rest, a step, a ringing whose crossings are uneven: the transform falls from 0 Hz on, and its flank is no oscillation.
-    time = np.linspace(0, 4, 4001)
+    time = np.linspace(0, length, 1000 * length + 1)
     since = np.maximum(time - 0.1, 0)
     phase = 2 * np.pi * (1.2 * since + 2 * (1 - np.exp(-2 * since)))
-    q = np.where(since > 0, 0.8 * (1 - np.exp(-3 * since) * np.cos(phase)), 0)
+    q = np.where(since > 0, 0.8 * (1 - np.exp(-decay * since) * np.cos(phase)), 0)
     assert 1.2 < measure("frequency", time, q) < 5.2
 
 

@@ -179,7 +179,7 @@ def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
     assert not titles[0].overlaps(titles[1])
 
 
-@pytest.mark.parametrize(("low", "high"), [(5e-4, 5.01e-4), (-3e-7, 2e-7), (2e5, 2.0001e5), (0.0, 3.0)])
+@pytest.mark.parametrize(("low", "high"), [(5e-4, 5.01e-4), (-3e-7, 2e-7), (2e5, 2.0001e5), (0.0, 3.0), (0.0, 1e-4)])
 def test_ticks_of_any_size_differ(low: float, high: float):
     axes = Figure().add_subplot()
     FigureCanvasAgg(axes.figure)
@@ -188,6 +188,8 @@ def test_ticks_of_any_size_differ(low: float, high: float):
     axes.figure.canvas.draw()
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert len(labels) == len(set(labels)) > 3
+    # One way of writing on one axis: 8e-05 beside 0.0001 are two.
+    assert len({label.partition("e")[2] for label in labels if label != "0"}) == 1
 
 
 def test_draw_run_writes_pngs_that_hold_colour(tmp_path: Path):

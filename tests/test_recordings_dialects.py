@@ -90,6 +90,34 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
         "a.mat", matlab_file(t=TIME, data=np.c_[A, B] * DEGREES, names=cells("q1", "q2"), units=cells("deg", "deg")),
     ),
     "complex numbers without imaginary part": ("a.mat", matlab_file(t=TIME, q1=A.astype(complex), q2=B)),
+    "Arduino's plotter": ("a.txt", table([texts(TIME, "t:%.2f"), texts(A, "q1:%.9f"), texts(B, "q2:%.9f")])),
+    "its monitor's time before it": (
+        "a.txt", table([[f"10:00:{t:06.3f} -> q1:{a:.9f}" for t, a in zip(TIME, A, strict=True)],
+                        [f"q2:{b:.9f}" for b in B]], sep="\t"),
+    ),
+    "names and equals": ("a.log", table([[f"t={t:.2f} q1={a:.9f} q2={b:.9f}" for t, a, b in zip(*ABQ, strict=True)]])),
+    "units in the cells": (
+        "a.csv", table([texts(TIME * 1e3, "%.0f ms"), texts(A * DEGREES, "%.9fdeg"), texts(B * DEGREES, "%.9f °")],
+                       before="time,q1,q2\n"),
+    ),
+    "minutes": ("a.csv", table([TIME / 60, A, B], number="%.12f", before="t_min,q1,q2\n")),
+    "minutes in a struct": ("a.mat", matlab_file(log={"time_min": TIME / 60, "q1": A, "q2": B})),
+    "a year of two digits": (
+        "a.csv", table([texts(TIME, "06.05.24 10:00:%06.3f"), A, B], sep=";", before="Datum;q1;q2\n"),
+    ),
+    "a tab at each line's end": (
+        "a.txt", table([TIME * 1e3, A, B], sep="\t", tail="\t", before="t [ms]\tWinkel 1\tWinkel 2\t\n"),
+    ),
+    "switched off between": (
+        "a.csv", table([TIME[:99], A[:99], B[:99]], before="t,q1,q2\n") + bytes(40) + b"\n"
+        + table([TIME[99:], A[99:], B[99:]]),
+    ),
+    "stamps of messages in vectors": (
+        "a.mat", matlab_file(log={"header_stamp_secs": 1.7e9 + ORDER // 100, "header_stamp_nsecs": ORDER % 100 * 1e7,
+                                  "q1_in_deg": A * DEGREES, "q2_in_deg": B * DEGREES}),
+    ),
+    "another name of the time": ("a.mat", matlab_file(epoch_ms=1.7e12 + TIME * 1e3, q1=A, q2=B)),
+    "numpy's dates": ("a.npz", numpy_file(time=np.datetime64("2024-05-06") + ORDER * np.timedelta64(10, "ms"), q1=A, q2=B)),
 }  # fmt: skip
 
 
@@ -112,12 +140,25 @@ def test_understood(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "names", ["field.position{} field.ref{}", "log.Angle{} log.Target{}", "Winkel_{}_in_rad Soll_{}_in_rad"]
+)
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_holds_all_columns_hides_no_joint(tmp_path: Path, names: str, first: int) -> None:
+    labels = [name.format(first + i) for name in names.split() for i in range(2)]
+    recording = read(tmp_path, "a.csv", table([TIME, A, B, 2 * A, 2 * B], before=",".join(["time", *labels]) + "\n"))
+    for joint, values in zip(JOINTS, (A, B), strict=True):
+        np.testing.assert_allclose(recording.column(joint, "link_position").values, values, atol=1e-6)
+        np.testing.assert_allclose(recording.column(joint, "reference_1").values, 2 * values, atol=1e-6)
+
+
+@pytest.mark.parametrize(
     ("header", "name", "unit"),
     [
         ("[deg] q1", "q1", "deg"), ("velocity[0]:deg/sec", "velocity[0]", "deg/s"), ("T1:N.m", "T1", "N.m"),
         ("cmd_1-º", "cmd_1", "°"), ("pos 1-turns", "pos 1", "turns"), ("q1 [°] (measured)", "q1 (measured)", "°"),
         ("q_deg[1]", "q[1]", "deg"), ("Axis 1 Position/turns", "Axis 1 Position", "turns"), ("w1[U/min]", "w1", "rpm"),
-        ("v[0]/dps", "v[0]", "dps"), ("Torque:N m", "Torque", "Nm"),
+        ("v[0]/dps", "v[0]", "dps"), ("time_min", "time", "min"),
+        ("elapsed_h", "elapsed", "h"), ("q_1_in_deg", "q_1", "deg"), ("Torque:N m", "Torque", "Nm"),
         ("M1 in newton-metres", "M1", "Nm"), ("tau (ozf.in)", "tau", "ozin"), ("effort[0]:kNm", "effort[0]", "kNm"),
     ],
 )  # fmt: skip

@@ -54,7 +54,10 @@ def _frequency(time: Array, x: Array, floor: float, lowest: float) -> float:
             return found
     elif lowest == 0.0:
         return math.nan
-    return _spectral_peak(time, x, lowest)
+    # The way to the steady state, and the rest there, are no oscillation: their spectrum would outweigh a short ringing's.
+    crossed = sorted(up + down) or [float(time[0])]
+    ringing = (time >= crossed[0]) & (time <= crossed[-1]) if len(crossed) > 3 else time >= crossed[0]
+    return _spectral_peak(time[ringing], x[ringing], lowest) if ringing.sum() >= 8 else math.nan
 
 
 def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[float]]:

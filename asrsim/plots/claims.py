@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from asrsim.log import LogReader
 from asrsim.metrics import ExpectationResult
+from asrsim.recordings import Recording
+from asrsim.recordings.align import LagChoice
 from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Expectation
 
@@ -36,6 +39,25 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
         variant=info.variant,
     )
     return tuple(claim for claim in scenario.expect if claim.variant in (None, info.variant))
+
+
+def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) -> dict[str, LagChoice]:
+    """Path of a recording -> the lag under which the runs' claims compare with that very file, where they state one.
+
+    A picture under another lag would show other numbers than the verdicts below it.
+    """
+    found: dict[str, LagChoice] = {}
+    for info in infos:
+        data = info.resolved.get("scenario", {})
+        claims = (data.get("expect") if isinstance(data, dict) else None) or ()
+        for claim in claims if isinstance(claims, (list, tuple)) else ():
+            options = claim.get("options") if isinstance(claim, dict) else None
+            lag: Any = options.get("lag", "auto") if isinstance(options, dict) else "auto"
+            content = info.attachments.get(str(claim.get("against"))) if lag != "auto" else None
+            for recording in recordings if content is not None else ():
+                if recording.path.is_file() and recording.path.read_bytes() == content:
+                    found.setdefault(str(recording.path), lag)
+    return found
 
 
 def _unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:

@@ -13,7 +13,7 @@ from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, writ
 from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
-from asrsim.plots.claims import judge
+from asrsim.plots.claims import claimed_clocks, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
@@ -195,7 +195,8 @@ def _with_recordings(job: PlotJob, result: PlotResult, labels: list[str]) -> Plo
 def _compared(job: PlotJob, result: PlotResult, told: Callable[[str, int, int], Callable[[float], None] | None]) -> PlotResult:
     compared: list[RunComparison] = []
     runs: list[RunCurves] = []
-    lags: dict[str, LagChoice] = {}
+    claimed = claimed_clocks([run.info for run in result.runs], result.recordings) if job.lag == "auto" else {}
+    lags: dict[str, LagChoice] = dict(claimed)
     for number, run in enumerate(result.runs):
         mine = [r for r, (_, label, _) in zip(result.recordings, result.assigned, strict=True) if label in ("all", run.label)]
         if not mine:
@@ -208,6 +209,8 @@ def _compared(job: PlotJob, result: PlotResult, told: Callable[[str, int, int], 
         )  # fmt: skip
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)
+        known = {n: replace(a, how="as `expect` compares them") if n in claimed else a for n, a in one.alignments.items()}
+        one = replace(one, alignments=known)
         compared.append(one)
         runs.append(run)
     rows = tuple(row for one in compared for row in one.rows)

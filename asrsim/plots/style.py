@@ -83,6 +83,7 @@ RC: dict[str, Any] = {
     "axes.titlesize": 9,
     # A place that is given need not be found by measuring all labels.
     "axes.titley": 1.0,
+    "axes.prop_cycle": f"cycler('color', {list(VARIANTS)})",
     "axes.edgecolor": "#8a8a8a",
     "axes.linewidth": 0.7,
     "axes.labelcolor": BLACK,

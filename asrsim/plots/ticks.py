@@ -26,6 +26,8 @@ class Plain(ScalarFormatter):
         largest = max(abs(end) for end in self.axis.get_view_interval())
         if SMALL <= largest < LARGE:
             return str(super().__call__(x, pos))
-        # As many digits as tell one tick from the next.
+        # One power for all ticks, and as many digits as tell one from the next: 8e-05 beside 0.0001 are two ways of writing.
+        power = math.floor(math.log10(largest)) if largest else 0
         step = min((abs(b - a) for a, b in pairwise(self.axis.get_majorticklocs())), default=largest) or largest
-        return str(self.fix_minus(f"{x:.{max(3, math.ceil(math.log10(max(largest / step, 1.0))) + 1)}g}"))
+        digits = max(0, power - math.floor(math.log10(step) + 1e-9)) if step else 0
+        return str(self.fix_minus(f"{x / 10.0**power:.{digits}f}e{power:+03d}" if x else "0"))

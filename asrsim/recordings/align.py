@@ -36,7 +36,8 @@ class Alignment:
     def said(self) -> str:
         """How late or early the recording was, as people say it."""
         lag = round(self.lag, 4)
-        return f"{abs(lag):.4g} s {'early' if lag < 0.0 else 'late'}"
+        # Of a clock that began long ago the digits that differ are the last ones.
+        return f"{f'{abs(lag):.4f}'.rstrip('0').rstrip('.')} s {'early' if lag < 0.0 else 'late'}"
 
 
 def align(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,22 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
-from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.adjust import measured, scaled, windowed
+from asrsim.recordings.adjust import measured, windowed
+from asrsim.recordings.columns import KNOWN, columns_of
 from asrsim.recordings.condense import condense, set_aside
-from asrsim.recordings.data import Column, Raw, RawSeries, Recording
+from asrsim.recordings.data import Column, Raw, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import find_column, guess, joint_numbers, stated_unit, theta_is_motor, tokens_of
-from asrsim.recordings.numbering import one_behind, zero_based
+from asrsim.recordings.names import find_column, stated_unit
 from asrsim.recordings.oddities import oddities
-from asrsim.recordings.units import Unit, fits, split_header, unknown_unit
+from asrsim.recordings.units import fits, unknown_unit
 from asrsim.recordings.unstated import unstated
 
-_KNOWN = {**QUANTITIES, **DERIVED}
 _NAMED = 12
 """Columns that an error names."""
-_TURNS = 20.0
-"""Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 
 
 def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
@@ -34,7 +29,7 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     raw = windowed(path, raw, maps)
     by_index = _explicit(path, raw, maps)
     with np.errstate(over="ignore", invalid="ignore"):
-        columns = _columns(path, raw, by_index, joints, findings)
+        columns = columns_of(path, raw, by_index, joints, findings)
     columns = [measured(path, column, findings) for column in _without_repeats(path, columns, findings)]
     base = max(columns, key=lambda column: len(column.time)).time
     findings += oddities(path, columns)
@@ -97,10 +92,10 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
             )  # fmt: skip
             continue
         unit = one.unit or stated_unit(raw.series[index].name, raw.series[index].unit)
-        if one.quantity is not None and unit is not None and not fits(unit.si, _KNOWN[one.quantity].unit):
+        if one.quantity is not None and unit is not None and not fits(unit.si, KNOWN[one.quantity].unit):
             problems.append(
                 Problem(
-                    f"is in {unit.symbol}, which cannot be a {one.quantity} ({_KNOWN[one.quantity].unit})", file=path,
+                    f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})", file=path,
                     key=one.column, hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit",
                 )
             )  # fmt: skip
@@ -111,147 +106,9 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
     return found
 
 
-def _columns(
-    path: Path, raw: Raw, explicit: dict[int, ColumnMap], joints: Sequence[str] | None, findings: list[Problem]
-) -> list[Column]:
-    # The second "angle" of a file is angle#2, and no joint 2.
-    plain = [split_header(re.sub(r"#\d+$", "", series.name))[0] for series in raw.series]
-    counted = joint_numbers(plain)
-    motors = theta_is_motor(tokens_of(name) for name in plain)
-    # elbow.link_position and the like say whose they are.
-    spelled = [(series.joint or name.rpartition(".")[0]) for series, name in zip(raw.series, plain, strict=True)
-               if series.joint is not None or ("." in name and name.rpartition(".")[2] in _KNOWN)]  # fmt: skip
-    named = tuple(dict.fromkeys(spelled))
-    known = tuple(joints) if joints is not None else named
-    behind = one_behind(plain, known)
-    if behind:
-        findings.append(
-            Problem(f"its joints count from 0: {known[0].removesuffix('1')}0 is {known[0]}", file=path, code="joints-from-zero",
-                    hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
-        )  # fmt: skip
-    meanings = {
-        index: guess(_plain_name(plain[index]), stated_unit(series.name, series.unit),
-                     joints=() if behind else known, counted=counted, theta_is_motor=motors)
-        for index, series in enumerate(raw.series)
-        if index not in explicit and series.quantity is None
-    }  # fmt: skip
-    places = [int(m[1]) for series in raw.series if series.quantity and (m := re.search(r"(\d+)\]?$", series.name))]
-    numbered = {i: (plain[i], m.number) for i, m in meanings.items() if m.quantity and m.number is not None}
-    shifted = zero_based(numbered, len(known), zero=0 in counted or 0 in places)
-    # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
-    words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
-    named_by_words = len(words) > 1 or (bool(words) and bool(known))
-    columns: list[Column] = []
-    homeless: list[str] = []
-    doubts: dict[str, list[str]] = {}
-    for index, series in enumerate(raw.series):
-        unit = stated_unit(series.name, series.unit)
-        one = explicit.get(index)
-        if one is not None:
-            if one.role == "ignore":
-                columns.append(_column(series, unit, None, None, f"not used: {one.origin}"))
-            else:
-                columns.append(scaled(_column(series, one.unit or unit, one.joint, one.quantity, one.origin), one))
-            continue
-        if series.quantity is not None:
-            joint = series.joint
-            if joint is None:
-                number = next((int(word) for word in reversed(tokens_of(series.name)) if word.isdigit()), None)
-                joint = known[number] if number is not None and number < len(known) else None
-            quantity = series.quantity if joint is not None else None
-            columns.append(
-                _column(series, unit, joint, quantity, "named in the file" if quantity else "not used: no joint named")
-            )
-            continue
-        meaning = meanings[index]
-        if meaning.quantity is not None and (doubt := _doubt(series, unit, meaning.quantity)):
-            doubts.setdefault(doubt, []).append(series.name)
-            columns.append(_column(series, unit, None, None, f"not used: looks like {meaning.quantity}, but {doubt}"))
-            continue
-        if meaning.quantity is None:
-            columns.append(_column(series, unit, series.joint, None, f"not used: {meaning.reason}"))
-            continue
-        joint = (
-            series.joint
-            or meaning.joint
-            or _joint(meaning.number, known, meaning.words if named_by_words else (), zero=index in shifted)
-        )
-        if joint is None:
-            homeless.append(series.name)
-            columns.append(_column(series, unit, None, None, "not used: which joint it is of is unclear"))
-        else:
-            columns.append(_column(series, unit, joint, meaning.quantity, f"guessed: {meaning.reason}"))
-    findings += [
-        Problem(f"not used, since {doubt}", file=path, key=", ".join(names[:6]), code="unclear-unit",
-                hint=f"State the unit: --map '{names[0]}=JOINT.QUANTITY [unit]'")
-        for doubt, names in doubts.items()
-    ]  # fmt: skip
-    if homeless:
-        findings.append(
-            Problem(f"which joint these columns are of is unclear: {', '.join(homeless)}", file=path, choices=known,
-                    hint="Say it with --map COLUMN=JOINT.QUANTITY", code="unclear-joint")
-        )  # fmt: skip
-    return columns
-
-
-def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:
-    """Why the numbers under a guessed name are hardly in SI; "" without doubt."""
-    if unit is not None:
-        return ""
-    if (stated := unknown_unit(series.name)) is not None:
-        return f"its unit [{stated}] is not known"
-    values = series.values[np.isfinite(series.values)]
-    angle = _KNOWN[quantity].unit == "rad" or quantity == "reference_1"
-    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
-        return f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
-    return ""
-
-
 def _shown(names: Sequence[str]) -> tuple[str, ...]:
     """Names for a message: of very many the first."""
     return (*names[:_NAMED], f"and {len(names) - _NAMED} more") if len(names) > _NAMED + 1 else tuple(names)
-
-
-def _plain_name(name: str) -> str:
-    """Without the field of a message that holds nothing else."""
-    return name.removesuffix("/data")
-
-
-def _joint(number: int | None, known: Sequence[str], words: Sequence[str], *, zero: bool) -> str | None:
-    """The joint of a number, which may count from 0: of that ending, else by its place; of words in its name; without either
-    the only joint."""
-    if number is None and words:
-        if not known:
-            return "_".join(words)
-        fitting = [joint for joint in known if set(words) <= set(tokens_of(joint))]
-        if len(fitting) == 1:
-            return fitting[0]
-    if not known:
-        return f"joint_{1 if number is None else number}"
-    if number is None:
-        return known[0] if len(known) == 1 else None
-    ending = [joint for joint in known if tokens_of(joint)[-1:] == [str(number)]]
-    # Counted from 0, [1] is the second of joint_1, joint_2, unless there is a joint_0.
-    if len(ending) == 1 and not (zero and not any(tokens_of(joint)[-1:] == ["0"] for joint in known)):
-        return ending[0]
-    place = number if zero else number - 1
-    return known[place] if 0 <= place < len(known) else None
-
-
-def _column(series: RawSeries, unit: Unit | None, joint: str | None, quantity: str | None, origin: str) -> Column:
-    """The column in SI units, its conversion in words."""
-    expected = _KNOWN[quantity].unit if quantity is not None else ""
-    if unit is None:
-        said = f"{expected} assumed" if expected and not origin.startswith("named") else ""
-        return Column(time=series.time, values=series.values, unit=expected, joint=joint, quantity=quantity,
-                      source=series.name, conversion=said, origin=origin, part=series.part, label=series.label,
-                      shift=series.shift)  # fmt: skip
-    values = series.values if unit.factor == 1.0 else series.values * unit.factor
-    said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
-    si = "" if unit.si == "1" else unit.si
-    return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, stated=True, origin=origin, part=series.part, label=series.label,
-                  shift=series.shift)  # fmt: skip
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:

@@ -14,8 +14,8 @@ _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
 _GROUPED = re.compile(r"[-+]?\d{1,3}(?P<mark>[.,' ])\d{3}(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
 """Marks between thousands, beside a decimal mark that tells them apart."""
 _STAMP = re.compile(
-    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)"
-    r"(?=[T_ :./-]|$)"
+    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?\.\d\d?\.\d\d(?= \d\d?:)|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])"
+    r"|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.,/-]|$)"
 )
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
@@ -114,6 +114,7 @@ def _moment(text: str) -> datetime:
         parts = [_MONTHS.index(part.lower()) + 1 if part.isalpha() else int(part) for part in re.split(r"[./-]", date)]
         # 2024/5/6 is year first; 6.5.2024 and 6-May-2024 day first; 5/6/2024 month first.
         swapped = "/" not in date
+        parts = [*parts[:2], parts[2] + 2000] if swapped and max(parts) < 100 else parts  # 6.5.24
         year, month, day = parts if parts[0] > 31 else (parts[2], parts[1], parts[0]) if swapped else (parts[2], *parts[:2])
         clock = clock.strip() or "00:00:00"
         return datetime.fromisoformat(f"{year:04d}-{month:02d}-{day:02d}T{clock.zfill(len(clock) + (clock[1:2] == ':'))}")

@@ -17,7 +17,8 @@ from asrsim.recordings.foreign import from_hdf5
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.matlab_struct import TIME_NAMES, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
-from asrsim.recordings.time_columns import told_rate
+from asrsim.recordings.stamps import parts_of
+from asrsim.recordings.time_columns import TIME_WORDS, told_rate
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import split_header
 from asrsim.samples import Array
@@ -172,11 +173,11 @@ def _tables(
 
 def _merge_seconds(columns: dict[str, Array]) -> None:
     """A ROS stamp in two vectors as one time, from its first whole second."""
-    for whole, part in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
-        if whole in columns and part in columns:
-            seconds = columns.pop(whole)
-            columns["time"] = seconds - seconds[0] + columns.pop(part) * 1e-9
-            return
+    names = list(columns)
+    if (parts := parts_of(names)) is not None and len(columns[names[parts[0]]]) == len(columns[names[parts[1]]]):
+        i, j, unit = parts
+        seconds = columns.pop(names[i])
+        columns["time"] = seconds - seconds[0] + columns.pop(names[j]) * unit
 
 
 def _add(table: dict[str, Array], name: str, value: Any, names: Sequence[str] = ()) -> None:
@@ -184,6 +185,8 @@ def _add(table: dict[str, Array], name: str, value: Any, names: Sequence[str] = 
     array = np.asarray(value)
     if array.dtype.kind == "c" and not np.any(array.imag):
         array = array.real
+    if array.dtype.kind == "M" and array.ndim == 1 and len(array):  # numpy's dates, from the first
+        array = (array - array[0]) / np.timedelta64(1, "s")
     if array.dtype.kind not in "fiub" or array.ndim == 0:
         return
     array = np.squeeze(array.astype(float))
@@ -220,6 +223,10 @@ def _times_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]
     named = [name for name in table if _is_time(name, table)]
     # t_q beside q1: a time where nothing else is one.
     named = named or [name for name in table if tokens_of(name)[:1] in (["t"], ["time"]) and np.all(np.diff(table[name]) > 0)]
+    # epoch_ms, Datum: whatever else a table's time may be called.
+    named = named or [
+        name for name in table if TIME_WORDS & set(tokens_of(split_header(name)[0])) and np.all(np.diff(table[name]) > 0)
+    ]
     if named:
         return named
     for name, values in table.items():

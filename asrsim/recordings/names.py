@@ -30,8 +30,8 @@ _THETA = {"theta", "th", "dtheta", "thetadot"}
 _PLAIN = (_POSITION - _THETA - {"state"}) | _MEASURED | {"phi", "l", "hub"}
 _AXIS = {"joint", "jnt", "j", "a", "axis", "gelenk", "achse", "giunto", "asse", "articulation", "articulacion", "axe", "eje"}
 """Words behind which a number counts joints."""
-_CALM = {"filtered", "filt", "sensor", "abs", "absolute"}
-"""Words that say how a position was measured."""
+_CALM = {"filtered", "filt", "sensor", "abs", "absolute", "field"}
+"""Words that say how a position was measured, or in what of a message it stands."""
 _MOTOR = {"motor", "mot", "hub", "rotor"}
 _FOREIGN = {
     "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
@@ -100,6 +100,9 @@ def joint_numbers(names: Iterable[str]) -> set[int]:
     Of angles called theta only where these are no motors.
     """
     names = list(names)
+    # log.q1, log.q2: what holds all of them says nothing of any.
+    holders = {name.partition(".")[0] for name in names}
+    names = [name.partition(".")[2] or name for name in names] if len(holders) == 1 < len(names) else names
     listed = [tokens_of(name) for name in names]
     plain = _PLAIN if theta_is_motor(listed) else _PLAIN | {"theta", "th"}
     found = {int(match[1]) for name in names if (match := re.search(r"\[(\d+)\]$", name))}

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from asrsim.errors import RecordingError
 from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
+from asrsim.recordings.dressed import Dress, dressed
 from asrsim.recordings.foreign import READ, refuse_foreign
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
 
@@ -55,9 +56,13 @@ class Layout:
     remarks: str = ""
     """What comments and lines above the header say."""
 
+    dress: Dress | None = None
+    """What stands beside the numbers of every line."""
+
     def plain(self, line: str) -> str:
         """A line as one of a table."""
-        return _RECEIVED.sub(rf"\g<1>{self.received}", line, count=1) if self.received else line
+        line = _RECEIVED.sub(rf"\g<1>{self.received}", line, count=1) if self.received else line
+        return line if self.dress is None else self.dress.plain(line)
 
 
 def encoding_of(path: Path) -> str:
@@ -73,6 +78,7 @@ def encoding_of(path: Path) -> str:
     for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
         if zeros.count(b"\0") > 0.9 * len(zeros):
             return encoding
+    start = re.sub(rb"(?m)^\0+(?=\r?$)", b"", start)  # and where it went on in the same file
     if b"\0" in start:
         raise RecordingError(
             "is not a text file (it holds zero bytes)", file=path, code="binary",
@@ -114,6 +120,9 @@ def sniff(path: Path) -> Layout:
     received = _received([text for _, text in lines])
     if received:
         lines = [(count, _RECEIVED.sub(rf"\g<1>{received}", text, count=1)) for count, text in lines]
+    dress = dressed([text for _, text in lines])
+    if dress is not None:
+        lines = [(count, dress.plain(text)) for count, text in lines]
     quoted = any('"' in text for _, text in lines)
     separator, decimal, columns = _separator(lines, quoted=quoted, declared=declared)
     rows = [(count, split(glue(text, separator), separator, quoted=quoted)) for count, text in lines]
@@ -137,6 +146,8 @@ def sniff(path: Path) -> Layout:
         before = [(n, c) for n, c in comments if n < rows[first][0] and comment_units(c, separator, columns) is None]
         names = comment_header(before[-1][1], separator, columns, decimal) if before else None
         header_at, misfit = (before[-1][0], "") if names else (None, misfit)
+    if dress is not None and len(dress.names) == columns:
+        names, header_at, misfit = list(dress.names), rows[first][0], ""
     if names and received:
         names = ["time", *names[1:]]
     used = {header_at, header.units_line}
@@ -148,6 +159,7 @@ def sniff(path: Path) -> Layout:
         columns = len(names)
     above = [text for n, text in comments if n < rows[first][0]]
     told = header.units or next((found for text in above if (found := comment_units(text, separator, columns))), None)
+    told = list(dress.units) if dress is not None and len(dress.units) == columns else told
     stated = told if told and not widths else [""] * columns
     kinds = [kind_of([cells[i] for cells in data], decimal) for i in range(columns)]
     return Layout(
@@ -156,7 +168,7 @@ def sniff(path: Path) -> Layout:
         widths=widths, units=tuple(stated), header_line=header_at, first_line=rows[first][0],
         skipped=tuple(n for n, _ in rows[:first] if n not in used),
         remarks="\n".join([*above, *(text for n, text in lines[:first] if n not in used)]),
-        received=received, misfit=misfit, misfit_line=header.line if misfit else None,
+        received=received, dress=dress, misfit=misfit, misfit_line=header.line if misfit else None,
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip
@@ -195,7 +207,9 @@ def _separator(lines: Sequence[tuple[int, str]], *, quoted: bool, declared: str 
         for decimal in (".", ","):
             if decimal == separator and not quoted:
                 continue
-            good = sum(share_of_numbers(row, decimal) for row in rows if len(row) == columns) / len(rows)
+            # A separator that ends each line makes a blank cell there, which is no sign against it.
+            whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
+            good = sum(share_of_numbers(row, decimal) for row in whole) / len(rows)
             # One column is the last resort; a point is preferred where both marks explain the file.
             score = (round(good - (0.4 if columns == 1 else 0.0), 3), -rank, separator, decimal, columns)
             if score[:2] > best[:2]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,18 +52,25 @@ def one_zero(table: Table) -> tuple[Table, float | None]:
     return replace(table, values=values), first * 1e-9
 
 
-def merge_seconds(table: Table) -> tuple[Table, float | None, str | None]:
-    """Seconds and their parts in two columns (a ROS stamp, a timeval) as one time, its Unix zero in s, and what was done."""
-    ends = [tokens_of(name)[-1:] for name in table.layout.names]
+def parts_of(names: Sequence[str]) -> tuple[int, int, float] | None:
+    """Places of seconds and of their parts among names, and s of the parts' unit; None where there are none."""
+    ends = [tokens_of(name)[-1:] for name in names]
     for whole, part, unit in _PARTS:
         if [whole] in ends and [part] in ends:
-            i, j = ends.index([whole]), ends.index([part])
-            seconds, rest = table.values[:, i], table.values[:, j] * unit
-            # From the first whole second: a float of 1.7e9 s resolves 2.4e-7 s only.
-            finite = seconds[np.isfinite(seconds)]
-            zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0
-            said = f"'{table.layout.names[i]}' and '{table.layout.names[j]}' are read as one time in s"
-            return _merged(table, i, j, seconds - zero + rest), zero or None, said
+            return ends.index([whole]), ends.index([part]), unit
+    return None
+
+
+def merge_seconds(table: Table) -> tuple[Table, float | None, str | None]:
+    """Seconds and their parts in two columns (a ROS stamp, a timeval) as one time, its Unix zero in s, and what was done."""
+    if (parts := parts_of(table.layout.names)) is not None:
+        i, j, unit = parts
+        seconds, rest = table.values[:, i], table.values[:, j] * unit
+        # From the first whole second: a float of 1.7e9 s resolves 2.4e-7 s only.
+        finite = seconds[np.isfinite(seconds)]
+        zero = float(finite[0]) if len(finite) and abs(finite[0]) > EPOCH else 0.0
+        said = f"'{table.layout.names[i]}' and '{table.layout.names[j]}' are read as one time in s"
+        return _merged(table, i, j, seconds - zero + rest), zero or None, said
     if table.layout.header_line is None and table.values.shape[1] > 2:
         # What `ros2 topic echo --csv` prints has no header: whole seconds since 1970, then nanoseconds.
         seconds, rest = table.values[:, 0], table.values[:, 1]

@@ -35,6 +35,10 @@ TIME_WORDS = {
     "datetime",
     "date",
     "millis",
+    "micros",
+    "nanos",
+    "datum",
+    "zeitstempel",
     "seconds",
     "epoch",
     "unix",
@@ -67,54 +71,71 @@ def time_columns(
     """The columns that hold time, and s per unit where it is known."""
     labels = table.layout.names
     factors = {i: unit.factor for i, unit in enumerate(stated) if unit is not None and unit.si == "s"}
-    for one in maps:
-        if one.role != "time":
-            continue
-        index = find_column(one.column, labels)
+    if (told := next((one for one in maps if one.role == "time"), None)) is not None:
+        index = find_column(told.column, labels)
         if index is None:
             raise RecordingError(
-                "there is no such column for the time", file=path, key=one.column, choices=tuple(labels), code="no-time"
+                "there is no such column for the time", file=path, key=told.column, choices=tuple(labels), code="no-time"
             )
-        if one.unit is not None:
-            factors[index] = one.unit.factor
-        return [index], factors
+        return [index], factors if told.unit is None else factors | {index: told.unit.factor}
     mapped = {find_column(one.column, labels) for one in maps}
     free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
-    named = [i for i in free if _is_time(names[i], stated[i])]
+    named = _named(path, table, [i for i in free if _is_time(names[i], stated[i])], findings)
+    if (sent := _sent(path, table, named, findings)) is not None:
+        return [sent], factors
+    if named or table.layout.stamps:
+        return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
+    return [_rising(path, table, [i for i in free if stated[i] is None], names, findings)], factors
+
+
+def _named(path: Path, table: Table, named: list[int], findings: list[Problem]) -> list[int]:
+    """Of the columns that are named as times those with numbers; of these those that go on, if any does."""
     blank = [i for i in named if i not in table.layout.stamps and not np.isfinite(table.values[:, i]).any()]
-    if blank:
-        findings += [
-            Problem("is named as a time but has no numbers; not used", file=path, key=labels[i], code="empty-time")
-            for i in blank
-        ]
-        named = [i for i in named if i not in blank]
-    named = [i for i in named if i in table.layout.stamps or _goes_on(table.values[:, i])] or named
-    # Messages know when they were sent, which is when they were measured; a recorder knows when it got them.
+    findings += [
+        Problem("is named as a time but has no numbers; not used", file=path, key=table.layout.names[i], code="empty-time")
+        for i in blank
+    ]
+    named = [i for i in named if i not in blank]
+    return [i for i in named if i in table.layout.stamps or _goes_on(table.values[:, i])] or named
+
+
+def _sent(path: Path, table: Table, named: Sequence[int], findings: list[Problem]) -> int | None:
+    """The stamp of messages, where nothing but the time of their recording stands beside it: messages know when they were
+    sent, which is when they were measured; a recorder knows when it got them."""
+    labels = table.layout.names
     sent = [i for i in named if _is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
     got = [
         i for i in named if set(tokens_of(labels[i])) & {"rosbag", "rosbagtimestamp"} or labels[i].lower() in ("time", "__time")
     ]
-    if sent and got and len(named) == len({*sent, *got}):
-        findings.append(
-            Problem(f"is when messages were sent, and is used; '{labels[got[0]]}' is when they were recorded",
-                    file=path, key=labels[sent[0]], code="second-time", hint=f"Use that with --map '{labels[got[0]]}=time'")
-        )  # fmt: skip
-        return sent[:1], factors
-    if named or table.layout.stamps:
-        return sorted({*named, *(i for i in table.layout.stamps if not named)}), factors
+    if not sent or not got or len(named) != len({*sent, *got}):
+        return None
+    findings.append(
+        Problem(f"is when messages were sent, and is used; '{labels[got[0]]}' is when they were recorded",
+                file=path, key=labels[sent[0]], code="second-time", hint=f"Use that with --map '{labels[got[0]]}=time'")
+    )  # fmt: skip
+    return sent[0]
+
+
+def _rising(path: Path, table: Table, free: Sequence[int], names: Sequence[str], findings: list[Problem]) -> int:
+    """A column without unit that rises evenly, is not named as a signal, and counts nothing. Raises RecordingError."""
+    labels = table.layout.names
     # What is named as a signal is no time, however evenly it rises.
-    rising = [
+    even = [
         i for i in free
-        if stated[i] is None and _rises(table.values[:, i])
-        and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
+        if _rises(table.values[:, i]) and (_nameless(table, i) or not set(tokens_of(names[i])) & VOCABULARY)
     ]  # fmt: skip
     # What counts 0, 1, 2 and is not called a time is an index, no time in ms: pandas writes one, under a blank name.
     counters = [
-        i for i in rising
+        i for i in even
         if _steps_by_one(table.values[:, i]) or _is_index(table, i) or set(tokens_of(names[i])) & _COUNTERS
     ]  # fmt: skip
-    rising = [i for i in rising if i not in counters]
-    if counters and not rising:
+    if rising := [i for i in even if i not in counters]:
+        findings.append(
+            Problem("no column is named as the time; this one rises evenly and is taken", file=path,
+                    key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
+        )  # fmt: skip
+        return rising[0]
+    if counters:
         nameless = counters[0] in table.layout.unnamed
         which = f"column {counters[0] + 1}, which has no name," if nameless else f"'{labels[counters[0]]}'"
         what = "the rows" if _steps_by_one(table.values[:, counters[0]]) else "something"
@@ -122,12 +143,6 @@ def time_columns(
             f"no time column found; {which} counts {what}", file=path, code="no-time",
             hint="Give the sampling rate with --rate, or name the time with --map COLUMN=time [unit]",
         )  # fmt: skip
-    if rising:
-        findings.append(
-            Problem("no column is named as the time; this one rises evenly and is taken", file=path,
-                    key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
-        )  # fmt: skip
-        return rising[:1], factors
     raise RecordingError(
         f"no time column found among {', '.join(labels[:20])}", file=path, code="no-time",
         hint=told_rate(table.layout.remarks)

@@ -16,6 +16,8 @@ _LISTED = 8
 """Lines that a problem of many names."""
 _SLOWEST, _FASTEST = 0.5, 3e-5
 """s between samples that are not suspected."""
+_REST = 60.0
+"""s between samples from where on a time is no Unix time."""
 _SLOW, _LONG = 0.04, 300.0
 """s between samples, and of a whole recording, that are rather ms."""
 _DAY = 86400.0
@@ -59,10 +61,11 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
         )  # fmt: skip
         return (values - finite[0]) * _DAY, (float(finite[0]) - _COUNTED_DAYS[by][0]) * _DAY, findings
     if factor is None:
-        if size > EPOCH and size > 1e3 * step:
-            # Unix time: s ~ 1.7e9, ms ~ 1.7e12, us ~ 1.7e15, ns ~ 1.7e18.
-            factor = next(f for f, top in ((1.0, 1e11), (1e-3, 1e14), (1e-6, 1e17), (1e-9, np.inf)) if size < top)
-        else:
+        # Unix time: s ~ 1.7e9, ms ~ 1.7e12, us ~ 1.7e15, ns ~ 1.7e18.
+        factor = next(f for f, top in ((1.0, 1e11), (1e-3, 1e14), (1e-6, 1e17), (1e-9, np.inf)) if size < top)
+        # A clock in us or ns that began with the robot has numbers as large, but they grow from 0, or by hours a sample.
+        early, late = np.quantile(finite, (0.05, 0.95))
+        if size <= EPOCH or size <= 1e3 * step or late - early > 0.5 * size or step * factor > _REST:
             factor = next(f for f, top in ((1.0, 0.2), (1e-3, 200.0), (1e-6, 2e5), (1e-9, np.inf)) if step <= top)
         if factor != 1.0:
             unit = next(unit for unit, seconds in _SECONDS.items() if seconds == factor)

@@ -110,6 +110,8 @@ _SIGNS = (
 _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 # Last tokens that look like a unit but are part of the name: theta_m is a motor's angle, q_s no second.
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
+_CLOCKS = {"t", "time", "timestamp", "elapsed", "zeit", "temps", "tempo", "tiempo", "tijd", "duration"}
+"""Words behind which `min` and `h` are units."""
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
 _BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
 _COLON = re.compile(r"(?<=[\w\])])\s*[:,]\s*")
@@ -193,11 +195,13 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
         found = find_unit(tail)
-        if found is None or found.si == "counts" or tail in ("1", "-", "min", "h") or tail[-1] in "])}>":
+        if found is None or found.si == "counts" or tail in ("1", "-") or tail[-1] in "])}>":
             continue
+        if tail in ("min", "h") and re.split("[./]", tokens[-count - 1].lower())[-1] not in _CLOCKS:
+            continue  # q_min is the least q, t_min a time in minutes
         if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
-        return name, found
+        return re.sub(r"(?<=.)[_\s]in$", "", name), found  # q_1_in_deg
     if (behind := _behind(text, _DASH)) is not None:
         return behind
     if (match := _TIGHT.match(text)) and (unit := find_unit(text[match.end() :])) is not None:

@@ -23,6 +23,9 @@ HOLDING = "Parameters that stand here hold the arm: under their defaults it sags
 STEP_TIME = 0.1
 """s."""
 
+_ROOM = 0.4
+"""Share of the way to a stop that a step takes at most."""
+
 _SIMPLE = re.compile(r"[A-Za-z_./][\w./-]*")
 
 
@@ -207,13 +210,11 @@ def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
     bounded = joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
     start = min(max(0.0, low), high)
-    # A motion that ends on a stop shows the stop.
-    if start + size < high:
-        target = start + size
-    elif start - size > low:
-        target = start - size
-    else:
-        target = 0.5 * (low + high)
+    # A soft joint without damping swings to twice its step: that is no stop.
+    up, down = high - start, start - low
+    upward = up > 2.0 * size or up >= down
+    step = min(size, _ROOM * max(up, down))
+    target = float(f"{start + (step if upward else -step):.6g}")
     return StarterJoint(block=block, joint=joint, start=start, target=target)
 
 

@@ -77,6 +77,8 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.ticker import ScalarFormatter
 
+    from asrsim.plots.ticks import Plain
+
     columns = min(len(names), 2)
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(CELL[0] * columns + 1.0, CELL[1] * rows), layout="constrained")
@@ -87,9 +89,11 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
         axis.margins(0.03, 0.06)
         draw(table, name, axis)
         if isinstance(axis.xaxis.get_major_formatter(), ScalarFormatter):
-            # Few long numbers, or small ones by a common power, side by side.
+            # Few long numbers side by side.
             axis.locator_params(axis="x", nbins=5)
-            axis.ticklabel_format(axis="x", scilimits=(-2, 5), useMathText=True)
+            axis.xaxis.set_major_formatter(Plain())
+        if isinstance(axis.yaxis.get_major_formatter(), ScalarFormatter):
+            axis.yaxis.set_major_formatter(Plain())
     for axis in axes[len(names) :]:
         axis.remove()
     # What is the same in all panels is said once, beneath them.
@@ -182,7 +186,7 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
 
     values = table[result]
     there = values[np.isfinite(values)]
-    axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))), edgecolor="white", linewidth=0.5)
+    axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))), color="C1", edgecolor="white", linewidth=0.5)
     for share, style, label in ((0.5, "-", "median"), (0.05, ":", "5 and 95 %"), (0.95, ":", None)):
         axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style, label=label)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -197,7 +201,7 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
     places = np.arange(len(found))
     for up, end, label in ((0.15, "low", "key in its lowest fifth"), (-0.15, "high", "in its highest")):
         moved = [getattr(one, end) - middle for one in found]
-        axes.barh(places + up, moved, left=middle, height=0.3, color=f"C{int(up < 0.0)}", label=label)
+        axes.barh(places + up, moved, left=middle, height=0.3, color=f"C{int(up > 0.0)}", label=label)
     sobol = [f"{one.key}\nS = {round(one.first, 2) + 0.0:.2f}, total {round(one.total, 2) + 0.0:.2f}" for one in found]
     labels = [text if np.isfinite(one.total) else one.key for text, one in zip(sobol, found, strict=True)]
     axes.set_yticks(range(len(found)), labels, fontsize="x-small")
