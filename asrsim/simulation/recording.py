@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.samples import Array, RunInfo, Samples
+from asrsim.errors import InputError
+from asrsim.samples import Array, RunInfo, Samples, concatenate
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.prepared import Prepared
@@ -154,6 +155,13 @@ class Recording:
                 sink.write(samples)
             elif len(logged.time):
                 sink.write(logged)
+
+    @property
+    def samples(self) -> Samples:
+        """All that is kept; raises InputError where nothing is."""
+        if self.kept is None:
+            raise InputError("keeps no samples: make it with record=True", key="simulation", code="samples")
+        return concatenate(self.kept, joints=self._engine.joints)
 
     def take_over(self, varied: Prepared, engine: Engine) -> None:
         """Go on with other numbers, and maybe another engine."""

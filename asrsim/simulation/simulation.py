@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any
 
 from asrsim.errors import InputError, SimulationError
-from asrsim.samples import Array, RunInfo, Samples, concatenate
+from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.choice import make_loop
@@ -80,9 +80,8 @@ class Simulation:
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
-        self.loop, self.slow_because = make_loop(
-            prepared, engine, self.recording, compiled=compiled, substeps=expected or self.last
-        )
+        expected = expected or self.last
+        self.loop, self.slow_because = make_loop(prepared, engine, self.recording, compiled=compiled, substeps=expected)
         self._chunk = chunk or longest_chunk(len(prepared.drives))
         self.row: tuple[Array, list[Array]] | None = None
         """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
@@ -165,11 +164,9 @@ class Simulation:
     @property
     def samples(self) -> Samples:
         """What is logged since the start, of a simulation that was made with `record=True`; another raises InputError."""
-        if self.recording.kept is None:
-            raise InputError("keeps no samples: make it with record=True", key="simulation", code="samples")
         if not self._closed:
             self.flush()
-        return concatenate(self.recording.kept, joints=self.joints)
+        return self.recording.samples
 
     # -- from outside -----------------------------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ class Bent:
 def _slopes(unknowns: int, bend: float) -> list[float]:
     """At each of some steps: how often slopes were asked for, and the size of those that are used."""
     bent = Bent(unknowns, bend)
-    slopes, told = found("identification.solver._Slopes")(bent), []
+    slopes, told = found("identification.solver._Slopes")(bent, None), []
     for k in range(6):
         x = 0.1 * k * np.ones(unknowns)
         slopes.residuals(x)
