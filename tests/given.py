@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import wraps
-from inspect import isfunction
+from inspect import getattr_static, isfunction
 from itertools import islice
 from pathlib import Path
 from types import ModuleType
@@ -74,7 +74,7 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
         yield value.name
     elif depth > 5:
         yield "..."
-    elif isinstance(getattr(value, "samples", None), Samples):
+    elif isinstance(_kept(value), Samples):
         yield from _words(value.samples, detail, depth)
     elif is_dataclass(value):
         yield type(value).__name__
@@ -92,6 +92,11 @@ def _words(value: Any, detail: Detail, depth: int) -> Iterator[str]:
         yield "]"
     else:
         yield getattr(value, "__name__", type(value).__name__)
+
+
+def _kept(value: Any) -> Any:
+    """Its samples, where they are there: a property may make them, and change what it is of."""
+    return None if isinstance(getattr_static(type(value), "samples", None), property) else getattr(value, "samples", None)
 
 
 def _named(name: str, value: Any, detail: Detail, depth: int) -> Iterator[str]:

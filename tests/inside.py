@@ -61,7 +61,10 @@ class Inside:
         if value is None:
             names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
             value = {one: frame.f_locals.get(one) for one in names if one not in ("self", "cls")}
-        line = " ".join(steady(value_line("", value, DETAIL), self._folder))[:LONGEST].strip()
+        # An error of this would end the program that is listened to.
+        line = "cannot be shown"
+        with suppress(Exception):
+            line = " ".join(steady(value_line("", value, DETAIL), self._folder))[:LONGEST].strip()
         if not PASSING.search(line) and line not in self.heard.setdefault(name, []):
             self.heard[name].append(line)
         sys.setprofile(self)
