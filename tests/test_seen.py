@@ -10,12 +10,10 @@ import io
 import json
 import os
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-from inside import inside, otherwise, write
 from matplotlib.figure import Figure
 from PIL import Image
 from seen import differences, figure_lines, page_lines, picture_lines, steady
@@ -197,8 +195,6 @@ SESSIONS: dict[str, tuple[str, ...]] = {
     ),
     **{f"figure_{number}": (f"reproduce {number} -o figure --processes 1",) for number in (8, 11, 12, 13, 14, 15)},
 }  # fmt: skip
-SHOWN_ONLY = ("picture", "live", "figure_11", "figure_12", "figure_13", "figure_14", "figure_15")
-"""Sessions in which little runs that no other runs: the functions behind them are not looked at."""
 READ = ("*.yaml", "*.html", "*.gif", "*.json", "bench_out.csv", "learned.csv", "metrics.csv", "film*.png")
 """What is read of the files that commands wrote."""
 
@@ -251,22 +247,10 @@ def _file(path: Path, folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_what_users_see(name: str, tmp_path: Path, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Without PyBullet other functions are called.
-    looked = name not in SHOWN_ONLY and find_spec("pybullet") is not None
-    with inside(tmp_path, on=looked) as heard:
-        shown = session(name, tmp_path, asrsim_command, monkeypatch)
-    path, functions = RECORDED / f"{name}.txt", RECORDED / "inside" / f"{name}.txt"
+    shown = session(name, tmp_path, asrsim_command, monkeypatch)
+    path = RECORDED / f"{name}.txt"
     assert not [line for line in shown if "could not be run" in line]
     if "ASRSIM_RECORD" in os.environ:
         path.write_text("\n".join(shown) + "\n", encoding="utf-8")
-    if "ASRSIM_RECORD" in os.environ and looked:
-        # What differs from run to run is left out: another run tells.
-        folder = tmp_path.with_name(f"{tmp_path.name}again")
-        folder.mkdir()
-        monkeypatch.chdir(folder)
-        with inside(folder) as again:
-            session(name, folder, asrsim_command, monkeypatch)
-        write(functions, heard.heard, again.heard)
     found = differences(shown, path.read_text(encoding="utf-8").splitlines())
-    found += otherwise(functions, heard.heard) if looked else []
     assert not found, "\n".join(found[:20])
