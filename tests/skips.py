@@ -9,8 +9,12 @@ from pathlib import Path
 ALWAYS = (
     "its energy is integrated from its torques",
     "it has no deflection limit",
-    "no chromium",
+    "no Chromium here",
     "no small disk can be mounted here",
+    "no wheels of",
+    "node and npm are not installed",
+    "npm cannot install the client",
+    "rclpy is not installed here",
     "scipy was installed without its test files",
 )
 """Cases that do not exist for an actuator, and what a machine may lack."""

@@ -25,7 +25,7 @@ from asrsim.runs.folder import find_logs
 
 pytestmark = pytest.mark.once
 
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 
 
 class Links(HTMLParser):
