@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.starter_playback import Plan, make_plan
+from asrsim.signals.curve import Curve, curve_through
 from asrsim.simulation.evaluation import DERIVED, EXTERNAL
 from asrsim.simulation.recorder import DIRECT
 
@@ -78,6 +80,16 @@ class Command:
     def key(self) -> str:
         """`joint.reference_1`."""
         return f"{self.joint}.{self.quantity}"
+
+    @cached_property
+    def curve(self) -> Curve:
+        """What it is between samples."""
+        return curve_through(self.time, self.values, hold=self.hold)
+
+    @cached_property
+    def as_stairs(self) -> Command:
+        """The same, each sample held until the next."""
+        return self if self.hold else replace(self, hold=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -146,7 +146,7 @@ class Track:
             table: dict[str, dict[str, Signal]] = {}
             for i, command in enumerate(self.data.commands):
                 gain, offset, delay = numbers[3 * i : 3 * i + 3]
-                played = replace(command, hold=command.hold or command.key in self.held)
+                played = command.as_stairs if command.key in self.held else command
                 signal = Played(command=played, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
                 table.setdefault(command.joint, {})[command.name] = signal
             self._commands = (self.held, numbers), table

@@ -1,0 +1,143 @@
+"""A recorded series as a curve: smooth between its samples, but for its jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.samples import Array
+
+JUMP = 8.0
+"""A change of a series that is so many times those beside it is a jump."""
+TORN, BESIDE = 4.0, 6
+"""Times the bends of a motion, in so many samples on each side, that a jump in it is at least."""
+LARGE, MANY = 0.05, 40
+"""Share of a series' range from which on a jump is large, and number of these beyond which they are stairs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Cubics between samples: splines, or each sample held until the next. It jumps where the series does."""
+
+    time: Array
+    """(n,) s, where pieces begin; the last value holds."""
+    cubics: Array
+    """(n, 4) coefficients of each piece, from the constant on."""
+    large: NDArray[np.intp]
+    """(m,) indices of the pieces that begin with a large jump; none where they are many: stairs are small."""
+
+    @property
+    def jumps(self) -> Array:
+        """(m,) times of large jumps, s."""
+        return np.asarray(self.time[self.large])
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(m,) of large jumps."""
+        before = self.large - 1
+        return np.asarray(self.cubics[self.large, 0] - _value(self.cubics[before], self.time[self.large] - self.time[before]))
+
+    def values(self, time: Array) -> Array:
+        """At `time` (k,) s; the ends hold, and at a jump the new value does."""
+        place, after = self._pieces_of(time)
+        return _value(self.cubics[place], np.maximum(after, 0.0))
+
+    def integral(self, time: Array) -> Array:
+        """From the first sample to `time` (k,) s; the ends hold."""
+        place, after = self._pieces_of(time)
+        before = after < 0.0
+        return np.asarray(self._areas[place] + np.where(before, after * self.cubics[0, 0], _area(self.cubics[place], after)))
+
+    @cached_property
+    def _areas(self) -> Array:
+        return np.concatenate([[0.0], np.cumsum(_area(self.cubics[:-1], np.diff(self.time)))])
+
+    def _pieces_of(self, time: Array) -> tuple[NDArray[np.intp], Array]:
+        place = np.maximum(np.searchsorted(self.time, time, side="right") - 1, 0)
+        return place, time - self.time[place]
+
+    def earlier(self, moves: Mapping[int, float]) -> Curve:
+        """With large jumps (their numbers, from 0) by so many s before their samples: a series tells only that they came
+        between two. Both sides go on as they are beside the jump.
+        """
+        moved = sorted(number for number, move in moves.items() if move > 0.0)
+        if not moved:
+            return self
+        places, early = self.large[moved], np.array([moves[number] for number in moved])
+        a, b, c, _ = self.cubics[places].T
+        pieces = np.stack([a - b * early + c * early**2, b - 2.0 * c * early, c, np.zeros_like(a)], axis=1)
+        return Curve(
+            np.insert(self.time, places, self.time[places] - early),
+            np.insert(self.cubics, places, pieces, axis=0),
+            np.asarray(self.large + np.searchsorted(places, self.large), dtype=np.intp),
+        )
+
+
+def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
+    """Of samples (n,) at ascending times. hold: each until the next."""
+    jumping = np.diff(values) != 0.0 if hold else is_jump(values)
+    cubics = np.zeros((len(time), 4))
+    cubics[:, 0] = values
+    edges = [0, *(np.flatnonzero(jumping) + 1).tolist(), len(time)]
+    for first, last in pairwise(edges) if not hold else ():
+        _join(time[first:last], cubics[first:last])
+        if last < len(time) and last - first > 1:
+            # What is known of the way to the jump is how it began.
+            _, b, c, d = cubics[last - 2]
+            width = time[last - 1] - time[last - 2]
+            cubics[last - 1] = values[last - 1], b + width * (2.0 * c + 3.0 * d * width), c + 3.0 * d * width, 0.0
+    found = np.flatnonzero(jumping) + 1
+    large = found[np.abs(values[found] - values[found - 1]) > LARGE * np.ptp(values)]
+    return Curve(np.asarray(time), cubics, large if len(large) <= MANY else large[:0])
+
+
+def is_jump(values: Array) -> Array:
+    """(n - 1,) whether a series (n,) jumps after a sample: by far more than it changes beside, or than it bends beside."""
+    steps = np.abs(np.diff(values))
+    least = 1e-3 * np.ptp(values)
+    beside = np.maximum(np.concatenate([[0.0], steps[:-1]]), np.concatenate([steps[1:], [0.0]]))
+    return np.asarray((steps > np.maximum(JUMP * beside, least)) | _torn(values, least))
+
+
+def _torn(values: Array, least: float) -> Array:
+    """(n - 1,) whether third differences are those of a jump in a smooth motion: 1, -2, 1 times its size, small beside."""
+    n = len(values)
+    torn = np.zeros(max(n - 1, 0), bool)
+    if n < 6:
+        return torn
+    bends = np.diff(values, 3)
+    a, b, c = bends[:-2], bends[1:-1], bends[2:]
+    size = (a - 2.0 * b + c) / 6.0
+    left = np.max(np.abs([a - size, b + 2.0 * size, c - size]), axis=0)
+    padded = np.pad(np.abs(bends), BESIDE)
+    wide = np.lib.stride_tricks.sliding_window_view(padded, BESIDE)
+    k = np.arange(len(size))
+    beside = np.maximum(wide[k].max(axis=1), wide[k + BESIDE + 3].max(axis=1))
+    torn[2:-2] = np.abs(size) > np.maximum(TORN * np.maximum(beside, left), least)
+    return torn
+
+
+def _join(time: Array, cubics: Array) -> None:
+    """Fill in pieces (n, 4) between the constants of samples: lines would cut off summits."""
+    from scipy.interpolate import CubicSpline
+
+    if len(time) > 3:
+        cubics[:-1] = CubicSpline(time, cubics[:, 0]).c[::-1].T
+    elif len(time) > 1:
+        cubics[:-1, 1] = np.diff(cubics[:, 0]) / np.diff(time)
+
+
+def _value(cubics: Array, width: Array) -> Array:
+    a, b, c, d = np.moveaxis(cubics, -1, 0)
+    return np.asarray(a + width * (b + width * (c + width * d)))
+
+
+def _area(cubics: Array, width: Array) -> Array:
+    """Integrals of cubics (..., 4) over widths (...)."""
+    a, b, c, d = np.moveaxis(cubics, -1, 0)
+    return np.asarray(width * (a + width * (b / 2.0 + width * (c / 3.0 + width * d / 4.0))))
