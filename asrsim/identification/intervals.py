@@ -19,10 +19,12 @@ CHANCE = 0.95
 """The spread counts where it is larger than that which blocks of white noise have with this probability."""
 GONE = 1e-12
 """Share of the largest singular value below which a direction is rounding."""
-CANCELLED, ALONG = 0.03, 1e-4
-"""Share of what its parts do below which a direction's slope is looked at again, and over which way."""
-AGREES, SAME, ROUNDS = 0.3, 0.9, 3
-"""Change of a slope that leaves it as it is; cosine of directions that are the same; looks at each, at most."""
+CORNER = 1e-5
+"""Of differences, in the vector's units: over corners that a joint's sticking makes, small beside any deviation."""
+REACH = 1e-3
+"""Way over which a direction's slope is taken, at most, in the vector's units: null directions may be bent."""
+AGREES, ROUNDS = 0.3, 4
+"""Change of slopes, as a share, that leaves directions as they are; looks at all, at most."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     """At x; entries at a bound are held there. foreseen: as if nothing but the noise were left."""
     n = len(x)
     left = residuals(x)
-    jacobian = residuals.jacobian(x, base=left)
+    jacobian = residuals.jacobian(x, CORNER, base=left, central=True)
     # Outliers count as the fit counts them.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     free = np.flatnonzero(~np.asarray(at_bound, dtype=bool))
@@ -135,29 +137,26 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
 
 
 def with_faint_directions(residuals: Residuals, x: Array, jacobian: Array, free: NDArray[np.intp]) -> Array:
-    """Jacobian (m, k) of the free entries whose directions in which columns cancel are each taken along themselves.
+    """Jacobian (m, k) of the free entries, by slopes along the directions of its own singular vectors, each over its deviation.
 
-    Where joints stick, slopes have corners: one of the columns may be of the other side of it, and their sum of neither.
+    Where joints stick, slopes have corners: one of the columns may be of the other side of it, and what is left of two that
+    cancel of neither.
     """
     low, high = residuals.layout.bounds
-    agreed = np.zeros((0, len(free)))
-    for _ in range(ROUNDS * len(free)):
-        directions = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))[2]
-        parts = np.linalg.norm(directions * np.linalg.norm(jacobian, axis=0), axis=1)
-        shares = np.linalg.norm(jacobian @ directions.T, axis=0) / np.maximum(parts, 1e-300)
-        moves = ALONG * np.abs(directions)
-        inside = np.all((x[free] - moves >= low[free]) & (x[free] + moves <= high[free]), axis=1)
-        looked = np.abs(agreed @ directions.T).max(axis=0, initial=0.0) > SAME
-        waiting = np.flatnonzero((shares < CANCELLED) & inside & ~looked)
-        if not len(waiting):
+    for _ in range(ROUNDS):
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))
+        moves = directions * np.minimum(1.0 / np.maximum(sizes, 1.0 / REACH), REACH)[:, None]
+        inside = np.all((x[free] - np.abs(moves) >= low[free]) & (x[free] + np.abs(moves) <= high[free]), axis=1)
+        agreed = True
+        for i in np.flatnonzero(inside):
+            move = np.zeros(len(x))
+            move[free] = moves[i]
+            slope = jacobian @ directions[i]
+            along = (residuals(x + move) - residuals(x - move)) / (2.0 * float(np.linalg.norm(move)))
+            agreed &= float(np.linalg.norm(along - slope)) < AGREES * float(np.linalg.norm(slope))
+            jacobian = jacobian + np.outer(along - slope, directions[i])
+        if agreed:
             break
-        direction = directions[waiting[int(np.argmin(shares[waiting]))]]
-        move = np.zeros(len(x))
-        move[free] = ALONG * direction
-        slope, along = jacobian @ direction, (residuals(x + move) - residuals(x - move)) / (2.0 * ALONG)
-        if float(np.linalg.norm(along - slope)) < AGREES * float(np.linalg.norm(slope)):
-            agreed = np.vstack([agreed, direction])
-        jacobian = jacobian + np.outer(along - slope, direction)
     return jacobian
 
 

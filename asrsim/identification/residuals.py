@@ -110,19 +110,28 @@ class Residuals:
         """(m,)."""
         return np.concatenate([self.of_track(x, track) for track in range(len(self.tracks))])
 
-    def jacobian(self, x: Array, step: float = STEP, *, base: Array | None = None) -> Array:
-        """(m, n) by differences of one side, that which the bounds allow. base: (m,) residuals at x, where they are known."""
+    def jacobian(self, x: Array, step: float = STEP, *, base: Array | None = None, central: bool = False) -> Array:
+        """(m, n) by differences of one side, that which the bounds allow; central: of both, where they allow it: at a corner,
+        where joints stick, columns of different sides would not belong together. base: (m,) residuals at x, where they are known.
+        """
         at = self(x) if base is None else base
         places = self._places()
         matrix = np.zeros((places[-1], len(x)))
-        up = np.where(x + step <= self.layout.bounds[1], step, -step)
-        wanted = [(i, track) for i in range(len(x)) for track in self.layout.touched(i)[: len(self.tracks)]]
-        moved = [(_moved(x, i, float(up[i])), track) for i, track in wanted]
-        for (i, track), there in zip(wanted, self._of_tracks(moved), strict=True):
+        low, high = self.layout.bounds
+        above, below = x + step <= high, x - step >= low
+        wanted = [
+            (i, track, move)
+            for i in range(len(x))
+            for track in self.layout.touched(i)[: len(self.tracks)]
+            for move in ([step, -step] if central and above[i] and below[i] else [step if above[i] else -step])
+        ]
+        there = self._of_tracks([(_moved(x, i, move), track) for i, track, move in wanted])
+        for (i, track, move), found in zip(wanted, there, strict=True):
             rows = slice(places[track], places[track + 1])
             # A step into motions that are not sane tells no slope.
-            if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
-                matrix[rows, i] = (there - at[rows]) / up[i]
+            if not (np.all(found == FAR) or np.all(at[rows] == FAR)):
+                both = central and above[i] and below[i]
+                matrix[rows, i] += (found - at[rows]) / (2.0 * move if both else move)
         return matrix
 
     def _of_tracks(self, places: Sequence[tuple[Array, int]]) -> Iterable[Array]:
