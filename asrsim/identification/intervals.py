@@ -107,19 +107,17 @@ def _innovation(left: Array, model: Array) -> float:
 
 
 def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
-    """At x; entries at a bound are held there. foreseen: as if nothing but the noise were left."""
+    """At x; what an entry at a bound leaves open is so for the others, too. foreseen: as if nothing but the noise were left."""
     n = len(x)
     left = residuals(x)
     jacobian = residuals.jacobian(x, CORNER, base=left, central=True)
     # Outliers count as the fit counts them.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
-    free = np.flatnonzero(~np.asarray(at_bound, dtype=bool))
-    jacobian[:, free] = inner = with_faint_directions(residuals, x, jacobian[:, free], free)
+    jacobian = with_faint_directions(residuals, x, jacobian)
     variance = 1.0 if foreseen else float(left @ left) / max(len(left) - n, 1)
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(inner, mode="r")) if inner.size else (None, np.empty(0), np.empty((0, 0)))
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(jacobian, mode="r")) if n else (None, np.empty(0), np.empty((0, 0)))
     kept = singular > GONE * singular.max(initial=0.0)
-    inverse = np.zeros((n, n))
-    inverse[np.ix_(free, free)] = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
+    inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
     scores, firsts = np.zeros((0, n)), np.zeros(0, np.intp)
     if not foreseen:
         numbers: Any = residuals.blocks(BLOCKS)
@@ -128,16 +126,18 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
         empty = ~np.any(scores != 0.0, axis=1)
         of_recording = np.repeat(np.arange(len(scores) // BLOCKS), BLOCKS)[~empty]
         scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
+        # At a bound the whole has a slope.
+        bound = np.asarray(at_bound, dtype=bool)
+        scores[:, bound] -= scores[:, bound].mean(axis=0)
     found = Uncertainty(inverse, inverse, np.empty(0), jacobian, np.empty(0), variance, scores, firsts)
     deviation, quantile = found.deviations(variance * np.diag(inverse), inverse)
     # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.
-    lost = np.ones(n, bool)
-    lost[free] = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
+    lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
     return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
 
 
-def with_faint_directions(residuals: Residuals, x: Array, jacobian: Array, free: NDArray[np.intp]) -> Array:
-    """Jacobian (m, k) of the free entries, by slopes along the directions of its own singular vectors, each over its deviation.
+def with_faint_directions(residuals: Residuals, x: Array, jacobian: Array) -> Array:
+    """Jacobian (m, n) by slopes along the directions of its own singular vectors, each over its deviation.
 
     Where joints stick, slopes have corners: one of the columns may be of the other side of it, and what is left of two that
     cancel of neither.
@@ -146,13 +146,11 @@ def with_faint_directions(residuals: Residuals, x: Array, jacobian: Array, free:
     for _ in range(ROUNDS):
         _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))
         moves = directions * np.minimum(1.0 / np.maximum(sizes, 1.0 / REACH), REACH)[:, None]
-        inside = np.all((x[free] - np.abs(moves) >= low[free]) & (x[free] + np.abs(moves) <= high[free]), axis=1)
+        inside = np.all((x - np.abs(moves) >= low) & (x + np.abs(moves) <= high), axis=1)
         agreed = True
         for i in np.flatnonzero(inside):
-            move = np.zeros(len(x))
-            move[free] = moves[i]
             slope = jacobian @ directions[i]
-            along = (residuals(x + move) - residuals(x - move)) / (2.0 * float(np.linalg.norm(move)))
+            along = (residuals(x + moves[i]) - residuals(x - moves[i])) / (2.0 * float(np.linalg.norm(moves[i])))
             agreed &= float(np.linalg.norm(along - slope)) < AGREES * float(np.linalg.norm(slope))
             jacobian = jacobian + np.outer(along - slope, directions[i])
         if agreed:

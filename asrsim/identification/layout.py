@@ -72,8 +72,11 @@ class Layout:
 
     def extended(self, parameter: Parameter, ties: Sequence[Tie] = ()) -> Layout:
         """With one more entry, the last, of all recordings."""
-        entry = Entry(parameter, None, parameter.key, parameter.start)
-        return replace(self, entries=(*self.entries, entry), ties=(*self.ties, *ties))
+        return self.with_entries([Entry(parameter, None, parameter.key, parameter.start)], ties)
+
+    def with_entries(self, entries: Sequence[Entry], ties: Sequence[Tie] = ()) -> Layout:
+        """With more entries, the last."""
+        return replace(self, entries=(*self.entries, *entries), ties=(*self.ties, *ties))
 
     def table(self, x: Array, track: int) -> dict[str, float]:
         """Key -> value for a recording, ties followed."""

@@ -112,7 +112,7 @@ class Residuals:
 
     def jacobian(self, x: Array, step: float = STEP, *, base: Array | None = None, central: bool = False) -> Array:
         """(m, n) by differences of one side, that which the bounds allow; central: of both, where they allow it: at a corner,
-        where joints stick, columns of different sides would not belong together. base: (m,) residuals at x, where they are known.
+        where joints stick, columns of different sides would not belong together. base: (m,) residuals at x, if known.
         """
         at = self(x) if base is None else base
         places = self._places()

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
+from asrsim.identification.between import time_jumps_of_predicted, timed
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import NEARLY, Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty
 from asrsim.identification.inverse import unbiased
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
+from asrsim.identification.keys import JUMP
 from asrsim.identification.layout import Layout
 from asrsim.identification.nulls import settled
 from asrsim.identification.pool import Pool
@@ -95,8 +97,9 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(
                 residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt,
-                widened=lambda: bristled(residuals, best, setup, NEARLY),
+                widened=lambda: timed(residuals, best, setup) or bristled(residuals, best, setup, NEARLY),
             )  # fmt: skip
+            timed(residuals, best, setup)
             teller.stage("substeps and weights of what was found")
             settle(residuals, best, setup)
             teller.stage("bristles of the friction")
@@ -107,6 +110,7 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             residuals.share, residuals.layout = 1.0, setup.layout
     for track in setup.tracks:
         track.held = best.held
+    time_jumps_of_predicted(setup, residuals.layout, best.x)
     teller.deaf = True
     start = np.append(start, np.zeros(len(best.x) - len(start)))
     return _judged(setup, residuals, best, start, before, status, teller, profiled=profiled)
@@ -168,8 +172,10 @@ def _remarks(setup: Setup, best: Best, layout: Layout, finer: str) -> list[str]:
     asked = {parameter.key for parameter in setup.free}
     remarks += [
         f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
-        for entry in layout.entries if entry.parameter.key not in asked
+        for entry in layout.entries if entry.parameter.key.endswith("friction_stiffness") and entry.parameter.key not in asked
     ]  # fmt: skip
+    if any(f".{JUMP}" in entry.parameter.key for entry in layout.entries):
+        remarks.append("jumps of commands are estimated, too: they came between samples, so long before those that show them")
     if held := setup.fitted[0].held:
         remarks.append(
             f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "

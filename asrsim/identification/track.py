@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.errors import DivergenceError, RobotError
 from asrsim.identification.data import Channel, Data
-from asrsim.identification.keys import CLOCK
+from asrsim.identification.keys import CLOCK, JUMP
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
 from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
@@ -47,6 +47,8 @@ class Track:
         self._commands: tuple[object, Mapping[str, Mapping[str, Signal]]] | None = None
         self.held: frozenset[str] = frozenset()
         """Keys of commands that are played as stairs: what gave them held each sample until the next."""
+        self.early: dict[str, float] = {}
+        """Key of a command's large jump -> s by which it comes before its sample, where no value is given."""
         self.uncertain: list[str] = []
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities, self.motors = self._start()
@@ -142,14 +144,18 @@ class Track:
             for command in self.data.commands
             for what in ("gain", "offset", "delay")
         )
-        if self._commands is None or self._commands[0] != (self.held, numbers):
+        early = {key: value for key, value in {**self.early, **values}.items() if f".{JUMP}" in key}
+        if self._commands is None or self._commands[0] != (self.held, numbers, early):
             table: dict[str, dict[str, Signal]] = {}
             for i, command in enumerate(self.data.commands):
                 gain, offset, delay = numbers[3 * i : 3 * i + 3]
                 played = command.as_stairs if command.key in self.held else command
-                signal = Played(command=played, step=self.prepared.substep, gain=gain, offset=offset, delay=delay)
+                moves = {n: early.get(f"{command.key}.{JUMP}{n + 1}", 0.0) for n in range(len(played.curve.large)) if early}
+                signal = Played(
+                    command=played, step=self.prepared.substep, gain=gain, offset=offset, delay=delay, early=moves
+                )  # fmt: skip
                 table.setdefault(command.joint, {})[command.name] = signal
-            self._commands = (self.held, numbers), table
+            self._commands = (self.held, numbers, early), table
         return self._commands[1]
 
     def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
@@ -279,6 +285,6 @@ def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     robot: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         owner, _, name = key.rpartition(".")
-        if owner and name not in NOT_THE_ROBOTS:
+        if owner and name not in NOT_THE_ROBOTS and not name.startswith(JUMP):
             robot.setdefault(owner, {})[name] = value
     return robot

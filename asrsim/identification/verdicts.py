@@ -92,7 +92,7 @@ def estimates(
         value = float(values[i])
         low, high = _interval(entry, float(x[i]), float(found.deviation[i] * found.quantile[i]))
         margin = 0.5 * (high - low) / max(abs(value), 1e-300)
-        place = entry.parameter.key.rpartition(".")[2] in ("offset", "delay", "clock", "x", "y", "z") or "initial" in entry.name
+        place = entry.parameter.key.rpartition(".")[2] in ("offset", "delay", "clock", "x", "y", "z") or entry.track is not None
         if place or value == 0.0:
             # A zero that is well known is known, however small it is.
             margin = 0.5 * (high - low) / max(abs(value), 0.2 * entry.parameter.size)
