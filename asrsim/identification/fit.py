@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class Found:
     """Mean square of the residuals, Huber's."""
     how: str
     """Start and horizon, for people."""
+    held: frozenset[str] = frozenset()
+    """Commands that were played as stairs."""
 
 
 @dataclass
@@ -69,7 +71,7 @@ class Best:
         self.attempts += 1
         if found.cost < self.cost * (1.0 - 1e-4):
             near = np.isfinite(self.cost) and self.cost < found.cost * 1.02
-            self.x, self.cost, self.how = found.x, found.cost, found.how
+            self.x, self.cost, self.how, self.held = found.x, found.cost, found.how, found.held
             self.successes = self.successes + 1 if near else 1
         elif found.cost < self.cost * 1.02:
             self.successes += 1
@@ -88,6 +90,7 @@ def search(
             break
         tell(how)
         x = _wide(x, residuals)
+        residuals.hold(frozenset())
         for share in horizons:
             residuals.share = share
             last = share == 1.0
@@ -95,10 +98,13 @@ def search(
             if last and loss != "linear" and _tails(residuals(x)):
                 x = solve(residuals, x, loss=loss, tolerance=1e-5)
         residuals.share = 1.0
-        cost = cost_of(residuals(x), loss)
-        best.offer(Found(x, cost, how))
-        others: Sequence[Callable[[], bool]] = () if number else (lambda: _as_stairs(residuals, best, loss), widened)
-        if fits_noise(left_of(residuals, best.x)) or any(way() and fits_noise(left_of(residuals, best.x)) for way in others):
+        found = Found(x, cost_of(residuals(x), loss), how)
+        if not fits_noise(left_of(residuals, x)):
+            # Only a start's own end tells whether stairs are nearer: beside others that are far off, they seem so by chance.
+            found = _as_stairs(residuals, found, loss)
+        best.offer(found)
+        residuals.hold(best.held)
+        if fits_noise(left_of(residuals, best.x)) or (not number and widened() and fits_noise(left_of(residuals, best.x))):
             break
 
 
@@ -107,27 +113,27 @@ def _wide(x: Array, residuals: Residuals) -> Array:
     return np.append(x, np.zeros(len(residuals.layout) - len(x)))
 
 
-def _as_stairs(residuals: Residuals, best: Best, loss: str) -> bool:
-    """Play commands as stairs, one after the other, as long as that is nearer to what was recorded; whether any is so now."""
+def _as_stairs(residuals: Residuals, found: Found, loss: str) -> Found:
+    """Play commands as stairs, one after the other, as long as that is nearer to what was recorded."""
     waiting = list(dict.fromkeys(c.key for track in residuals.tracks for c in track.data.commands if not c.hold))
     while waiting:
-        base = residuals(best.x)
-        slopes = np.linalg.qr(residuals.jacobian(best.x, base=base))[0]
+        base = residuals(found.x)
+        slopes = np.linalg.qr(residuals.jacobian(found.x, base=base))[0]
         sizes = []
         for key in waiting:
-            residuals.hold(best.held | {key})
-            left = residuals(best.x)
+            residuals.hold(found.held | {key})
+            left = residuals(found.x)
             # What the parameters can make good.
             sizes.append(float(np.sum((left - slopes @ (slopes.T @ left)) ** 2)))
-        held = best.held | {waiting.pop(int(np.argmin(sizes)))}
+        held = found.held | {waiting.pop(int(np.argmin(sizes)))}
         residuals.hold(held)
-        x = solve(residuals, best.x, loss=loss, tolerance=1e-5) if min(sizes) < NEARLY * float(base @ base) else best.x
+        x = solve(residuals, found.x, loss=loss, tolerance=1e-5) if min(sizes) < NEARLY * float(base @ base) else found.x
         cost = cost_of(residuals(x), loss)
-        if not cost < NEARLY * best.cost:
+        if not cost < NEARLY * found.cost:
             break
-        best.held, best.x, best.cost = held, x, cost
-    residuals.hold(best.held)
-    return bool(best.held)
+        found = replace(found, x=x, cost=cost, held=held)
+    residuals.hold(found.held)
+    return found
 
 
 def _attempts(
