@@ -367,11 +367,12 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
     assert json.loads(again.output)["search"]["evaluations"] < data["search"]["evaluations"]
 
 
-def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(tmp_path):
-    """Delays of commands too, which are no numbers of the robot."""
+@pytest.mark.parametrize("every", [2, 10])
+def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(tmp_path, every):
+    """Delays of commands too, which are no numbers of the robot; and what commands are between coarse samples."""
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
     (tmp_path / "data").mkdir()
-    recording = record(true, tmp_path / "data/a.csv", late=6)
+    recording = record(true, tmp_path / "data/a.csv", late=6, every=every)
     play = "{playback: {file: data/a.csv, column: joint_1.reference_1}}"
     scenario = write(tmp_path, "lab", GUESS, f"{{equilibrium_position: {play}}}")
     free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]

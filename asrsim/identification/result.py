@@ -50,8 +50,8 @@ class Result:
     robot: Robot = field(repr=False)
     whole: bool = False
     """Whether the estimates are from whole recordings, the part too that had been held out."""
-    stairs: frozenset[str] = frozenset()
-    """Columns of commands that were played as stairs."""
+    played: Mapping[str, str] = field(default_factory=dict)
+    """Column of a command -> what it was between its samples, as `interpolation:` of a playback says it."""
     substeps: Mapping[str, int] = field(default_factory=dict)
     """As a scenario has them, where recordings are more exact than those of runs."""
     profiles: tuple[Profile, ...] = field(default=(), repr=False)

@@ -264,6 +264,8 @@ def _judged(
         evaluations=counter.evaluations, seconds=clock.perf_counter() - teller.began, how=best.how, attempts=best.attempts,
         successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
         scenario=setup.scenario, robot=setup.robot, whole=whole,
-        stairs=frozenset(c.source for track in setup.tracks for c in track.data.commands if c.key in held),
+        played={
+            c.source: "hold" if c.hold or c.key in held else "smooth" for track in setup.tracks for c in track.data.commands
+        },
         substeps=best.substeps, profiles=shapes,
     )  # fmt: skip

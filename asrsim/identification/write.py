@@ -199,7 +199,9 @@ def _scenario_text(
     given = data.get("robot")
     base = (result.task.scenario.parent).absolute()
     files = result.scenario.attachments
-    data = _held(_placed(data, lambda name: relative_path(files.get(name, base / name), path.parent.absolute())), result.stairs)
+    data = _as_played(
+        _placed(data, lambda name: relative_path(files.get(name, base / name), path.parent.absolute())), result.played
+    )
     arguments = {key: value for key, value in given.items() if key == "packages"} if isinstance(given, Mapping) else {}
     data["robot"] = {"file": relative_path(robot, path.parent), **arguments} if arguments else relative_path(robot, path.parent)
     parameters = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
@@ -234,11 +236,11 @@ def _placed(data: Any, place: Callable[[str], str]) -> Any:
     return [_placed(value, place) for value in data] if isinstance(data, list) else data
 
 
-def _held(data: Any, columns: Collection[str]) -> Any:
-    """With playbacks of these columns as stairs."""
+def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
+    """With playbacks of these columns as they were played between their samples."""
     if isinstance(data, Mapping):
-        stairs = {"interpolation": "hold"} if "file" in data and data.get("column") in columns else {}
-        return {**{key: _held(value, columns) for key, value in data.items()}, **stairs}
+        between = columns.get(data.get("column", "")) if "file" in data else None
+        return {key: _as_played(value, columns) for key, value in data.items()} | ({"interpolation": between} if between else {})
     return data
 
 

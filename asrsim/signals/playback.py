@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -14,8 +14,9 @@ from asrsim.document.kinds import NUMBER, Choice, File, Optional, Text
 from asrsim.samples import Array
 from asrsim.signals.bag_series import read_bag_series
 from asrsim.signals.base import Signal
-from asrsim.signals.common import INTERPOLATIONS, driven, hold_jumps, interpolate, require
+from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require
 from asrsim.signals.csv_series import read_csv_series
+from asrsim.signals.curve import Curve, curve_through
 
 STAMP_LIMIT = 1e6
 """s: first times beyond it are taken for stamps of a clock, and start at 0."""
@@ -60,13 +61,15 @@ class Playback(Signal):
     scale: float = declare(NUMBER, doc="factor on the values, on top of units that the header names", default=1.0)
     offset: float = driven("added after scaling", default=0.0)
     interpolation: str = declare(
-        Choice(INTERPOLATIONS), doc="between samples: a line, or the earlier sample's value", default="linear"
+        Choice((*INTERPOLATIONS, "smooth")),
+        doc="between samples: a line, the earlier sample's value, or a smooth curve that jumps where the recording does",
+        default="linear",
     )
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require((self.column is None) != (self.topic is None), "needs the key column (CSV) or topic (bags)", key="")
-        require(self.interpolation in INTERPOLATIONS, "must be linear or hold", key="interpolation")
+        require(self.interpolation in (*INTERPOLATIONS, "smooth"), "must be linear, hold or smooth", key="interpolation")
         path = Path(self.file)
         newest = path.stat().st_mtime_ns if path.exists() else 0
         if self.column is not None:
@@ -85,10 +88,18 @@ class Playback(Signal):
         """Times in s and values of the recording as played back, (n,) each."""
         return self._series
 
+    @cached_property
+    def _curve(self) -> Curve:
+        return curve_through(*self._series)
+
     def values(self, time: Array) -> Array:
+        if self.interpolation == "smooth":
+            return self._curve.values(np.asarray(time))
         return interpolate(np.asarray(time), *self._series, self.interpolation)
 
     def jumps(self, start: float, end: float) -> Array:
+        if self.interpolation == "smooth":
+            return between(self._curve.jumps, start, end)
         return hold_jumps(*self._series, start, end) if self.interpolation == "hold" else np.empty(0)
 
 
