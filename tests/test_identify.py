@@ -659,6 +659,26 @@ def test_smooth_motions_lose_no_sample_and_glitches_are_found_wherever_they_are(
             assert np.abs(found - place).max() <= 3
 
 
+@pytest.mark.parametrize("held_out", [False, True])
+def test_a_jump_that_came_between_two_samples_is_found(tmp_path, held_out):
+    """Also in the part that is held out, where it is no fault of the model."""
+    at = 1.7036 if held_out else 0.7036
+    signal = f"{{sum: [{CHIRP}, {{step: {{at: {at}, to: 0.2}}}}]}}"
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {signal}}}"), tmp_path / "a.csv", every=10)
+    lab = write(tmp_path, "lab", GUESS)
+    free = {"joint_1.spring_stiffness": 4.0, "joint_1.damping": 0.02}
+    result = identify(lab, [recording], free=list(free))
+    assert result.fits, result.misfit
+    assert result.find("joint_1.reference_1.jump_1").value == pytest.approx(0.0064, abs=3e-4)
+    for key, value in free.items():
+        assert result.find(key).value == pytest.approx(value, rel=0.02)
+    assert any("jumps" in text for text in result.remarks)
+    elsewhere = identify(
+        lab, [record(lab.parent / "true.yaml", tmp_path / "b.csv", every=2)], free=list(free), validate=[recording]
+    )
+    assert elsewhere.fits, elsewhere.misfit
+
+
 @pytest.mark.parametrize("hold", [True, False])
 @pytest.mark.parametrize("delay", [0.0, 0.0123])
 def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: float) -> None:

@@ -169,3 +169,22 @@ def test_a_broken_bag_is_a_plain_error(tmp_path, name):
     (tmp_path / name).write_bytes(b"this is no bag" * 20)
     with pytest.raises(ScenarioError, match="cannot be read as a bag"):
         parse_signal({"playback": {"file": name, "topic": "/q"}}, base=tmp_path)
+
+
+@pytest.mark.parametrize("rate", [50, 100, 1000])
+@pytest.mark.parametrize("at", [0.2, 1.0, 3.0])
+def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path, rate, at):
+    """A chirp to 6 Hz with a step in it: splines are off by 5/384 of the fourth derivative, lines by .05 rad at 50 Hz."""
+
+    def motion(time):
+        return 0.3 * np.sin(np.pi * (time + 1.375 / 0.9 / 2 * time**2)) + 0.4 * (time >= at - 1e-9)
+
+    known, asked = np.arange(0.0, 3.8, 1.0 / rate), np.arange(0.1, 3.6, 1e-3)
+    text = "time,q\n" + "".join(f"{t:.12g},{q:.12g}\n" for t, q in zip(known, motion(known), strict=True))
+    played = play(tmp_path, text, column="q", interpolation="smooth")
+    assert played.jumps(0.0, 4.0) == pytest.approx([at])
+    error, turn = np.abs(played.values(asked) - motion(asked)), 2.0 * np.pi * 6.3 / rate
+    # Beside the jump each side ends, and goes on as it was.
+    beside = np.abs(asked - at) < 4.0 / rate
+    assert error[~beside].max() < 0.3 * 5.0 / 384.0 * turn**4 + 1e-9
+    assert error[beside].max() < 0.3 * turn**3

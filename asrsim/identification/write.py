@@ -240,7 +240,9 @@ def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
     """With playbacks of these columns as they were played between their samples."""
     if isinstance(data, Mapping):
         between = columns.get(data.get("column", "")) if "file" in data else None
-        return {key: _as_played(value, columns) for key, value in data.items()} | ({"interpolation": between} if between else {})
+        return {key: _as_played(value, columns) for key, value in data.items()} | (
+            {"interpolation": between} if between else {}
+        )
     return data
 
 

@@ -96,15 +96,17 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
     return Curve(np.asarray(time), cubics, large if len(large) <= MANY else large[:0])
 
 
-def is_jump(values: Array) -> Array:
+def is_jump(values: Array) -> NDArray[np.bool_]:
     """(n - 1,) whether a series (n,) jumps after a sample: by far more than it changes beside, or than it bends beside."""
     steps = np.abs(np.diff(values))
     least = 1e-3 * np.ptp(values)
-    beside = np.maximum(np.concatenate([[0.0], steps[:-1]]), np.concatenate([steps[1:], [0.0]]))
-    return np.asarray((steps > np.maximum(JUMP * beside, least)) | _torn(values, least))
+    # At the ends two of the same side: one alone may be that of a summit.
+    before, after = np.concatenate([steps[2:3], steps[:-1]]), np.concatenate([steps[1:], steps[-3:-2]])
+    beside = np.maximum(before, after) if len(steps) > 2 else np.full(len(steps), np.inf)
+    return np.logical_or(steps > np.maximum(JUMP * beside, least), _torn(values, least))
 
 
-def _torn(values: Array, least: float) -> Array:
+def _torn(values: Array, least: float) -> NDArray[np.bool_]:
     """(n - 1,) whether third differences are those of a jump in a smooth motion: 1, -2, 1 times its size, small beside."""
     n = len(values)
     torn = np.zeros(max(n - 1, 0), bool)
