@@ -22,7 +22,7 @@ from asrsim.signals.playback import Playback, since
 LATEST = 1.0
 """s: a recording that begins later, or before 0, is played from 0."""
 STAIRS = 0.5
-"""Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are lines."""
+"""Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are smooth."""
 TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",), 7: ("motor_1_voltage",), 8: ("motor_1_current",)}
 """Mode -> recorded quantities that are its command where none is called so."""
 FALLBACKS = ("equilibrium_position", "motor_1_position")

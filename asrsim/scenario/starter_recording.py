@@ -175,8 +175,7 @@ def _playback(plan: Plan, one: Played, names: Names) -> str:
     keys = [f"file: {word(file)}", f"column: {word(column)}"]
     if plan.lag:
         keys.append(f"start: {exact(float(one.column.time[0]) - plan.lag)}")
-    if one.hold:
-        keys.append("interpolation: hold")
+    keys.append(f"interpolation: {'hold' if one.hold else 'smooth'}")
     return f"{{playback: {{{', '.join(keys)}}}}}"
 
 
