@@ -143,9 +143,11 @@ def type_of(value: Any) -> Any:
 
 def tuple_reader(start: int, count: int) -> Any:
     """A function that compiled code may call: `count` numbers of a C-contiguous row from `start` on, as a tuple."""
+    import numba
     from llvmlite import ir
-    from numba import types
     from numba.extending import intrinsic
+
+    kinds: Any = numba.types
 
     def read_numbers(typing: Any, row: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -154,7 +156,7 @@ def tuple_reader(start: int, count: int) -> Any:
             places = (ir.Constant(ir.IntType(64), start + i) for i in range(count))
             return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(data, [at])) for at in places])
 
-        return types.UniTuple(row.dtype, count)(row), generate
+        return (kinds.UniTuple(row.dtype, count)(row), generate) if row.layout == "C" else None
 
     # The name is all that the digest of code that calls it sees of it.
     read_numbers.__name__ = f"read_{count}_from_{start}"

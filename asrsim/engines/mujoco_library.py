@@ -29,7 +29,8 @@ def _library() -> Any:
 
     folder = Path(mujoco.__file__).parent
     path = next(path for pattern in LIBRARY for path in sorted(folder.glob(pattern)))
-    library = ctypes.CDLL(str(path))
+    # The routines take less time than giving back the interpreter's lock does.
+    library = ctypes.PyDLL(str(path))
     kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int, "d": ctypes.c_double}
     for name, arguments in stages.ROUTINES.items():
         function = getattr(library, name)
