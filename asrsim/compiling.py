@@ -114,6 +114,25 @@ def _at_address(address: int, number: int) -> None:
     _function(_unpacked(address), number)
 
 
+@cache
+def _without_algebra() -> None:
+    """Load what Numba loads before its first code, but for SciPy's linear algebra.
+
+    Numba imports that only to see whether it is there, which is half of its start and 18 MB; code that calls it later finds it.
+    """
+    from importlib.util import find_spec
+
+    name = "scipy.linalg.cython_blas"
+    if find_spec("scipy") is None or name in sys.modules:
+        return
+    stand_in = sys.modules[name] = types.ModuleType(name)
+    try:
+        from numba.np import arraymath  # noqa: F401
+    finally:
+        if sys.modules.get(name) is stand_in:
+            del sys.modules[name]
+
+
 def type_of(value: Any) -> Any:
     """Numba's type of an example; a type of Numba's itself."""
     import numba
@@ -123,14 +142,25 @@ def type_of(value: Any) -> Any:
 
 
 def tuple_reader(start: int, count: int) -> Any:
-    """A function that compiled code may call: `count` numbers of a row from `start` on, as a tuple."""
-    import numba.np.unsafe.ndarray as arrays
+    """A function that compiled code may call: `count` numbers of a C-contiguous row from `start` on, as a tuple."""
+    import numba
+    from llvmlite import ir
+    from numba.extending import intrinsic
 
-    to_fixed_tuple: Any = arrays.to_fixed_tuple
+    kinds: Any = numba.types
 
-    def read(row: Any) -> Any:
-        return to_fixed_tuple(row[start : start + count], count)
+    def read_numbers(typing: Any, row: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            data = context.make_array(row)(context, builder, arguments[0]).data
+            # Loads one by one: a loop over them would put them into memory once more, and wait for it.
+            places = (ir.Constant(ir.IntType(64), start + i) for i in range(count))
+            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(data, [at])) for at in places])
 
+        return (kinds.UniTuple(row.dtype, count)(row), generate) if row.layout == "C" else None
+
+    # The name is all that the digest of code that calls it sees of it.
+    read_numbers.__name__ = f"read_{count}_from_{start}"
+    read: Any = intrinsic(read_numbers)
     return read
 
 
@@ -182,6 +212,7 @@ def _through_cache(
     """
     import numba
 
+    _without_algebra()
     ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
     cached = _cache_file(digest)

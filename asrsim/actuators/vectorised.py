@@ -37,7 +37,8 @@ def _once(make: _Law) -> _Law:
 
 def _saturate_array(value: Any, limit: float) -> Any:
     # np.clip says the same in thrice the time.
-    return np.minimum(np.maximum(value, -limit), limit)
+    raised = np.maximum(value, -limit)
+    return np.minimum(raised, limit, out=raised if isinstance(raised, np.ndarray) else None)
 
 
 def _with_arrays(value: Any) -> Any:

@@ -16,7 +16,7 @@ from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
-from asrsim.engines.mujoco_library import compiled_stage, plain_stage, say_nothing
+from asrsim.engines.mujoco_library import compiled_stage, plain_stage, say_nothing, stop_the_clock
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.engines.mujoco_world import make_world, plain_world
 from asrsim.errors import Problem
@@ -43,8 +43,7 @@ class MujocoEngine:
         self._mujoco = mujoco
         # MuJoCo would write its warnings into a file of the working folder.
         mujoco.set_mju_user_warning(say_nothing)
-        # Its bindings time each of its routines, which takes a third as long as these.
-        mujoco.set_mjcb_time(None)
+        stop_the_clock()
         self.version = f"mujoco {mujoco.__version__}"
         self.robot = robot
         self._scenario = scenario

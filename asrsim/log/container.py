@@ -137,7 +137,7 @@ class McapContainer:
             index += records
         content: bytes | memoryview = rows.messages()
         if prefix:
-            content = prefix + bytes(content)
+            content = b"".join((prefix, content))
         packed = self._compress(content)
         name = self._compression.encode()
         head = struct.pack("<QQQII", start, end, len(content), zlib.crc32(content), len(name)) + name

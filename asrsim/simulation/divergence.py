@@ -29,8 +29,10 @@ FEW = 4000
 
 def not_finite(raw: Array) -> int | None:
     """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
-    # No number is larger than the root of this sum: of a few rows that is quickly seen; of many, BLAS would wake its threads.
-    if raw.size <= FEW and np.vdot(raw, raw) <= FASTEST**2:
+    # No number is larger than the root of this sum. Of many numbers at once, BLAS would wake its threads.
+    flat = raw.reshape(-1)
+    parts = (flat[first : first + FEW] for first in range(0, flat.size, FEW))
+    if all(np.vdot(part, part) <= FASTEST**2 for part in parts):
         return None
     velocity = raw[:, :, COLUMN["engine_velocity"]]
     with np.errstate(all="ignore"):

@@ -183,7 +183,8 @@ class Inputs:
             return tables.copy(), cuts
         cuts = self._cuts(first, count)
         times = grid(first, count, self.substep), *(np.array(cut.looks) for cut in cuts)
-        tables = np.concatenate([self._scenario_at(time) for time in times], axis=2)
+        parts = [self._scenario_at(time) for time in times]
+        tables = np.concatenate(parts, axis=2) if cuts else parts[0]
         if not first:
             self._starts = {key: (tables.copy(), cuts)}
         return tables, cuts

@@ -47,6 +47,10 @@ REFRESH = 256
 """Substeps after which the links' response to torques is looked at again; that of one joint on a fixed base stays."""
 
 
+INLINE = ("asrsim.simulation.kernels", "asrsim.actuators.motor")
+"""Modules whose functions are compiled into their callers: what they are given and give are some twenty numbers."""
+
+
 class Loop:
     """State of a run: engine, joints, and what the scheme remembers between substeps."""
 
@@ -139,7 +143,7 @@ class Loop:
             kernel = engine.kernel() or no_kernel(engine)
             names = {"laws": laws, "borrow": compiling.borrow(), "move": kernel.move, **kernel.compiled}
             names["give"] = stretch.give_friction if self._varying else stretch.give_forces
-            how: dict[str, Any] = {"version": kernel.version, "inline": kernel.inline}
+            how: dict[str, Any] = {"version": kernel.version, "inline": (*kernel.inline, *INLINE)}
             engine.accelerate()
             if kernel.look is not None:
                 wrenches = np.zeros((1, *kernel.world.wrench.shape))
