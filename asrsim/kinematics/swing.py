@@ -202,7 +202,7 @@ def _lag(drive: Drive) -> float:
 def _firmer(swing: Swing) -> dict[str, float]:
     """Stiffer springs or controllers where the joint is thrown about or slow; else stronger motors; empty where it is not known
     how."""
-    values, factor = swing.block.values(), STIFFER
+    values, factor = swing.block.values(), max(STIFFER, (SLOW / max(swing.rate, 1e-3)) ** 2)
     if not swing.thrown and not swing.slow:
         names, factor = motor_limits(values), swing.used / SPARE
     elif swing.droops:

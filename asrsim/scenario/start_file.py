@@ -80,7 +80,8 @@ def write_starter(
     damped = {joint: keys for joint, keys in damped.items() if not given or joint in starter.given}
     starter = replace(starter, damped=damped, hangs=_hangs(starter, found))
     text = starter_text(starter)
-    notes = (*idle, *problems_of_weight(found, starter.robot), *_swinging(starter, robot, lasts))
+    locked = (one for one in loaded.warnings if one.code == "locked-joint")
+    notes = (*idle, *locked, *problems_of_weight(found, starter.robot), *_swinging(starter, robot, lasts))
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
