@@ -102,6 +102,31 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
     ),
     "minutes": ("a.csv", table([TIME / 60, A, B], number="%.12f", before="t_min,q1,q2\n")),
     "minutes in a struct": ("a.mat", matlab_file(log={"time_min": TIME / 60, "q1": A, "q2": B})),
+    "counts that begin anew at 2^32": (
+        "a.csv", table([texts((TIME * 1e6 + 2.0**32 - 5e5) % 2**32, "%.0f"), A, B], before="micros,q1,q2\n"),
+    ),
+    "counts of 32 bits in seconds": (
+        "a.csv", table([texts((TIME * 1e6 + 2.0**32 - 5e5) % 2**32 / 1e6, "%.6f"), A, B], before="t,q1,q2\n"),
+    ),
+    "counts of 16 bits": ("a.csv", table([texts((TIME * 1e3 + 65036) % 65536, "%.0f"), A, B], before="time_ms,q1,q2\n")),
+    "a zone by its name": (
+        "a.csv", table([texts(TIME, "2024-05-06 10:00:%06.3f CET"), A, B], before="datetime,q1,q2\n"),
+    ),
+    "a zone by its hours": ("a.csv", table([texts(TIME, "2024-05-06 10:00:%06.3f GMT+1"), A, B], before="time,q1,q2\n")),
+    "a date as C prints it": ("a.csv", table([texts(TIME, "Mon May  6 10:00:%06.3f 2024"), A, B], before="time,q1,q2\n")),
+    "a date with its month in letters": (
+        "a.csv", table([texts(TIME, "6 May 2024 10:00:%06.3f"), A, B], sep=";", before="time;q1;q2\n"),
+    ),
+    "units in quoted cells": (
+        "a.csv", table([texts(TIME, '"%.3f s"'), *(texts(column * DEGREES, '"%.9f deg"') for column in (A, B))],
+                       before="Time,q1,q2\n"),
+    ),
+    "a typographer's minus": (
+        "a.csv", table([TIME, *([f"{v:.9f}".replace("-", "\u2212") for v in column] for column in (A, B))], before="t,q1,q2\n"),
+    ),
+    "thousandths in words": (
+        "a.csv", table([TIME * 1e3, A * 1e3, B * 1e3], before="time_milliseconds,q1_millirad,q2_milliradians\n"),
+    ),
     "a year of two digits": (
         "a.csv", table([texts(TIME, "06.05.24 10:00:%06.3f"), A, B], sep=";", before="Datum;q1;q2\n"),
     ),

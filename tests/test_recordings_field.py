@@ -171,6 +171,19 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         "header has 14 names, its rows have 13 fields",
     ),
     "a header glued to the first row": (table([TIME, A, B], before="time,q1,q20.0,0.1,0.2\n"), "glued to the header"),
+    "a time of another kind of cells": (
+        table([texts(TIME, "%.3f XYZT"), A, B], before="datetime,q1,q2\n"),
+        "named as a time, but",
+    ),
+    "marks between thousands of whole numbers": (
+        table(
+            [texts(TIME * 1e3, "%.0f"), [f"{round(v * 4e4):,}".replace(",", ".") for v in A], B],
+            sep=";",
+            dec=",",
+            before="time_ms;enc1;q2\n",
+        ),
+        "marks between their thousands",
+    ),
     "a command that rises is no time": (table([TIME, A], before="q_ref,q1\n"), "no time column found"),
     "json of another kind": (b'{"name": "arm", "joints": 2}\n', "is JSON with 0 records"),
 }

@@ -96,7 +96,9 @@ def test_parquet_and_feather(tmp_path: Path):
     table = arrow.table({"stamp": stamps, "q1 [deg]": np.degrees(Q1), "name": ["arm"] * len(TIME)})
     parquet.write_table(table, tmp_path / "lab.parquet")
     feather.write_feather(table, tmp_path / "lab.feather")
-    for file in ("lab.parquet", "lab.feather"):
+    # pandas' index of times since the start, which has no name.
+    parquet.write_table(table.set_column(0, "__index_level_0__", [stamps - start]), tmp_path / "since.parquet")
+    for file in ("lab.parquet", "lab.feather", "since.parquet"):
         recording = read_recording(tmp_path / file, joints=["joint_1"])
         assert recording.time == pytest.approx(TIME, abs=1e-9)
         assert recording.column("joint_1", "link_position").values == pytest.approx(Q1, abs=1e-12)

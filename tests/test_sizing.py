@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from pathlib import Path
 
@@ -222,7 +223,7 @@ def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
     robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.8,))
     robot.write_text(robot.read_text().replace("</robot>", SLIDER))
     (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"})
-    assert not notes
+    assert [note.code for note in notes] == ["swings-on"]
     (scenario,) = asrsim.load_scenario(file)
     reach = next(one for one in judged(scenario, propose=False).joints if one.joint == "reach")
     assert reach.sag <= ENOUGH * 0.25 + 1e-3
@@ -286,6 +287,8 @@ def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, 
 
     robot = write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2), effort=500.0)
 
+    monkeypatch.setattr(swing, "calming", lambda *_: (0.0, {}))
+
     def at_their_limit(name):
         (file,), _ = write_starter(robot, tmp_path / name, actuators={"*": "sea"}, schema=False)
         scenario = asrsim.load_scenario(file, overrides=["duration=1.5", "compiled=false"])[0]
@@ -299,11 +302,26 @@ def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, 
     assert held < 0.03 < at_their_limit("before.yaml")
 
 
+def test_an_arm_without_damping_gets_some_and_comes_to_rest_within_its_first_run(tmp_path):
+    """Upright axes carry no weight, so that the default springs would be too soft for what they turn."""
+    robot = write_plain_arm(tmp_path, lengths=(0.4, 0.3, 0.1), masses=(3.0, 2.0, 1.0), effort=500.0)
+    lying = re.sub(r'xyz="0 0 ([\d.]+)"', r'xyz="\1 0 0"', robot.read_text())
+    robot.write_text(lying.replace('xyz="0 1 0"', 'xyz="0 0 1"'))
+    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "qbmove"}, schema=False)
+    for scenario in asrsim.load_scenario(file):
+        assert set(scenario.link_damping) == {"joint_1", "joint_2", "joint_3"}
+        for joint in asrsim.run(scenario).summary.joints:
+            assert 0.0 < joint.measures.settling < 2.9
+            assert joint.measures.overshoot < 100.0
+    assert [note.code for note in notes] == ["swings-on"]
+
+
 def test_an_effort_limit_below_the_weight_is_told_of_and_the_rest_is_sized(tmp_path):
     """Twenty N m of effort, forty of weight: no spring and no motor holds that, and no proposal says so."""
     robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=20.0)
     (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"}, schema=False)
-    assert [(note.key, "effort limit of 20 N m" in note.message) for note in notes] == [("joint_1", True)]
+    told = [(note.key, "effort limit of 20 N m" in note.message) for note in notes if note.code != "swings-on"]
+    assert told == [("joint_1", True)]
     (scenario,) = asrsim.load_scenario(file)
     (told,) = holding_findings(scenario, apply_to_robot(scenario, checked_robot(scenario)[0]), propose=True)
     assert "effort limit of 20 N m" in told.message

@@ -424,7 +424,9 @@ def test_results_have_units_in_rad_or_m(tmp_path):
 
 
 def test_what_is_varied_has_its_units(tmp_path):
-    units = {"gravity.2": "m/s^2", "base.rpy.1": "rad", "initial.joint_1": "rad", "step": "s", "seed": "", "link_1.mass": "kg"}
+    units = {"gravity.2": "m/s^2", "base.rpy.1": "rad", "initial.joint_1": "rad", "step": "s", "seed": "", "link_1.mass": "kg",
+             "references.joint_2.stiffness_preset": "rad", "references.joint_1.equilibrium_position.step.to": "rad",
+             "references.joint_1.equilibrium_position.step.at": "s"}  # fmt: skip
     over = {
         "gravity.2": [-9, -10],
         "base.rpy.1": [0.1],
@@ -432,6 +434,9 @@ def test_what_is_varied_has_its_units(tmp_path):
         "step": [1e-3],
         "seed": [3],
         "link_1.mass": [0.3],
+        "references.joint_2.stiffness_preset": [0.2],
+        "references.joint_1.equilibrium_position.step.to": [0.2],
+        "references.joint_1.equilibrium_position.step.at": [0.1],
     }
     table = asrsim.sweep(study_of(over), out=tmp_path / "s", workers=1)
     assert {name: table.unit(name) for name in over} == units

@@ -1,4 +1,4 @@
-"""How far an arm swings when its references jump, and what its springs and motors need not to give way to that.
+"""How far and how long an arm swings when its references jump, and what its springs, motors and joints need to come to rest.
 
 The arm is linear and undamped here, its mass matrix that of the zero pose. Joints swing together: a light wrist on a soft
 spring is thrown about by the shoulder, however well it holds its own weight.
@@ -35,6 +35,15 @@ TRIES = 20
 """Rounds in which other parameters are tried, at most."""
 LONG = 3.0
 """s in which joints that swing at different rates have met."""
+SLOW = 4.0
+"""rad/s, the least rate at which a joint swings on its spring, the others locked: a slower one is still on its way when a run
+of some seconds ends, however well it is damped."""
+ON_AND_ON = 8.0
+"""s after which 5 % of a swing may be left in a robot file's own damping; beyond it the arm is said to swing on."""
+CALM = 2.0
+"""s after which 5 % of a swing are left with proposed damping."""
+MOST_RATIO = 0.5
+"""Damping ratio of a joint alone, at most proposed; an arm that creeps shows nothing of its springs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,51 +59,120 @@ class Swing:
     """Largest share of its torque that a motor needs, were springs linear; the joint's weight included."""
     droops: bool
     """Its controllers are little stiffer than its springs."""
+    rate: float
+    """rad/s at which it swings on spring and controller, the others locked."""
 
     @property
     def thrown(self) -> bool:
         """Its neighbours throw it about."""
         return 0.0 < THROWN * self.step < self.deflection
 
+    @property
+    def slow(self) -> bool:
+        """Its spring is too soft for what it carries."""
+        return self.rate < SLOW
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Linear:
+    """The arm about the end of its references, in the joints (n) that a spring leads to them."""
+
+    blocks: list[ActuatorBlock]
+    drives: list[Drive]
+    masses: Array
+    """(n, n) kg m^2."""
+    springs: Array
+    """(n,) N m/rad."""
+    gains: Array
+    """(n,) N m/rad of the controllers; inf of ideal motors."""
+    damping: Array
+    """(n,) N m s/rad, of the robot's file."""
+    steps: Array
+    """(n,) rad by which the references jump."""
+    ends: list[tuple[float, float, float]]
+    """Where they end: of the link, and of what the actuator takes."""
+
+    @classmethod
+    def of(cls, scenario: Scenario, robot: Robot) -> _Linear | None:
+        """None where nothing swings, or the mass matrix is singular."""
+        blocks = [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
+        drives = [drive_of(block) for block in blocks]
+        inertia = zero_pose_inertia(robot)
+        columns = [inertia.names.index(drive.joint) for drive in drives]
+        masses = inertia.matrix[np.ix_(columns, columns)]
+        if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
+            return None
+        goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]
+        ends = [(float(goal[-1]), float(first[-1]), float(second[-1])) for first, second, goal in goals]
+        stiffness = (drive.actuator.stiffness(*end, drive.elastic) for drive, end in zip(drives, ends, strict=True))
+        return cls(
+            blocks=blocks, drives=drives, masses=masses, springs=np.maximum(list(stiffness), 1e-9),
+            gains=np.array([sum(drive.proportional) or np.inf for drive in drives]),
+            damping=np.array([robot.joint(drive.joint).damping for drive in drives]),
+            steps=np.array([np.ptp(goal) for _, _, goal in goals]), ends=ends,
+        )  # fmt: skip
+
+    @property
+    def stiffness(self) -> Array:
+        """(n,) N m/rad, spring and controller in series."""
+        return np.asarray(1.0 / (1.0 / self.springs + 1.0 / self.gains))
+
+    def lasts(self, damping: Array) -> float:
+        """s after which 5 % of the longest swing are left with damping (n,) N m s/rad; 0 where all of it creeps."""
+        size = len(self.masses)
+        inverse = np.linalg.inv(self.masses)
+        below = np.hstack([-inverse * self.stiffness, -inverse * damping])
+        rates = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((size, size)), np.eye(size)]), below]))
+        swinging = rates[(np.abs(rates.imag) > np.abs(rates.real))]
+        return float(3.0 / max(1e-9, -swinging.real.max())) if len(swinging) else 0.0
+
 
 def swings(scenario: Scenario, robot: Robot) -> tuple[Swing, ...]:
     """Every joint that a spring leads to its references; none where the mass matrix is singular."""
-    blocks = [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
-    drives = [drive_of(block) for block in blocks]
-    inertia = zero_pose_inertia(robot)
-    columns = [inertia.names.index(drive.joint) for drive in drives]
-    masses = inertia.matrix[np.ix_(columns, columns)]
-    if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
+    arm = _Linear.of(scenario, robot)
+    if arm is None:
         return ()
-    goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]
-    steps = np.array([np.ptp(goal) for _, _, goal in goals])
-    ends = [(float(goal[-1]), float(first[-1]), float(second[-1])) for first, second, goal in goals]
-    stiffness = (drive.actuator.stiffness(*end, drive.elastic) for drive, end in zip(drives, ends, strict=True))
-    springs = np.maximum(list(stiffness), 1e-9)
-    gains = np.array([sum(drive.proportional) or np.inf for drive in drives])
-    lag = float(np.mean([_lag(drive) for drive in drives]))
-    largest = _largest(masses, 1.0 / (1.0 / springs + 1.0 / gains), steps, lag)
-    loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, blocks)} if any(scenario.gravity) else {}
+    lag = float(np.mean([_lag(drive) for drive in arm.drives]))
+    largest = _largest(arm.masses, arm.stiffness, arm.steps, lag)
+    loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, arm.blocks)} if any(scenario.gravity) else {}
+    rates = np.sqrt(arm.stiffness / np.diag(arm.masses))
     found = []
-    for j, drive in enumerate(drives):
-        pull = springs[j] * largest[j] + loads.get(drive.joint, 0.0)
-        resting = drive.actuator.elastic_torques(*ends[j], drive.elastic)
+    for j, drive in enumerate(arm.drives):
+        pull = arm.springs[j] * largest[j] + loads.get(drive.joint, 0.0)
+        resting = drive.actuator.elastic_torques(*arm.ends[j], drive.elastic)
         shares = ((abs(torque) + pull) / max(most, 1e-9) for torque, most in zip(resting, drive.max_torque, strict=False))
         found.append(
             Swing(
-                block=blocks[j], step=float(steps[j]), deflection=float(largest[j]), used=float(max(shares, default=0.0)),
-                droops=bool(gains[j] < FIRM * springs[j]),
+                block=arm.blocks[j], step=float(arm.steps[j]), deflection=float(largest[j]),
+                used=float(max(shares, default=0.0)), droops=bool(arm.gains[j] < FIRM * arm.springs[j]), rate=float(rates[j]),
             )
         )  # fmt: skip
     return tuple(found)
 
 
+def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
+    """s for which the arm swings on in its file's own damping, and by joint the keys of `link_damping` with which it comes to
+    rest; none where it does so by itself, or nothing is known of its masses."""
+    arm = _Linear.of(scenario, robot)
+    if arm is None or (lasts := arm.lasts(arm.damping)) < ON_AND_ON:
+        return 0.0, {}
+    inertia = np.diag(arm.masses)
+    critical = 2.0 * np.sqrt(inertia * arm.springs)
+    ratio = next(
+        (ratio for ratio in np.arange(0.1, MOST_RATIO, 0.05) if arm.lasts(np.maximum(arm.damping, ratio * critical)) < CALM),
+        MOST_RATIO,
+    )
+    keys = {"ratio": float(f"{ratio:.2g}")}
+    lacking = zip(arm.drives, inertia, arm.damping < ratio * critical, strict=True)
+    return lasts, {drive.joint: {**keys, "inertia": float(f"{own:.2g}")} for drive, own, lacks in lacking if lacks}
+
+
 def steadying(scenario: Scenario, robot: Robot) -> Mapping[str, Mapping[str, float]]:
-    """Joint -> parameter -> value with which no joint is thrown about and no motor gives way; empty where none is, or where
-    no such values were found."""
+    """Joint -> parameter -> value with which no joint is thrown about or slow and no motor gives way; empty where none is, or
+    where no such values were found."""
     found: dict[str, dict[str, float]] = {}
     for _ in range(TRIES):
-        given = {one.block.joint: _firmer(one) for one in swings(scenario, robot) if one.thrown or one.used > USED}
+        given = {one.block.joint: _firmer(one) for one in swings(scenario, robot) if one.thrown or one.slow or one.used > USED}
         if not given:
             return found
         if not all(given.values()):
@@ -122,9 +200,10 @@ def _lag(drive: Drive) -> float:
 
 
 def _firmer(swing: Swing) -> dict[str, float]:
-    """Stiffer springs or controllers where the joint is thrown about; else stronger motors; empty where it is not known how."""
-    values, factor = swing.block.values(), STIFFER
-    if not swing.thrown:
+    """Stiffer springs or controllers where the joint is thrown about or slow; else stronger motors; empty where it is not known
+    how."""
+    values, factor = swing.block.values(), max(STIFFER, (SLOW / max(swing.rate, 1e-3)) ** 2)
+    if not swing.thrown and not swing.slow:
         names, factor = motor_limits(values), swing.used / SPARE
     elif swing.droops:
         names = tuple(name for name in values if name.endswith("_proportional"))

@@ -20,6 +20,17 @@ _STAMP = re.compile(
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
+_DAY_MONTH = re.compile(r"^(?:[A-Z][a-z]{2},? )?(\d\d?) ([A-Z][a-z]{2})[a-z]*\.? (\d{4})(?= |$)")
+_MONTH_DAY = re.compile(
+    r"^(?:[A-Z][a-z]{2},? )?([A-Z][a-z]{2})[a-z]*\.? +(\d\d?)(?:, (\d{4}))?"
+    r"( \d\d?:\d\d:\d\d\S*(?: [AP]M)?)(?: [A-Z]{3,4})?(?: (\d{4}))?$"
+)
+"""`31 Mar 2024`, `Sun, 31 Mar 2024`; `Mar 31, 2024 10:00:00`, `Sun Mar 31 10:00:00 2024`."""
+_ZONES = {"UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1, "MESZ": 2, "EET": 2, "EEST": 3}
+"""Names of zones that stand for one offset, in h."""
+_ZONE = re.compile(r"(?<=\d) ?(?:(?:UTC|GMT)(?P<hours>[-+]\d\d?)(?::?(?P<minutes>\d\d))?|(?P<name>[A-Z]{3,4}))$")
+
+
 def printable(text: str) -> str:
     """The text without control characters and halves of characters, which would reach a terminal or fail there."""
     return text if text.isprintable() else "".join(sign if sign.isprintable() else "?" for sign in text)
@@ -70,6 +81,8 @@ def number(cell: str, decimal: str) -> float | None:
     except ValueError:
         if _FORTRAN.fullmatch(text):
             return float(text.replace("D", "E").replace("d", "e"))
+        if "\u2212" in cell:  # the minus of typographers
+            return number(cell.replace("\u2212", "-"), decimal)
         if (match := _GROUPED.fullmatch(cell)) is not None and match["decimal"] == decimal != match["mark"]:
             return float(cell.replace(match["mark"], "").replace(decimal, "."))
         return float("nan") if cell.lower() in MISSING else None
@@ -77,8 +90,12 @@ def number(cell: str, decimal: str) -> float | None:
 
 def stamp_ns(cell: str) -> int | None:
     """Nanoseconds since 1970 (UTC where no zone is given; since midnight for a time of day), or None."""
+    if cell[:1].isalpha() or cell[2:5].strip()[:1].isalpha():
+        cell = _with_months_in_the_middle(cell)
     if not _STAMP.match(cell):
         return None
+    if (zone := _ZONE.search(cell)) is not None:
+        cell = cell[: zone.start()] + _offset(zone)
     text = cell.replace(",", ".").replace("_", " ")
     text = re.sub(r"^(\d{4}([-/])\d\d?\2\d\d?)[-/](?=\d)", r"\1 ", text)  # 2024/05/06/10:00:00, as ROS writes it
     text = re.sub(r"(:\d\d:\d\d):(\d+)$", r"\1.\2", text)
@@ -106,6 +123,22 @@ def stamp_ns(cell: str) -> int | None:
     return (whole_days * 86400 + delta.seconds) * 1_000_000_000 + int(digits.ljust(9, "0")[:9] or "0")
 
 
+def _with_months_in_the_middle(cell: str) -> str:
+    """`31-Mar-2024 10:00:00` of what says the same in another order."""
+    if (match := _DAY_MONTH.match(cell)) is not None:
+        return f"{match[1]}-{match[2]}-{match[3]}{cell[match.end() :]}"
+    if (match := _MONTH_DAY.match(cell)) is not None and (year := match[3] or match[5]) is not None:
+        return f"{match[2]}-{match[1]}-{year}{match[4]}"
+    return cell
+
+
+def _offset(zone: re.Match[str]) -> str:
+    """`+01:00` of a zone that is known; what is written, which is no date then, of another."""
+    if zone["name"] is not None:
+        return f"+{_ZONES[zone['name']]:02d}:00" if zone["name"] in _ZONES else zone[0]
+    return f"{int(zone['hours']):+03d}:{zone['minutes'] or '00'}"
+
+
 def _moment(text: str) -> datetime:
     if re.match(r"^\d\d?:\d\d", text):
         return datetime.fromisoformat(f"1970-01-01T{text.zfill(len(text) + (text[1] == ':'))}")
@@ -126,6 +159,20 @@ def share_of_numbers(cells: Sequence[str], decimal: str) -> float:
     kinds = [number(cell, decimal) is not None or stamp_ns(cell) is not None or _is_list(cell, decimal) for cell in cells]
     filled = any(kind and cell.lower() not in MISSING for kind, cell in zip(kinds, cells, strict=True))
     return sum(kinds) / len(cells) if filled else 0.0
+
+
+def grouped(cells: Sequence[str], decimal: str) -> str | None:
+    """A cell whose point or comma stands between thousands, in a column of whole numbers: `8.342` beside `993`, `1.234.567`."""
+    marked = [cell for cell in cells if (match := _THOUSANDS.fullmatch(cell)) is not None and match[1][0] != decimal]
+    rest = set(cells) - set(marked)
+    twice = [cell for cell in marked if len(re.sub(r"\d", "", cell.lstrip("+-"))) > 1]
+    if twice or (marked and any(cell.strip("+-").isdigit() for cell in rest) and all(map(_SMALL.fullmatch, rest - MISSING))):
+        return (twice or marked)[0]
+    return None
+
+
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(([.,' ])\d{3}(?:\2\d{3})*)")
+_SMALL = re.compile(r"[-+]?\d{1,3}")
 
 
 def _is_list(cell: str, decimal: str) -> bool:

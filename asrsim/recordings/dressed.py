@@ -14,7 +14,7 @@ _PLAIN_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|nan|inf"
 _PAIR = re.compile(rf"(?P<name>[^\W\d][^:=,;\t|]*?)\s*[:=]\s*(?P<number>{_PLAIN_NUMBER})(?:\s*[,;\t|]\s*|\s+|$)", re.IGNORECASE)
 _WHEN = re.compile(r"\s*(\d\d:\d\d:\d\d(?:[.,]\d+)?)[\t;,| ]")
 """The time that a terminal writes before a line."""
-_UNIT = re.compile(rf"\s*({_NUMBER})\s*([^\W\d_]\S*|°\S*|%)\s*")
+_UNIT = re.compile(rf'\s*"?\s*({_NUMBER})\s*([^\W\d_][^\s"]*|°[^\s"]*|%)\s*"?\s*')
 _MOST = 0.8
 """Share of the lines that must be so."""
 

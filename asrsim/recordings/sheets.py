@@ -42,14 +42,20 @@ def sheet_reader(path: Path) -> SheetReader | None:
 def _columnar(path: Path) -> Lines:
     """A Parquet or Feather file. Raises InputError without pyarrow, RecordingError for a broken file."""
     arrow = library("pyarrow", "sweep")
+    from pyarrow import compute, feather, parquet
     from pyarrow import csv as writer
-    from pyarrow import feather, parquet
 
     try:
         with path.open("rb") as stream:
             read = parquet.read_table if stream.read(4) == b"PAR1" else feather.read_table
         text = BytesIO()
-        writer.write_csv(read(path), text)
+        table = read(path)
+        for i, field in enumerate(table.schema):
+            if arrow.types.is_duration(field.type):
+                seconds = compute.divide(table.column(i).cast(arrow.duration("ns")).cast("int64").cast("float64"), 1e9)
+                name = "time" if field.name.startswith("__index") else field.name
+                table = table.set_column(i, f"{name} [s]", seconds)
+        writer.write_csv(table, text)
     except (OSError, ValueError, arrow.ArrowException) as error:
         raise RecordingError(f"cannot be read: {str(error).splitlines()[0]}", file=path, code="bad-sheet") from None
     return text.getvalue(), ()

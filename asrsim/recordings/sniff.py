@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from asrsim.errors import RecordingError
-from asrsim.recordings.cells import COMMENTS, entries, glue, kind_of, share_of_numbers, split, spread
+from asrsim.recordings.cells import COMMENTS, entries, glue, grouped, kind_of, printable, share_of_numbers, split, spread
 from asrsim.recordings.dressed import Dress, dressed
 from asrsim.recordings.foreign import READ, refuse_foreign
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
@@ -161,6 +161,12 @@ def sniff(path: Path) -> Layout:
     told = header.units or next((found for text in above if (found := comment_units(text, separator, columns))), None)
     told = list(dress.units) if dress is not None and len(dress.units) == columns else told
     stated = told if told and not widths else [""] * columns
+    for i, name in enumerate(names):
+        if (cell := grouped([cells[i] for cells in data if len(cells) == columns], decimal)) is not None:
+            raise RecordingError(
+                f"numbers have marks between their thousands: {printable(cell)}", file=path, key=name, code="thousands",
+                hint="Export it without them",
+            )  # fmt: skip
     kinds = [kind_of([cells[i] for cells in data], decimal) for i in range(columns)]
     return Layout(
         encoding=encoding, separator=separator, decimal=decimal, quoted=quoted,

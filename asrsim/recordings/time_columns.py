@@ -15,7 +15,7 @@ from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import VOCABULARY, find_column, tokens_of
 from asrsim.recordings.stamps import MERGED
 from asrsim.recordings.timebase import EPOCH
-from asrsim.recordings.units import Unit, find_unit
+from asrsim.recordings.units import Unit, find_unit, split_header
 from asrsim.samples import Array
 
 TIME_WORDS = {
@@ -135,6 +135,11 @@ def _rising(path: Path, table: Table, free: Sequence[int], names: Sequence[str],
                     key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
         )  # fmt: skip
         return rising[0]
+    if (said := next((i for i in table.layout.text if _is_time(split_header(labels[i])[0], None)), None)) is not None:
+        raise RecordingError(
+            "is named as a time, but its cells are neither numbers nor dates that are known", file=path, key=labels[said],
+            code="no-time", hint="Expected s or ms, or dates like 2024-05-06 10:00:00.002; or give the rate: --rate",
+        )  # fmt: skip
     if counters:
         nameless = counters[0] in table.layout.unnamed
         which = f"column {counters[0] + 1}, which has no name," if nameless else f"'{labels[counters[0]]}'"

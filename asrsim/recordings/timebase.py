@@ -24,6 +24,10 @@ _DAY = 86400.0
 """s in a day."""
 _COUNTED_DAYS = {"MATLAB": (719529.0, 690_000.0, 780_000.0), "Excel": (25569.0, 20_000.0, 70_000.0)}
 """Programs that count days: the number of 1970-01-01, and of dates that recordings have."""
+_OVERFLOWS = (2.0**16, 2.0**32, 2.0**32 * 1e-3, 2.0**32 * 1e-6)
+"""Where counters of a microcontroller begin anew, also those that are written in s."""
+_MISSED = 20.0
+"""Samples that may be missing where they do."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """s in each unit of time that a file may be in."""
 NEAREST = 1e-9
@@ -46,6 +50,11 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
     a sample takes at most 0.2 s (0.002 is s, 2 is ms, 2000 is us, 2000000 is ns).
     """
     findings: list[Problem] = []
+    values, passed = _past_overflow(values)
+    if passed:
+        findings.append(
+            Problem(f"its counter begins anew at {passed:.10g} and is taken to go on", file=path, key=name, code="overflow")
+        )
     finite = values[np.isfinite(values)]
     if not len(finite):
         raise RecordingError("the time column has no number", file=path, key=name, code="no-time")
@@ -87,6 +96,23 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
         digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
         return np.round((values - zero) * factor, digits), zero * factor, findings
     return values * factor, None, findings
+
+
+def _past_overflow(values: Array) -> tuple[Array, float]:
+    """Counts that begin anew where their whole numbers end (`micros()` of an Arduino after 71 minutes) go on; and where they
+    end, 0 where they do not."""
+    where = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[where])
+    back = steps < 0
+    typical = float(np.median(steps)) if len(steps) else 0.0
+    if not back.any() or typical <= 0.0:
+        return values, 0.0
+    for size in _OVERFLOWS:
+        if np.all(np.abs(steps[back] + size - typical) < _MISSED * typical) and typical < 0.01 * size:
+            gone = values.copy()
+            gone[where[1:]] += size * np.cumsum(back)
+            return gone, float(size if values[where].min() >= 0.0 else 0.5 * size)
+    return values, 0.0
 
 
 def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list[Problem]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from asrsim.actuators import MODES, Actuator
-from asrsim.robot.findings import Findings
+from asrsim.robot.findings import EMPTY_LIMIT, Findings
 from asrsim.robot.model import ActuatorBlock, Joint, ParameterValue
 
 TOOLBOX_MODES = range(7)
@@ -43,7 +43,7 @@ def advise(actuator: type[Actuator], block: ActuatorBlock, joint: Joint, finding
     elif joint.effort == 0.0:
         findings.warn(
             "the joint's effort limit is 0: every torque is clipped to nothing", code="zero-effort-limit", line=joint.line,
-            key=joint.name,
+            key=joint.name, hint=EMPTY_LIMIT,
         )  # fmt: skip
 
 

@@ -11,6 +11,9 @@ from asrsim.errors import Details, Place, Problem, RobotError
 Line = Callable[[Any], int | None]
 """An element's line in the user's file, None if unknown."""
 
+EMPTY_LIMIT = "Exporters write 0 for what was left empty: give the joint's limits, or make it continuous, which needs none"
+"""What to do about limits of 0."""
+
 
 class Findings:
     """Errors and warnings of one file; `raise_errors` ends the reading if there is any error."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.robot.findings import Findings
+from asrsim.robot.findings import EMPTY_LIMIT, Findings
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
@@ -129,7 +129,7 @@ def _check_limits(findings: Findings, joint: Joint) -> None:
     if joint.velocity == 0.0:
         findings.warn(
             "the joint's velocity limit is 0: it is beyond it whenever it moves", code="zero-velocity-limit", line=joint.line,
-            key=joint.name,
+            key=joint.name, hint=EMPTY_LIMIT,
         )  # fmt: skip
     bounds = [bound for bound in (joint.lower, joint.upper) if bound is not None]
     if joint.kind == "revolute" and any(DEGREES[0] < abs(bound) <= DEGREES[1] for bound in bounds):

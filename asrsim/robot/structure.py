@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from asrsim.errors import did_you_mean
+from asrsim.robot.findings import EMPTY_LIMIT
 from asrsim.robot.inertials import InertialReader, largest_moment
 from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
@@ -183,8 +184,9 @@ class StructureReader(InertialReader):
             )  # fmt: skip
         elif lower is not None and lower == upper:
             self.findings.warn(
-                "lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name
-            )
+                "lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name,
+                hint=EMPTY_LIMIT if lower == 0.0 else None,
+            )  # fmt: skip
         lower = None if lower is not None and math.isinf(lower) else lower
         upper = None if upper is not None and math.isinf(upper) else upper
         return lower, upper, effort, velocity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,7 +53,7 @@ def write_starter(
     file is in the way or cannot be written.
     """
     from asrsim.kinematics.sizing import problems_of_weight, sizing
-    from asrsim.kinematics.swing import steadying
+    from asrsim.kinematics.swing import calming, steadying
 
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
@@ -74,10 +74,14 @@ def write_starter(
         starter = replace(starter, proposal=found.proposal)
     mount = shlex.join(["asrsim", "init", str(robot), "--actuator", "qbmove", "--out", str(out), "--overwrite"])
     idle = (replace(one, hint=f"Put some on: {mount}") for one in loaded.warnings if one.code == "no-actuators" and not given)
-    notes = (*idle, *problems_of_weight(found, starter.robot))
     if given:
         starter = _sized(starter, steadying(_first(starter, loaded, out.parent), starter.robot))
-    text = starter_text(replace(starter, hangs=_hangs(starter, found)))
+    lasts, damped = calming(_first(starter, loaded, out.parent), starter.robot)
+    damped = {joint: keys for joint, keys in damped.items() if not given or joint in starter.given}
+    starter = replace(starter, damped=damped, hangs=_hangs(starter, found))
+    text = starter_text(starter)
+    locked = (one for one in loaded.warnings if one.code == "locked-joint")
+    notes = (*idle, *locked, *problems_of_weight(found, starter.robot), *_swinging(starter, robot, lasts))
     beside = out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
@@ -87,6 +91,15 @@ def write_starter(
         return (out,), notes
     write_new(beside, schema_text(), force=True)
     return (out, beside), notes
+
+
+def _swinging(starter: Starter, file: Path, lasts: float) -> Iterator[Problem]:
+    """A warning that an arm swings on, and what is written against it; lasts: s."""
+    if starter.damped:
+        how_long = f"for {lasts:.2g} s" if lasts < 100.0 else "without end"
+        message = f"its joints have too little damping, so that the arm would swing on {how_long} after a step"
+        where = "in the scenario" if starter.given else "that stands in the scenario as a comment"
+        yield Problem(message, file=file, hint=f"`link_damping` {where} ends that", code="swings-on")
 
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:

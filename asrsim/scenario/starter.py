@@ -7,96 +7,13 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators import MODES
 from asrsim.document.yaml_reader import plain_scalar
-from asrsim.quantities import linear_unit
-from asrsim.robot import ActuatorBlock, Joint, Robot
+from asrsim.robot import Robot
+from asrsim.scenario.starter_motion import PRISMATIC_STEP, STEP, StarterJoint, number, starter_joint
 
-STEP = 0.3
-"""rad, the step of the starter's references."""
-PRISMATIC_STEP = 0.05
-"""m."""
-TORQUE = 0.1
-"""N m, for references that are torques."""
 HOLDING = "Parameters that stand here hold the arm: under their defaults it sags, falls, or is thrown about by its own steps."
-STEP_TIME = 0.1
-"""s."""
-
-_ROOM = 0.4
-"""Share of the way to a stop that a step takes at most."""
-
 _SIMPLE = re.compile(r"[A-Za-z_./][\w./-]*")
-
-
-@dataclass(frozen=True, kw_only=True)
-class StarterJoint:
-    """One joint of the starter."""
-
-    block: ActuatorBlock
-    joint: Joint
-    start: float
-    """Initial link position, rad or m: 0, or the nearest that the limits allow."""
-    target: float
-    """Link position after the step."""
-
-    @property
-    def actuator(self) -> type[Actuator]:
-        """Class of the actuator."""
-        return ACTUATORS.get(self.block.actuator)
-
-    def presets(self) -> tuple[float, float] | None:
-        """A soft and a stiff second reference, or None where there is no choice."""
-        soft = self.actuator.typical_preset
-        if not soft or not MODES[self.block.mode].spring or MODES[self.block.mode].direct:
-            return None
-        values = self.block.values()
-        highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
-        stiff = min(3.0 * soft, highest)
-        # Springs pull on their motors also at rest; half of the motors' torque is left to move with.
-        while MODES[self.block.mode].motor and self._pull(stiff) > 0.5:
-            stiff *= 0.9
-        return float(f"{min(soft, 0.5 * stiff):.2g}"), float(f"{stiff:.2g}")
-
-    def _pull(self, preset: float) -> float:
-        """What the springs ask of the motors at rest, as a share of their largest torque."""
-        values = self.block.values()
-        law = self.actuator.law_values(values)
-        torques = self.actuator.elastic_torques(0.0, *self.actuator.motor_references(0.0, preset), law)
-        limits = (values[f"motor_{i}_max_torque"] for i in range(1, self.actuator.motors + 1))
-        return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
-
-    def levels(self, position: float, torque: float, preset: float) -> Iterator[tuple[str, str, float]]:
-        """(reference, unit, value) that hold the joint at a position, or its motors at a torque.
-
-        preset: a second reference in the sense of preset or adjuster.
-        """
-        mode = MODES[self.block.mode]
-        second = self.actuator.motors > 1 or self.actuator.adjuster
-        if not mode.spring:
-            yield mode.references[0], mode.units[0], torque if mode.number == 0 else position
-        elif mode.direct:
-            gains = [electric_of(self.block.values(), i, mode).gain or 1.0 for i in range(1, self.actuator.motors + 1)]
-            yield mode.references[0], mode.units[0], torque / gains[0]
-            if self.actuator.adjuster:
-                yield mode.references[1], self.actuator.reference_2_unit, preset
-            elif second:
-                yield mode.references[1], mode.units[1], torque / gains[1]
-        elif mode.mapped or self.actuator.adjuster or not second:
-            yield mode.references[0], "rad", position
-            if second:
-                yield mode.references[1], self.actuator.reference_2_unit, preset
-        else:
-            motors = self.actuator.motor_references(position, preset)
-            yield from zip(mode.references, ("rad", "rad"), motors, strict=True)
-
-    def references(self, preset: float) -> Iterator[tuple[str, str, str]]:
-        """(reference, unit, signal as YAML) of the starter's step."""
-        before, after = self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset)
-        for (name, unit, low), (_, _, high) in zip(before, after, strict=True):
-            if self.joint.kind == "prismatic":
-                unit = linear_unit(unit)
-            yield name, unit, number(low) if low == high else _step(low, high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +34,9 @@ class Starter:
     """Joint -> parameters of given actuators that the robot has already, so that they hold the arm's own weight."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """The same for actuators of the robot file, to be written as a comment."""
+    damped: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Joint -> keys of its link damping, with which swings end that last in the robot file's own; a comment where the file has
+    actuators of its own."""
     hangs: bool = False
     """It starts where its springs hold its weight, which takes no fall."""
     arguments: Mapping[str, str] = field(default_factory=dict)
@@ -146,11 +66,11 @@ def starter_text(starter: Starter) -> str:
         lines.append(f'modes: {{"*": {mode}}}       # {MODES[mode].name}, in the place of the modes in the robot\'s file')
     lines += _actuators(starter)
     moved = [drive for drive in drives if drive.start]
-    if moved:
-        lines += ["", "initial:             # rad; 0 lies outside the limits of these joints"]
-        lines += [f"  {word(drive.joint.name)}: {drive.start!r}" for drive in moved]  # rounded, a limit may be passed
-    elif starter.hangs:
+    if starter.hangs:
         lines += ["", "initial: equilibrium # at rest under its own weight; without this line it falls into its springs"]
+    elif moved:
+        lines += ["", "initial:             # rad, m; 0 lies on or near the stops of these joints"]
+        lines += [f"  {word(drive.joint.name)}: {drive.start!r}" for drive in moved]  # rounded, a limit may be passed
     lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
     return "\n".join(lines) + "\n"
 
@@ -165,6 +85,13 @@ def _actuators(starter: Starter) -> Iterator[str]:
         yield "# As they are, springs or motors do not hold the arm's own weight: joints sag or fall. These hold it:"
         yield "# parameters:"
         yield from (f"#   {word(joint)}: {_table(given)}" for joint, given in starter.proposal.items())
+
+    if starter.damped:
+        mark = "" if starter.given else "# "
+        yield ""
+        yield "# Damping of the links beside the robot file's, which has too little: without it the arm swings on after a step."
+        yield f"{mark}link_damping:"
+        yield from (f"{mark}  {word(joint)}: {_table(keys)}" for joint, keys in starter.damped.items())
 
 
 def mounted_lines(
@@ -195,27 +122,6 @@ def robot_lines(file: str, arguments: Mapping[str, str], packages: Mapping[str, 
     for key, items in (("arguments", arguments), ("packages", packages)):
         if items:
             yield f"  {key}: {{{', '.join(f'{word(name)}: {word(text)}' for name, text in items.items())}}}"
-
-
-def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
-    """The starter's motion of an actuated joint: from 0 or the nearest that its limits allow, by a small step; of one that is
-    to follow another, what that one's motion asks of it."""
-    joint = robot.joint(block.joint)
-    leader = next((one for one in robot.actuators if joint.mimic is not None and one.joint == joint.mimic.joint), None)
-    if joint.mimic is not None and leader is not None and robot.joint(leader.joint).mimic is None:
-        led = starter_joint(robot, leader)
-        start, target = (joint.mimic.multiplier * place + joint.mimic.offset for place in (led.start, led.target))
-        return StarterJoint(block=block, joint=joint, start=start, target=target)
-    size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
-    bounded = joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
-    low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
-    start = min(max(0.0, low), high)
-    # A soft joint without damping swings to twice its step: that is no stop.
-    up, down = high - start, start - low
-    upward = up > 2.0 * size or up >= down
-    step = min(size, _ROOM * max(up, down))
-    target = float(f"{start + (step if upward else -step):.6g}")
-    return StarterJoint(block=block, joint=joint, start=start, target=target)
 
 
 def _references(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
@@ -270,15 +176,6 @@ def _further(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     yield "# expect:"
     claim = f"measure: steady_state, value: {there:g}, tolerance: {there / 6:.1g}"
     yield f"#   - {{joint: {joint}, quantity: link_position, {claim}}}"
-
-
-def _step(before: float, after: float) -> str:
-    return f"{{step: {{at: {STEP_TIME:g}, from: {number(before)}, to: {number(after)}}}}}"
-
-
-def number(value: float) -> str:
-    """A number as YAML, to six digits."""
-    return f"{value + 0.0:.6g}"
 
 
 def word(text: str) -> str:

@@ -17,8 +17,9 @@ from asrsim.quantities import is_comparable
 from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
-from asrsim.scenario.starter import mounted_lines, number, robot_lines, starter_joint, word
+from asrsim.scenario.starter import mounted_lines, robot_lines, word
 from asrsim.scenario.starter_extract import file_of
+from asrsim.scenario.starter_motion import number, starter_joint
 from asrsim.scenario.starter_playback import Plan, Played
 
 STEP = 0.001

@@ -10,14 +10,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from asrsim.document.block import key_at
 from asrsim.errors import Problem, SimulationError
 from asrsim.extras import library
-from asrsim.quantities import linear_unit, unit_of
 from asrsim.runs.lock import owned
-from asrsim.scenario.keys import SCENARIO
-from asrsim.scenario.overrides import split_path
-from asrsim.sweeps.cases import TIP, Case, Payload, make_payload
+from asrsim.sweeps.cases import Case, Payload, make_payload
 from asrsim.sweeps.read import is_study, make_study, read_study
 from asrsim.sweeps.rows import lost
 from asrsim.sweeps.runner import Runner
@@ -25,6 +21,7 @@ from asrsim.sweeps.shipping import Shipped
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.sweeps.table import Table
+from asrsim.sweeps.units import units_of
 from asrsim.versions import numeric_versions
 from asrsim.workers import Executor, Here, Lost, Task, cores
 from asrsim.workers.local import Processes
@@ -194,33 +191,6 @@ def manifest(payload: Payload) -> dict[str, Any]:
         "settings": {name: dict(case.plan.texts) for name, case in payload.cases.items()},
         "rate": study.rate,
     }
-
-
-def units_of(payload: Payload) -> dict[str, str]:
-    """Column -> SI unit, of the robot's numbers, keys of the scenario, results and kept signals that have one."""
-    # Workers, which import this module, need nothing of fits.
-    from asrsim.identification.keys import parameters_of
-
-    prismatic = {name: case.robot.joint(name).kind == "prismatic" for case in payload.cases.values() for name in case.joints}
-    found = {f"tip.{name}": "m" for name in TIP}
-    for joint, slides in prismatic.items():
-        length = "m" if slides else "rad"
-        found |= {f"{joint}.{name}": length for name in ("steady_state", "steady_state_error", "peak_deflection")}
-        found |= {f"{joint}.settling": "s", f"{joint}.frequency": "Hz"}
-    for signal in payload.study.signals:
-        joint, _, quantity = signal.rpartition(".")
-        found[f"signal:{signal}"] = unit_of(quantity, prismatic=prismatic.get(joint, False))
-    for case in payload.cases.values():
-        numbers = parameters_of(case.robot, (), {})
-        for key, places in {**case.plan.parameters, **case.plan.inertials}.items():
-            units = {numbers[place].unit for owner, name in places if (place := f"{owner}.{name}") in numbers}
-            found[key] = units.pop() if len(units) == 1 else ""
-    known = {name for name, _ in payload.columns}
-    for key in {key for axis in payload.study.axes for key in axis.keys} - found.keys():
-        path = split_path(key)
-        unit = getattr(key_at(SCENARIO, path), "unit", "")
-        found[key] = linear_unit(unit) if any(prismatic.get(part) for part in path) else unit
-    return {name: unit for name, unit in found.items() if unit and name in known}
 
 
 def inputs_digest(payload: Payload) -> str:
