@@ -125,10 +125,10 @@ class InverseTrack(Track):
         generator = np.random.default_rng(draw)
         self._follow([one.values + size * one.noise * generator.normal(size=len(one.values)) for one in self._places])
 
-    def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
+    def shaken(self, values: Mapping[str, float], draw: int = 0) -> list[Array] | None:
         """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
         before = self.predict(values)
-        self.shake(0, 1.0)
+        self.shake(draw, 1.0)
         after = self.predict(values)
         self.shake(0, 0.0)
         return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
@@ -223,7 +223,7 @@ def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot, free:
     if is_driven_by_torque(data, applied, free):
         return InverseTrack(scenario, robot, data)
     track = Track(scenario, robot, data)
-    if not is_static(track):
+    if not is_static(track, free):
         return track
     track.close()
     return StaticTrack(scenario, robot, data)
