@@ -23,8 +23,11 @@ def with_quanta(residuals: Residuals, x: Array, found: Uncertainty) -> Uncertain
     if not any(channel.quantum for track in residuals.tracks for channel in track.channels):
         return found
     shifts = [found.inverse @ (found.jacobian.T @ _steps(residuals, x, phase)) for phase in PHASES]
-    moved = np.sqrt(np.mean(np.square(shifts), axis=0))
-    return found.with_deviation(np.hypot(found.deviation, moved), found.quantile)
+    moved = np.mean(np.square(shifts), axis=0)
+    # Those that count up to where they are, and not to the nearest, are half a step off, all of them at once.
+    keys = {c.key for track in residuals.tracks for c in track.channels if c.quantum}
+    moved += sum(np.abs(found.inverse @ (found.jacobian.T @ _zero(residuals, key))) for key in sorted(keys)) ** 2
+    return found.with_deviation(np.hypot(found.deviation, np.sqrt(moved)), found.quantile)
 
 
 def with_played(residuals: Residuals, x: Array, found: Uncertainty) -> Uncertainty:
@@ -52,6 +55,17 @@ def with_played(residuals: Residuals, x: Array, found: Uncertainty) -> Uncertain
     with np.errstate(invalid="ignore"):
         wider = np.maximum(1.0, 1.96 * alone / (found.deviation * found.quantile))
     return found.with_deviation(found.deviation * np.where(np.isfinite(wider), wider, 1.0), found.quantile)
+
+
+def _zero(residuals: Residuals, key: str) -> Array:
+    """(m,) what a zero of an encoder as far off as its steps leave it, on average, makes of the residuals."""
+    parts = []
+    for number, track in enumerate(residuals.tracks):
+        for channel, weights in zip(track.channels, residuals.weights[number], strict=True):
+            count = int(np.sum(channel.time <= residuals.until(number) + 1e-9))
+            size = channel.quantum / np.sqrt(12.0) if channel.key == key else 0.0
+            parts.append(whiten(np.full(count, size), weights.model) / weights.noise)
+    return np.concatenate(parts)
 
 
 def _steps(residuals: Residuals, x: Array, phase: float) -> Array:
