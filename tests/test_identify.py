@@ -511,15 +511,12 @@ def test_noise_is_told_from_fine_structure_and_correlated_noise_is_whitened():
 
 
 def test_a_form_of_a_combination_has_the_interval_of_that_form():
-    # K / r^2 is twice as wide as r / K^0.5, and a sum is as wide as its parts.
-    text, value, factor = _shown(("r", "K"), (0.015, 1e4), -0.5, summed=False)
+    # K / r^2 is twice as wide as r / K^0.5.
+    text, value, factor = _shown(("r", "K"), (0.015, 1e4), -0.5)
     assert (text, factor) == ("K / r^2", 2.0)
     assert value == pytest.approx(1e4 / 0.015**2)
-    assert _shown(("a", "b"), (2.0, 3.0), 1.0, summed=True) == ("a * b", 6.0, 1.0)
-    # Friction of a motor and of its joint have one unit, and so a sum; a stiffness and a length have none.
-    text, value, _ = _shown(("a", "b"), (2.0, 3.0), 1.46, summed=True)
-    assert (text, value) == ("a + b", 5.0)
-    text, value, _ = _shown(("a", "b"), (2.0, 3.0), 1.46, summed=False)
+    assert _shown(("a", "b"), (2.0, 3.0), 1.0) == ("a * b", 6.0, 1.0)
+    text, value, _ = _shown(("a", "b"), (2.0, 3.0), 1.46)
     assert text == "a * b^1.5"
     assert value == pytest.approx(2.0 * 3.0**1.46)
 

@@ -4,13 +4,13 @@ other laws of springs, hysteresis.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from asrsim.identification.intervals import BLOCKS
-from asrsim.identification.keys import LATEST, Parameter
+from asrsim.identification.keys import LATEST, Parameter, parameters_of
 from asrsim.identification.layout import Layout
 from asrsim.identification.limits import limits
 from asrsim.identification.residuals import Residuals
@@ -23,6 +23,10 @@ EXPLAINED = 0.9
 """Share of the error beyond the noise, squared, that a cause must explain to be suspected: others would, too, in part."""
 FURTHER = 0.8
 """Share of the mean square error that is left, at most, where a second cause is looked for beside a first."""
+MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
+"""Ends of quantities whose sensors may have another zero."""
+CONTROLLER = ("proportional", "derivative")
+"""Gains that may be others than the robot's file says."""
 HOPE = 0.02
 """Share of the error, squared, that a cause must explain by slopes to be tried beside the rest."""
 TRIED = 4
@@ -33,13 +37,29 @@ FOLLOWED = 0.5
 """Share of a channel's variance below which a fit hardly follows it."""
 CAUSES = 3
 """That are suspected together, at most."""
+LAGS = 0.3
+"""Share of a torque's residuals, squared, from which on they go with the direction of its change."""
 TREND = 0.6
 """Rank correlation of a spring's estimate in parts of the record with their deflection, beyond which it depends on it."""
 
 
 def missing_causes(residuals: Residuals, x: Array, start: Array) -> list[str]:
     """For people. residuals: weighted by the channels' noise; x: the estimate; start: where it began."""
-    return [*_suspected(residuals, x, start), *_amplitude(residuals, x), *_hysteresis(residuals, x)]
+    suspected = _suspected(residuals, x, start) or list(_nobody_gave(residuals))
+    return [*suspected, *_amplitude(residuals, x), *_hysteresis(residuals, x)]
+
+
+def _nobody_gave(residuals: Residuals) -> Iterator[str]:
+    """Gains that are guesses: those of a law, of a controller that is another."""
+    free = {entry.parameter.key for entry in residuals.layout.entries}
+    for drive in residuals.tracks[0].prepared.drives:
+        key = f"{drive.name}.controller_1_proportional"
+        gain = drive.block.parameters.get(key.partition(".")[2]) if drive.block else None
+        if gain and gain.origin == "default" and drive.mode and drive.mode.controller and key not in free:
+            yield (
+                f"the gains of {drive.name}'s controller are the law's own, which nobody gave: is it another? "
+                f"(--free {key}; a derivative gain brakes as damping does)"
+            )
 
 
 @dataclass(frozen=True)
@@ -70,7 +90,10 @@ def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
         # The first of each: a limit is tried at several sizes, and from several places.
         ordered = sorted((one for one in promises if one.share > HOPE), key=lambda one: -one.share)
         first = {one.cause.text: one for one in reversed(ordered)}
-        promises = [one for one in ordered if first[one.cause.text] is one][:TRIED]
+        ordered = [one for one in ordered if first[one.cause.text] is one]
+        # What jumps promises more than it keeps: the best of the others has its turn, too.
+        others = [one for one in ordered[TRIED:] if not one.cause.jump]
+        promises = ordered[:TRIED] + others[: all(one.cause.jump for one in ordered[:TRIED])]
         if not promises:
             break
         trials = [(*_kept(residuals, one), one.cause) for one in promises]
@@ -144,7 +167,7 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
         flags = f"--free {keys[0]}" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
         yield _Cause("a delay of the commands", flags, layout.extended(parameter, ties), 2.0)
     for key, unit in {c.key: c.unit for track in residuals.tracks for c in track.channels}.items():
-        if key.endswith("position") and f"{key}.offset" not in free:
+        if key.endswith(MEASURED_FROM_ZERO) and f"{key}.offset" not in free:
             parameter = Parameter(key=f"{key}.offset", unit=unit, start=0.0)
             yield _Cause(f"a zero offset of {key}", f"--free {key}.offset", layout.extended(parameter), 0.0)
     for key in _lost(residuals, layout, x):
@@ -156,6 +179,10 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
         if drive.joint.spring_stiffness == 0.0 and key not in free and not (drive.mode and drive.mode.spring):
             parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
             yield _Cause(f"a spring of {drive.name}'s own", f"--free {key}=START", layout.extended(parameter), None)
+    for parameter, ties in _gains(residuals, free, [tie.key for tie in layout.ties]):
+        text = f"another {parameter.key.rpartition('_')[2]} gain of {parameter.key.partition('.')[0]}'s controller"
+        flags = f"--free {parameter.key}=START" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
+        yield _Cause(text, flags, layout.extended(parameter, ties), None)
     for text, parameter, ties in limits(residuals, layout, x):
         flags = f"--free {parameter.key}=START" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
         yield _Cause(text, flags, layout.extended(parameter, ties), 0.0, jump=True)
@@ -168,6 +195,18 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
             without = replace(layout, ties=tuple(one for one in layout.ties if one is not tie))
             text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
             yield _Cause(text, f"--free {tie.key}", without.extended(parameter), 0.0)
+
+
+def _gains(residuals: Residuals, free: Collection[str], tied: Collection[str]) -> Iterator[tuple[Parameter, list[Tie]]]:
+    """Of controllers; a second motor's with the first's, where they are one number."""
+    track = residuals.tracks[0]
+    known = parameters_of(track.prepared.robot, (), {})
+    for drive in track.prepared.drives:
+        for name in CONTROLLER if drive.mode and drive.mode.controller else ():
+            key, other = (f"{drive.name}.controller_{i}_{name}" for i in (1, 2))
+            if key in known and known[key].start > 0.0 and key not in free and key not in tied:
+                same = other in known and other not in free and other not in tied and known[other].start == known[key].start
+                yield known[key], [Tie(key=other, to=key)] if same else []
 
 
 def _lost(residuals: Residuals, layout: Layout, x: Array) -> list[str]:
@@ -228,21 +267,24 @@ def _amplitude(residuals: Residuals, x: Array) -> list[str]:
 
 def _hysteresis(residuals: Residuals, x: Array) -> list[str]:
     """Residuals that go with the sign of a channel's velocity."""
-    found = []
+    found: dict[str, tuple[float, str]] = {}
     for track, one in enumerate(residuals.tracks):
         raw = residuals.raw(x, track, residuals.until(track))
         if raw is None:
             continue
+        modes = {drive.name: drive.mode for drive in one.prepared.drives}
         for channel, left in zip(one.channels, raw, strict=True):
             if "torque" not in channel.quantity:
                 continue
             sign = np.sign(np.gradient(np.convolve(channel.values[: len(left)], np.ones(5) / 5.0, "same")))
-            share = float(np.mean(left * sign)) ** 2 / max(float(np.mean(left**2)), 1e-300)
-            if share > 0.3:
-                size = abs(float(np.mean(left * sign)))
-                found.append(
-                    f"{channel.key} is {size:.3g} {channel.unit} off by the direction of its change: "
-                    f"hysteresis or friction is missing (--free {channel.joint}.hysteresis_torque=START, "
-                    f"{channel.joint}.stribeck_friction=START)"
-                )
-    return found
+            size = abs(float(np.mean(left * sign)))
+            if size**2 <= LAGS * max(float(np.mean(left**2)), 1e-300) or size < found.get(channel.key, (0.0, ""))[0]:
+                continue
+            mode = modes.get(channel.joint)
+            spring = [f"{channel.joint}.hysteresis_torque={size:.2g}"] if mode and mode.spring else []
+            # A link that stands where it is put has no friction.
+            rubs = [f"{channel.joint}.stribeck_friction={size:.2g}"] if one.scenario.engine != "bench" else []
+            flags = " ".join(f"--free {flag}" for flag in (*spring, *rubs))
+            what = " or ".join([*(["hysteresis"] if spring else []), *(["friction"] if rubs else [])])
+            found[channel.key] = size, f"{channel.unit} off by the direction of its change: {what} is missing ({flags})"
+    return [f"{key} is {size:.3g} {text}" for key, (size, text) in found.items()]

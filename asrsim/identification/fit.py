@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.noise import is_nothing, lag_correlation, size_of, swings
+from asrsim.identification.noise import beyond_steps, is_nothing, lag_correlation, size_of, swings
 from asrsim.identification.regression import regressed
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import ROUNDS, cost_of, solve
@@ -254,7 +254,8 @@ def fits_noise(found: Left) -> bool:
             return False
         # Steps of an encoder swing with the motion.
         ringing = not channel.quantum and swings(left)
-        odd = ringing or is_loud(left, channel.floor) or abs(lag_correlation(left)) > WHITE
+        beyond, borne = beyond_steps(left, channel.values[: len(left)], channel.quantum)
+        odd = ringing or is_loud(beyond, channel.floor) or abs(lag_correlation(beyond) - borne) > WHITE
         if odd and not is_nothing(size_of(left), channel.noise):
             return False
     return True

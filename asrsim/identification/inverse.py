@@ -37,6 +37,8 @@ back without.
 """
 EDGE = 0.1
 """s at both ends that the filter spoils."""
+BLIND = 0.3
+"""Share of the deviation of a joint's accelerations, by their noise, from which on a balance of torques is none."""
 DRAWS = 4
 """Pairs of draws of noise from which its bias is told."""
 
@@ -125,13 +127,22 @@ class InverseTrack(Track):
         generator = np.random.default_rng(draw)
         self._follow([one.values + size * one.noise * generator.normal(size=len(one.values)) for one in self._places])
 
-    def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
+    def shaken(self, values: Mapping[str, float], draw: int = 0) -> list[Array] | None:
         """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
         before = self.predict(values)
-        self.shake(0, 1.0)
+        self.shake(draw, 1.0)
         after = self.predict(values)
         self.shake(0, 0.0)
         return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether the noise of a joint's places makes much of its accelerations."""
+        told = self._motion[2]
+        self.shake(0, 1.0)
+        moved = self._motion[2] - told
+        self.shake(0, 0.0)
+        return bool(np.any(np.std(moved, axis=0) > BLIND * np.std(told, axis=0)))
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
         """Nothing is simulated."""
@@ -221,9 +232,14 @@ def unbiased(residuals: Residuals, x: Array) -> Array:
 def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot, free: Collection[str]) -> Track:
     """A recording made ready. applied: the robot with the scenario's modes and parameters; free: keys."""
     if is_driven_by_torque(data, applied, free):
-        return InverseTrack(scenario, robot, data)
+        balance = InverseTrack(scenario, robot, data)
+        if not balance.is_blind:
+            return balance
+        balance.close()
+        why = "encoders are too coarse for accelerations: motion under the recorded torques is simulated, where errors add up"
+        data = replace(data, remarks=(*data.remarks, why))
     track = Track(scenario, robot, data)
-    if not is_static(track):
+    if not is_static(track, free):
         return track
     track.close()
     return StaticTrack(scenario, robot, data)

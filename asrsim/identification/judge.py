@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.identification.fit import WHITE, is_loud
-from asrsim.identification.noise import is_nothing, lag_correlation, swings
+from asrsim.identification.noise import beyond_steps, is_nothing, lag_correlation, swings
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -57,7 +57,7 @@ class ChannelFit:
     swings: bool = False
     """Whether a swing is left there."""
     borne: float = 0.0
-    """Part of the correlation that noise as that of the recorded commands makes."""
+    """Part of the correlation that noise as that of the recorded commands makes, or an encoder's steps."""
     unsure: float = 0.0
     """RMS there of what the estimates' deviations make of it."""
 
@@ -83,14 +83,15 @@ def channel_fits(
         for i, channel in enumerate(track.channels):
             training = channel.time <= end + 1e-9 if not track.data.held else np.zeros(len(channel.time), bool)
             rows = [np.full(len(channel.time), np.nan) if r is None else r[i] for r in (old, new)]
+            beyond, borne = beyond_steps(rows[1][training], channel.values[training], channel.quantum)
             told = new is not None and int(training.sum()) > 10
             rings = told and not channel.quantum and swings(rows[1][training], SWING)
             spread = float(np.var(channel.values))
-            borne, played = 0.0, 0.0
+            played = 0.0
             if told and moved is not None:
                 played = SHAKEN * _rms(moved[i][training])
                 share = min(played / max(_rms(rows[1][training]), 1e-300), 1.0) ** 2
-                borne = share * lag_correlation(moved[i][training])
+                borne = max(borne, share * lag_correlation(moved[i][training]), key=abs)
                 # What is played shakes the arm, most where it swings.
                 rings = rings and share < SWING
             found.append(
@@ -99,8 +100,8 @@ def channel_fits(
                     before=_rms(rows[0][training]), after=_rms(rows[1][training]), held_before=_rms(rows[0][~training]),
                     held_after=_rms(rows[1][~training]),
                     shaken=0.0 if moved is None or training.all() else _rms(moved[i][~training]),
-                    correlation=lag_correlation(rows[1][training]) if told else np.nan, borne=borne,
-                    loud=told and is_loud(rows[1][training], float(np.hypot(channel.floor, played))), swings=rings,
+                    correlation=lag_correlation(beyond) if told else np.nan, borne=borne,
+                    loud=told and is_loud(beyond, float(np.hypot(channel.floor, played))), swings=rings,
                     explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
                 )
             )  # fmt: skip
@@ -148,7 +149,8 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
                 reasons.append(f"{key}: {HELD} {b / a:.2g} times that of the training part ({b:.3g} for {a:.3g})")
         worst = max(mine, key=lambda one: np.nan_to_num(one.correlation - one.borne), default=None)
         if worst is not None and worst.correlation - worst.borne > WHITE:
-            noise = f", by {worst.borne:.2f} from noise of what is played" if abs(worst.borne) > SMALL else ""
+            also = "noise of what is played, or an encoder's steps"
+            noise = f", by {worst.borne:.2f} from {also}" if abs(worst.borne) > SMALL else ""
             reasons.append(f"{key}: residuals are not white, neighbours correlate by {worst.correlation:.2f}{noise}")
         elif any(one.loud for one in mine):
             most = max(one.after / one.noise for one in mine if one.loud)

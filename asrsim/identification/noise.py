@@ -58,6 +58,20 @@ def lag_correlation(residuals: Array, lag: int = 1) -> float:
     return float(np.dot(residuals[lag:], residuals[:-lag]) / size) if size > 0.0 and len(residuals) > lag + 2 else 0.0
 
 
+def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, float]:
+    """Residuals (n,) of recorded values less what an encoder's zero, anywhere within a step, makes of them, and the correlation
+    of neighbours that its steps make of the predicted motion.
+    """
+    if not quantum or not len(left):
+        return left, 0.0
+    beyond = left - np.clip(float(np.mean(left)), -0.5 * quantum, 0.5 * quantum)
+    predicted = (beyond + values - values[0]) / quantum
+    steps = quantum * (predicted - np.round(predicted))
+    size = float(np.dot(beyond, beyond))
+    share = min(float(np.dot(steps, steps)) / size, 1.0) if size > 0.0 else 0.0
+    return beyond, max(share * lag_correlation(steps), 0.0)
+
+
 def size_of(residuals: Array) -> float:
     """Root mean square of residuals (n,), of which single outliers count little and a stretch that is off counts much."""
     typical = float(np.median(np.abs(residuals))) / 0.6745

@@ -24,6 +24,8 @@ HIGHEST = 8.0
 """Power in a combination, at most."""
 NEARLY = 0.02
 """By which a power may be off a whole number."""
+MOST, WHOLE = 4, 0.08
+"""Times that a part of a sum is in it, at most, and share by which that may be off a whole number."""
 SWAY = 0.7
 """Relative change along an unknown direction, at most, under which a combination is looked at again."""
 
@@ -111,7 +113,7 @@ def _sway(told: Told, exponents: Array, places: Sequence[Array]) -> float:
 
 
 def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
-    """other * pivot^power, or a simpler form of it, if that is known."""
+    """other * pivot^power, a simpler form of it, or a sum, if that is known."""
     half = round(2.0 * power) / 2.0
     best = None
     for one in (power, half, 1.0 / (round(2.0 / power) / 2.0) if power and round(2.0 / power) else 0.0):
@@ -121,16 +123,37 @@ def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Arr
         # A simpler form may be a little wider.
         if one != 0.0 and margin < UNKNOWN and (best is None or margin < NICE * best[0] + NICER):
             best = margin, one
-    if best is None:
-        return None
+    total = _sum(told, other, pivot, power, places)
+    if best is None or (total is not None and (best[1] != half or total.margin < best[0] / NICE - NICER)):
+        return total
     names = [told.layout.entries[told.free[i]].name for i in (other, pivot)]
-    units = {told.layout.entries[told.free[i]].parameter.unit for i in (other, pivot)}
     numbers = [float(told.values[told.free[i]]) for i in (other, pivot)]
-    text, value, factor = _shown(names, numbers, best[1], summed=len(units) == 1)
+    text, value, factor = _shown(names, numbers, best[1])
     # What is written the other way round is less sure; high powers are of what is nearly known alone.
     if best[0] * factor > UNKNOWN or max(abs(best[1]), 1.0 / abs(best[1])) > HIGHEST:
         return None
     return Combination(text, value, best[0] * factor, (told.free[other], told.free[pivot]))
+
+
+def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
+    """other + n pivot, of one unit, n a small whole number, if that is known: its parts may change much while it stays."""
+    first, second = (told.layout.entries[told.free[i]] for i in (other, pivot))
+    a, b = (float(told.values[told.free[i]]) for i in (other, pivot))
+    # d a / a + power d b / b = 0: a + (power a / b) b is constant nearby.
+    times = round(power * a / b) if b else 0
+    total = a + times * b
+    if first.parameter.unit != second.parameter.unit or not 0 < abs(times) <= MOST or total <= 0.0:
+        return None
+    if abs(power * a / b - times) > WHOLE * abs(times):
+        return None
+    exponents = np.zeros(len(told.free))
+    exponents[other], exponents[pivot] = 1.0, times * b / a
+    sways = [float(there[told.free[other]] + times * there[told.free[pivot]]) / total - 1.0 for there in places]
+    margin = float(np.hypot(told.margin(exponents) * abs(a) / total, max(map(abs, sways), default=0.0)))
+    if margin > UNKNOWN:
+        return None
+    text = f"{first.name} {'+' if times > 0 else '-'} {'' if abs(times) == 1 else f'{abs(times)} '}{second.name}"
+    return Combination(text, total, margin, (told.free[other], told.free[pivot]))
 
 
 def _products(told: Told, lost: Sequence[int], places: Sequence[Array]) -> Iterator[Combination]:
@@ -186,26 +209,20 @@ def _sparse(directions: Array) -> Array:
     return rows
 
 
-def _shown(names: Sequence[str], values: Sequence[float], power: float, *, summed: bool) -> tuple[str, float, float]:
-    """other * pivot^power as people write it, its value, and how many times wider than the product's its relative interval is;
-    as a sum where that is the simpler form. summed: what has one unit may be.
-    """
+def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple[str, float, float]:
+    """other * pivot^power as people write it, its value, and how many times wider its interval is than the product's."""
     (other, pivot), (a, b) = names, values
     if abs(power) < 1.0 and abs(2.0 / power - round(2.0 / power)) < 1e-9:
         # r / k^0.5 is better known as k / r^2.
-        text, value, factor = _shown((pivot, other), (b, a), 1.0 / power, summed=summed)
+        text, value, factor = _shown((pivot, other), (b, a), 1.0 / power)
         return text, value, factor / abs(power)
     half = round(2.0 * power) / 2.0
     if abs(power - half) < 1e-9 and a > 0.0 and b > 0.0:
         size = "" if abs(half) == 1.0 else f"^{abs(half):g}"
         return f"{other} {'*' if half > 0.0 else '/'} {pivot}{size}", a * b**half, 1.0
-    # d a / a + power d b / b = 0: a + (power a / b) b is constant nearby.
-    factor = power * a / b if b else 0.0
-    whole = round(factor)
-    if 0 < abs(whole) <= 4 and abs(factor - whole) < 0.08 * abs(whole):
-        factor = float(whole)
-    if (not summed or not whole or factor != whole) and a > 0.0 and b > 0.0:
+    if a > 0.0 and b > 0.0:
         return f"{other} * {pivot}^{power:.2g}", a * b**power, 1.0
-    size = "" if abs(factor) == 1.0 else f"{abs(factor):.3g} "
+    # What has a sign has no powers: a + (power a / b) b is constant nearby.
+    factor = power * a / b if b else 0.0
     total = a + factor * b
-    return f"{other} {'+' if factor > 0.0 else '-'} {size}{pivot}", total, abs(a / total) if total else np.inf
+    return f"{other} {'+' if factor > 0.0 else '-'} {abs(factor):.3g} {pivot}", total, abs(a / total) if total else np.inf

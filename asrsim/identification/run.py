@@ -22,7 +22,7 @@ from asrsim.identification.layout import Layout
 from asrsim.identification.nulls import settled
 from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
-from asrsim.identification.quanta import with_quanta
+from asrsim.identification.quanta import with_played, with_quanta
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
 from asrsim.identification.settling import bristled, settle
@@ -229,7 +229,7 @@ def _judged(
         if there is not x:
             x, met = there, bounds_met(layout, there)
             found = uncertainty(residuals, x, met)
-        found, finer = with_substeps(residuals, x, with_quanta(residuals, x, found))
+        found, finer = with_substeps(residuals, x, with_quanta(residuals, x, with_played(residuals, x, found)))
     told, combined = estimates(residuals, x, found, met, still_joints(setup.fitted), coarse_joints(setup.fitted))
     known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     whole = residuals.ends is not setup.ends

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -17,11 +17,17 @@ from asrsim.signals.base import Signal
 TORQUES = ("elastic_torque_1", "elastic_torque_2")
 
 
-def is_static(track: Track) -> bool:
-    """Whether only springs are compared, on a bench, in modes whose motors have no dynamics."""
+def is_static(track: Track, free: Collection[str]) -> bool:
+    """Whether only springs without hysteresis, which may be free, are compared, on a bench, in modes whose motors have no
+    dynamics.
+    """
     drives = {drive.name: drive for drive in track.prepared.drives}
     return track.scenario.engine == "bench" and all(
-        channel.quantity in TORQUES and drives[channel.joint].actuator is not None and not drives[channel.joint].dynamic_motors
+        channel.quantity in TORQUES
+        and (drive := drives[channel.joint]).actuator is not None
+        and not drive.dynamic_motors
+        and not drive.hysteresis
+        and f"{channel.joint}.hysteresis_torque" not in free
         for channel in track.channels
     )
 

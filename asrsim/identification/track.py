@@ -191,9 +191,9 @@ class Track:
         except (DivergenceError, RobotError):
             return None
 
-    def shaken(self, values: Mapping[str, float]) -> list[Array] | None:
+    def shaken(self, values: Mapping[str, float], draw: int = 0) -> list[Array] | None:
         """By how much noise as the recorded commands have it moves each channel (n,): one draw; None where it moves nothing."""
-        generator, plain = np.random.default_rng(0), self.data
+        generator, plain = np.random.default_rng(draw), self.data
         noises = [fine_noise(one.values) if not one.hold and len(one.values) > 8 else 0.0 for one in plain.commands]
         if all(noise <= 2e-6 * np.ptp(one.values) for noise, one in zip(noises, plain.commands, strict=True)):
             return None

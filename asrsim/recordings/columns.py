@@ -87,7 +87,8 @@ def _read_names(
                     hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
         )  # fmt: skip
     counted = joint_numbers(plain)
-    motors = theta_is_motor(tokens_of(name) for name in plain)
+    said = [[str(one.quantity)] for one in explicit.values()]
+    motors = theta_is_motor([*map(tokens_of, plain), *said])
     meanings = {
         index: guess(_plain_name(plain[index]), stated_unit(series.name, series.unit),
                      joints=() if behind else known, counted=counted, theta_is_motor=motors)

@@ -116,7 +116,12 @@ def joint_numbers(names: Iterable[str]) -> set[int]:
 
 
 def theta_is_motor(listed: Iterable[Sequence[str]]) -> bool:
-    """Whether theta means motors in a file with these names (as tokens): beside a q, or its velocity beside another one."""
+    """Whether theta means motors in a file with these names (as tokens): beside a q, its velocity beside another one, or beside
+    a deflection, which is measured from the motor on.
+    """
+    listed = list(listed)
+    if any({"deflection", "defl"} & set(words) for words in listed):
+        return True
     found: set[tuple[bool, bool]] = set()
     for words in map(set, listed):
         velocity, theta = bool(words & _VELOCITY), bool(words & _THETA)

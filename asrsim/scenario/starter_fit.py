@@ -58,8 +58,9 @@ def _free(plan: Plan) -> Iterator[str]:
             yield f"  # {key}:    # scales all torques: free it where an inertia or gravity is known"
         gain = word(f"{block.joint}.controller_1_proportional")
         if mode.controller:
-            # That of a rigid servo is seldom known, those of motors mostly are.
-            yield f"  {gain}:" if not mode.motor else f"  # {gain}:    # where the controller's gains are not known"
+            # That of a rigid servo is seldom known, those of motors are where the robot's file speaks of them.
+            told = mode.motor and any(p.origin == "tag" for p in block.parameters.values())
+            yield f"  # {gain}:    # where the controller's gains are not known" if told else f"  {gain}:"
         yield f"  {word(f'{block.joint}.damping')}:"
         yield f"  {word(f'{block.joint}.friction')}:"
         link = joint.child

@@ -26,12 +26,15 @@ def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> 
 
 
 def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Joint -> parameters of motors of which nothing is known: limits that nothing reaches, and constants that are needed."""
+    """Joint -> parameters of motors and controllers of which nothing is known: limits that nothing reaches, constants that are
+    needed, and no derivative gain, since that brakes as damping does, which is fitted and may be less than a guess of both.
+    """
     found: dict[str, dict[str, float]] = {}
     for block in robot.actuators:
         motors, mode = ACTUATORS.get(block.actuator).motors, MODES[modes.get(block.joint, modes.get("*", block.mode))]
-        if block.joint in joints and mode.motor:
-            limits = [f"motor_{i}_max_{what}" for i in range(1, motors + 1) for what in ("torque", "velocity")]
-            constants = missing_constants(block.values(), motors, mode)
-            found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0)}
+        if block.joint in joints and (mode.motor or mode.controller):
+            limits = [f"motor_{i}_max_{what}" for i in range(1, motors + 1) for what in ("torque", "velocity") if mode.motor]
+            constants = missing_constants(block.values(), motors, mode) if mode.motor else ()
+            gains = [f"controller_{i}_derivative" for i in range(1, motors + 1) if mode.controller]
+            found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
     return found

@@ -28,7 +28,10 @@ SHARE = 0.1
 """Of the recorded range: the limit of a claim before the first comparison."""
 EXACT = 1e-6
 """Of the recorded range: the least RMSE that is claimed; of a simulation's own log less would be the machine's rounding."""
-UNKNOWN = "Limits of motors are wide open, their constants, if any, 1: write what is known."
+UNKNOWN = (
+    "Limits of motors are wide open, their constants, if any, 1, controllers' derivative gains 0, since they brake as damping "
+    "does: write what is known."
+)
 
 STILL = 0.02
 """Share of the recorded range below which the simulation rests."""

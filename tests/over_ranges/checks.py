@@ -98,7 +98,8 @@ def _reasons() -> Asked:
         values = shapes(T)["swing"]
         channel = Fake(key=f"j.{quantity}", quantity=quantity, joint="j", unit="N m", values=values)
         left = size * np.sign(np.gradient(values)) + 0.1 * NOISE[:401]
-        track = Fake(channels=[channel])
+        drives = [Fake(name="j", mode=Fake(spring=True))]
+        track = Fake(channels=[channel], prepared=Fake(drives=drives), scenario=Fake(engine="mujoco"))
         residuals = Fake(
             tracks=[track, track], raw=lambda x, number, until: [left] if number else None, until=lambda number: None
         )

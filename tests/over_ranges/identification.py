@@ -84,11 +84,6 @@ def of_identification() -> Asked:
     )
     yield (
         "sums",
-        lambda a, b, p, s: found("identification.nulls._shown")(("a", "b"), (a, b), p, summed=s),
-        [
-            (a, b, p, s)
-            for a, b in ((1.0, 2.0), (3.0, -1.0), (0.1, 5.0))
-            for p in (-2.0, -1.0, -0.5, 0.3, 0.5, 1.0, 1.5, 1.53)
-            for s in (True, False)
-        ],
+        lambda a, b, p: found("identification.nulls._shown")(("a", "b"), (a, b), p),
+        [(a, b, p) for a, b in ((1.0, 2.0), (3.0, -1.0), (0.1, 5.0)) for p in (-2.0, -1.0, -0.5, 0.3, 0.5, 1.0, 1.5, 1.53)],
     )
