@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -222,6 +223,20 @@ def test_no_common_joint_names_both(tmp_path: Path) -> None:
     recording = read_recording(path, mapping=["elbow_pos=wrist.link_position"])
     with pytest.raises(RecordingError, match=r"simulation has elbow.*recording wrist"):
         compare(simulation(), recording)
+
+
+@pytest.mark.parametrize(
+    ("header", "factor"), [("tilt [deg]", np.pi / 180), ("tilt", 1.0), ("tilt [mrad]", 1e-3), ("q1 [counts]", 1e-3)]
+)
+def test_what_is_offered_for_a_column_keeps_the_unit_that_it_states(tmp_path: Path, header: str, factor: float) -> None:
+    t = np.arange(0, 5, 0.01)
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([t, 3.0 * t]), delimiter=",", header=f"time,{header}", comments="")
+    with pytest.raises(RecordingError) as error:
+        compare(simulation(), read_recording(tmp_path / "lab.csv"))
+    offered = re.search("--map '(.*)'", str(error.value))
+    assert offered is not None
+    column = read_recording(tmp_path / "lab.csv", mapping=[offered[1]]).column("elbow", "link_position")
+    np.testing.assert_allclose(column.values, 3.0 * factor * t, atol=1e-9)
 
 
 def test_no_common_quantity_names_both(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.recordings.data import Recording
+from asrsim.recordings.units import split_header
 
 
 def match_joints(
@@ -34,12 +35,21 @@ def match_joints(
         ]  # fmt: skip
     origins = ((column.source, column.origin.removeprefix("not used: ")) for column in recording.channels.values())
     doubt = next((f"; {name} {origin}" for name, origin in origins if origin.startswith("looks like")), "")
+    example = _example(next(iter(recording.channels), "COLUMN"), names[0] if names else "JOINT", counts="counts" in doubt)
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
         hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-        f"--map '{next(iter(recording.channels), 'COLUMN')}={names[0] if names else 'JOINT'}.link_position [rad]'",
+        f"--map '{example}'",
     )  # fmt: skip
+
+
+def _example(column: str, joint: str, *, counts: bool) -> str:
+    """An item that says what a column could be, and keeps the unit that its header states; of counts what one of them is."""
+    unit = split_header(column)[1]
+    if counts:
+        return f"{column}=0.001*{joint}.link_position [rad]"
+    return f"{column}={joint}.link_position{'' if unit is not None else ' [rad]'}"
 
 
 def _plain(name: str) -> str:

@@ -268,5 +268,6 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
         )  # fmt: skip
     return RecordingError(
         f"no column is a command that could be played; its columns: {found}", file=recording.path,
-        hint=f"Name the command's column: --map COLUMN={joint}.reference_1", code="no-command",
+        hint=f"Name the command's column: --map COLUMN={joint}.reference_1. Without one, a run of a scenario is compared by "
+        f"`asrsim plot LOG --experiment FILE`", code="no-command",
     )  # fmt: skip

@@ -66,7 +66,7 @@ def _reference_unit(joint: str, name: str, payload: Payload) -> str:
     for case in payload.cases.values():
         types = {block.joint: block.actuator for block in case.robot.actuators}
         types |= {one: given.type for one, given in case.scenario({}).actuators.items()}
-        actuator = ACTUATORS.get(types.get(joint) or types.get("*") or next(iter(types.values())))
-        if slot and actuator.adjuster:
-            return actuator.reference_2_unit
+        actuator = types.get(joint) or types.get("*") or next(iter(types.values()), None)
+        if slot and actuator is not None and ACTUATORS.get(actuator).adjuster:
+            return ACTUATORS.get(actuator).reference_2_unit
     return units[slot]
