@@ -60,6 +60,8 @@ class ChannelFit:
     """Part of the correlation that noise as that of the recorded commands makes, or an encoder's steps."""
     unsure: float = 0.0
     """RMS there of what the estimates' deviations make of it."""
+    steps: float = 0.0
+    """RMS that an encoder leaves at most which counts up to where it is."""
 
     @property
     def explained_whole(self) -> bool:
@@ -102,6 +104,7 @@ def channel_fits(
                     shaken=0.0 if moved is None or training.all() else _rms(moved[i][~training]),
                     correlation=lag_correlation(beyond) if told else np.nan, borne=borne,
                     loud=told and is_loud(beyond, float(np.hypot(channel.floor, played))), swings=rings,
+                    steps=channel.quantum / float(np.sqrt(3.0)),
                     explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
                 )
             )  # fmt: skip
@@ -145,7 +148,8 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
             a, b = float(np.sqrt(np.mean(np.square(train)))), float(np.sqrt(np.mean(np.square(held))))
             moved = float(np.sqrt(np.mean([one.shaken**2 + one.unsure**2 for one in mine if not np.isnan(one.held_after)])))
             # Noise of what is played, and estimates that the training part told roughly, are no faults of the model.
-            if b > HELD_OUT * max(float(np.hypot(a, SHAKEN * moved)), 1e-300):
+            steps = max(one.steps for one in mine)
+            if b > max(HELD_OUT * float(np.hypot(a, SHAKEN * moved)), steps, 1e-300):
                 reasons.append(f"{key}: {HELD} {b / a:.2g} times that of the training part ({b:.3g} for {a:.3g})")
         worst = max(mine, key=lambda one: np.nan_to_num(one.correlation - one.borne), default=None)
         if worst is not None and worst.correlation - worst.borne > WHITE:

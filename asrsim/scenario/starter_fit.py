@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.detailed_motor import NEEDED
 from asrsim.actuators.user import command_line
-from asrsim.robot.model import ActuatorBlock, Robot
+from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.scenario.starter import word
 from asrsim.scenario.starter_playback import Plan
 
@@ -61,25 +61,33 @@ def _free(plan: Plan) -> Iterator[str]:
             # That of a rigid servo is seldom known, those of motors are where the robot's file speaks of them.
             told = mode.motor and any(p.origin == "tag" for p in block.parameters.values())
             yield f"  # {gain}:    # where the controller's gains are not known" if told else f"  {gain}:"
-        yield f"  {word(f'{block.joint}.damping')}:"
-        yield f"  {word(f'{block.joint}.friction')}:"
-        link = joint.child
-        if joint.kind == "prismatic":
-            yield f"  {word(f'{link}.mass')}:"
-        else:
-            strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
-            yield f"  {word(f'{link}.{INERTIA[strongest]}')}:"
-            yield f"  # {word(f'{link}.mass')}:            # with gravity; without it only the inertia shows"
+        if not plan.on_bench:
+            yield from _of_link(joint)
         if not mode.spring:
             yield f"  # {word(f'{block.joint}.passive_stiffness')}: 100    # a spring of the joint's own, as where it is locked"
         if mode.spring:
             yield f"  # {word(f'{block.joint}.hysteresis_torque')}: 0.05   # N m, springs that lag; with hysteresis_deflection"
-        yield f"  # {word(f'{block.joint}.stribeck_friction')}: 0.05   # N m, static above Coulomb's; with stribeck_velocity"
+        if not plan.on_bench:
+            key = word(f"{block.joint}.stribeck_friction")
+            yield f"  # {key}: 0.05   # N m, static above Coulomb's; with stribeck_velocity"
     for key in _delays(plan)[:1]:
         yield f"  {key}:    # s, of commands on their way to the motors"
     for joint_name, column in plan.compared:
         if str(column.quantity).endswith("position"):
             yield f"  # {joint_name}.{column.quantity}.offset:    # what the sensor reads at zero"
+
+
+def _of_link(joint: Joint) -> Iterator[str]:
+    """Of a joint and the link that it moves."""
+    yield f"  {word(f'{joint.name}.damping')}:"
+    yield f"  {word(f'{joint.name}.friction')}:"
+    link = joint.child
+    if joint.kind == "prismatic":
+        yield f"  {word(f'{link}.mass')}:"
+    else:
+        strongest = max(range(3), key=lambda i: abs(joint.axis[i]))
+        yield f"  {word(f'{link}.{INERTIA[strongest]}')}:"
+        yield f"  # {word(f'{link}.mass')}:            # with gravity; without it only the inertia shows"
 
 
 def _of_spring(block: ActuatorBlock) -> Iterator[str]:

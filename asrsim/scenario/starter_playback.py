@@ -70,6 +70,15 @@ class Plan:
     """Joint -> its first recorded position, where that is not 0."""
     remarks: tuple[str, ...] = ()
 
+    @property
+    def on_bench(self) -> bool:
+        """Whether springs alone were recorded: motors' places and torques, and no motion of a link."""
+        played = {one.joint for one in self.played if one.column.quantity == "motor_1_position"}
+        others = ("elastic_torque", "link_torque", "motor_2_position")
+        return bool(self.compared) and all(
+            joint in played and str(column.quantity).startswith(others) for joint, column in self.compared
+        )
+
 
 def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> Plan:
     """What of the recording is played into the robot, and what is compared.
@@ -266,8 +275,12 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
             f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
             hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
+    told = " ".join(str(c.quantity) for c in recording.channels.values())
+    bench = f"; of a spring on a bench, turned against its locked end: --map ANGLE={joint}.motor_1_position --map TORQUE="
+    bench += f"{joint}.elastic_torque_1"
     return RecordingError(
         f"no column is a command that could be played; its columns: {found}", file=recording.path,
-        hint=f"Name the command's column: --map COLUMN={joint}.reference_1. Without one, a run of a scenario is compared by "
-        f"`asrsim plot LOG --experiment FILE`", code="no-command",
+        hint=f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in told else ''}. Without one, a run of a "
+        f"scenario is compared by `asrsim plot LOG --experiment FILE`",
+        code="no-command",
     )  # fmt: skip

@@ -82,6 +82,7 @@ def recording_text(
     lines += [
         f"duration: {exact(plan.duration)}".ljust(21) + "# s, of the recording",
         f"step: {number(STEP)}".ljust(21) + "# s",
+        *(["engine: bench".ljust(21) + "# no motion of a link was recorded: they are locked"] if plan.on_bench else []),
     ]
     if mounted:
         lines += mounted_lines(plan.robot, mounted, unknown or {}, why=UNKNOWN)
