@@ -304,6 +304,7 @@ def test_two_recordings_share_what_is_the_robots(lab):
         ([], [], "nothing is free"),
         (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "tied to itself"),
         (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
+        (["joint_1.damping"], ["joint_1.friction=link_1.mass", "link_1.mass=joint_1.friction"], "tied to itself over others"),
         (["joint_1.damping=5:1"], [], "its lower bound is not below its upper one"),
         (["joint_1.damping=0:9:5"], [], "its start is out of range"),
         (["joint_1.damping=x"], [], "is no free parameter"),

@@ -20,6 +20,7 @@ from asrsim.errors import InputError
 from asrsim.log import read_log
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
+from asrsim.report.content import read_parameters
 from asrsim.report.series import pack, read_runs, unpack
 from asrsim.runs.folder import find_logs
 
@@ -157,6 +158,15 @@ def test_a_comparison_in_the_folder_is_shown(tmp_path: Path):
     words = " ".join(parsed(write_report(log.parent, film=False)).words)
     assert "Beside experiments" in words
     assert "0.0123 rad" in words
+
+
+def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
+    info = read_log(folder / "soft" / "log.mcap").info
+    text = info.urdf.splitlines()
+    found = [parameter for values in read_parameters(info).values() for parameter in values]
+    named = [re.fullmatch(r"tag <(\w+)>, line (\d+)", one.origin) for one in found]
+    assert [f"<{match[1]}>" in text[int(match[2]) - 1] for match in named if match] == [True] * 12
+    assert not any("line" in one.origin for one, match in zip(found, named, strict=True) if not match)
 
 
 def test_a_folder_without_log_is_an_error(tmp_path: Path):
