@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ from asrsim.cli.app import app
 from asrsim.engines import default_engine
 from asrsim.errors import InputError
 from asrsim.log import read_log
+from asrsim.plots.curves import Curve
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
 from asrsim.report.content import read_parameters
+from asrsim.report.plots import object_plots
 from asrsim.report.series import pack, read_runs, unpack
 from asrsim.runs.folder import find_logs
 
@@ -132,6 +135,18 @@ def test_a_spike_in_a_long_run_is_on_the_page(tmp_path: Path):
     # At its time, to the width of an interval.
     assert abs(grid.time[series.argmax()] - 20.001) <= 2 * grid.step
     assert abs(grid.time[series.argmin()] - 31.234) <= 2 * grid.step
+
+
+def test_a_short_push_is_on_the_page_at_its_time():
+    """Of more samples than the page has places: the least and the largest of each place."""
+    times, force, grid = np.arange(0.0, 10.0, 0.001), np.zeros(10_000), np.arange(0.0, 10.0, 0.1)
+    force[[2345, 6789]] = 5.0, -3.0
+    run = SimpleNamespace(bodies={"box": {"force": Curve(time=times, values=force)}})
+    (plot,) = [plot for plot in object_plots([run], grid) if plot["series"]]
+    shown = unpack(plot["series"][0], len(grid))
+    assert (shown.max(), shown.min(), np.count_nonzero(np.abs(shown) > 0.1)) == (5.0, -3.0, 2)
+    assert abs(grid[shown.argmax()] - 2.345) <= 0.2
+    assert abs(grid[shown.argmin()] - 6.789) <= 0.2
 
 
 def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path: Path):
