@@ -129,6 +129,7 @@ READ: dict[str, bytes] = {
     "thetas": table([*ABQ, R], before="t,theta1,theta2,theta1_d\n"),
     "savetxt": table(ABQ, sep=" ", before="# time q1 q2\n"),
     "units among words": table(DEG, before="t,q_deg_1,degQ2\n"),
+    "the stamp of a sample": table([1.0 * (ORDER % 7), *ABQ], before="delay time,sample_timestamp,q1,q2\n"),
     "units glued on": table([TIME * 1e3, A * DEGREES, B * DEGREES], before="t/ms,q1deg,q2/deg\n"),
     "hours": table([TIME / 3600, A, B], before="time [h],q1,q2\n", number="%.12g"),
     "MATLAB's days": table([TIME / 86400 + 739378, A, B], before="time,q1,q2\n", number="%.17g"),

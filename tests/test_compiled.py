@@ -20,7 +20,9 @@ from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation import choice
+from asrsim.simulation.memory import LOADS
 from asrsim.simulation.run import Run, simulate
+from asrsim.simulation.substep import STATE
 
 pytest.importorskip("numba")
 
@@ -95,6 +97,13 @@ def assert_equal(plain: Run, fast: Run) -> None:
     for name, values in plain.samples.values.items():
         assert np.array_equal(values, fast.samples.values[name], equal_nan=True), name
     assert np.nanmax(np.abs(plain.samples.values["link_velocity"])) > 1e-3, "nothing moved"
+
+
+def test_every_number_of_a_state_has_its_place_in_a_row() -> None:
+    """Of each width that a joint's state may have: none is left out, or read twice."""
+    row = [float(place) for place in range(60)]
+    for width, load in LOADS.items():
+        assert list(load(row)) == row[STATE : STATE + width]
 
 
 @pytest.mark.slow

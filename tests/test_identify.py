@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from identify_files import CHIRP, SEA, record, write
+from scipy.signal import lfilter
 from threadpoolctl import threadpool_info
 from typer.testing import CliRunner
 
@@ -21,6 +22,7 @@ from asrsim.errors import InputError
 from asrsim.identification import make_task, pool, read_task
 from asrsim.identification.data import Command
 from asrsim.identification.fit import is_loud
+from asrsim.identification.intervals import whitened
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, channel_fits, foreign
 from asrsim.identification.layout import Tie
@@ -304,6 +306,7 @@ def test_two_recordings_share_what_is_the_robots(lab):
         ([], [], "nothing is free"),
         (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "tied to itself"),
         (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
+        (["joint_1.damping"], ["joint_1.friction=link_1.mass", "link_1.mass=joint_1.friction"], "tied to itself over others"),
         (["joint_1.damping=5:1"], [], "its lower bound is not below its upper one"),
         (["joint_1.damping=0:9:5"], [], "its start is out of range"),
         (["joint_1.damping=x"], [], "is no free parameter"),
@@ -490,6 +493,21 @@ def test_numbers_go_into_the_text_and_nothing_else_changes(lab):
     link = next(one for one in edited.links if one.name == "link_1")
     assert (link.mass, link.centre_of_mass, edited.joint("joint_1").damping) == (2.0, (0.25, 0.0, 0.0), 0.5)
     assert edited_urdf(data, robot, {}) == data
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+def test_outliers_are_no_noise_and_an_offset_of_all_is(memory, offset):
+    """What is left over is noise that forgets slowly or at once, beside zero, with a number far off here and there."""
+    generator = np.random.default_rng(5)
+    left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
+    left[generator.permutation(4000)[:20]] += 0.5
+    residuals = SimpleNamespace(
+        tracks=[SimpleNamespace(channels=[SimpleNamespace(given=False, noise=1.0)])],
+        raw=lambda x, track, until: [left + offset], until=lambda track: None,
+    )  # fmt: skip
+    ((weights,),) = whitened(residuals, np.empty(0))
+    assert weights.noise == pytest.approx(np.hypot(1e-3, (1.0 - weights.model.sum()) * offset), rel=0.25)
 
 
 def test_noise_is_told_from_fine_structure_and_correlated_noise_is_whitened():

@@ -255,6 +255,14 @@ def test_summary_of_a_joint() -> None:
     assert summarise(TIME, {}).as_dict()["overshoot"] is None
 
 
+@pytest.mark.parametrize("step", [None, len(TIME), len(TIME) + 7])
+def test_a_step_after_the_end_is_none(step: int | None) -> None:
+    found = summarise(TIME, {"link_position": second_order(0.3)}, step=step)
+    assert math.isnan(found.overshoot)
+    assert math.isnan(found.settling)
+    assert found.steady_state == pytest.approx(1.0, abs=1e-3)
+
+
 def test_output(tmp_path: Path) -> None:
     rows = [
         MetricRow(source="run", joint="elbow", quantity="link_position", measure="rmse", value=0.1, unit="rad"),

@@ -214,6 +214,16 @@ def test_bode_says_what_a_log_or_a_recording_has_not(tmp_path: Path):
     assert any("the recording has no motor_1_position of joint_1" in str(problem) for problem in result.findings)
 
 
+def test_a_remark_on_a_response_names_its_recording_and_joint(tmp_path: Path):
+    time, recorded = np.arange(0.0, 4.0, 0.002), tmp_path / "lab.csv"
+    columns = np.c_[time, np.random.default_rng(1).normal(size=(len(time), 2))]
+    header = "t,arm.reference_1 [rad],arm.link_position [rad]"
+    np.savetxt(recorded, columns, delimiter=",", header=header, comments="")
+    result = plot(PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True))
+    said = [(problem.key, problem.file and problem.file.name) for problem in result.findings if problem.code == "low-coherence"]
+    assert said == [("arm", "lab.csv")]
+
+
 def test_a_recording_alone_has_its_frequency_response(tmp_path: Path):
     """A chirp through a gain of 0.5 and 10 ms of delay, in degrees and mN m: the gain and the phase that it has."""
     time = np.arange(0.0, 8.0, 0.002)

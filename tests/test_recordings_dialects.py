@@ -197,7 +197,20 @@ def test_where_a_unit_stands(header: str, name: str, unit: str) -> None:
 
 @pytest.mark.parametrize(
     "header",
-    ["x.m", "theta_m", "header.stamp.secs", "q1-ref", "stats.min", "v-max", "joint-1", "q[1]", "a:b", "value[joint_1]"],
+    [
+        "x.m",
+        "theta_m",
+        "left_theta_m",
+        "arm_q2_s",
+        "header.stamp.secs",
+        "q1-ref",
+        "stats.min",
+        "v-max",
+        "joint-1",
+        "q[1]",
+        "a:b",
+        "value[joint_1]",
+    ],
 )
 def test_what_is_no_unit_stays_with_the_name(header: str) -> None:
     assert split_header(header) == (header, None)

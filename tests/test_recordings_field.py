@@ -170,6 +170,11 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         table([TIME, *[A + i for i in range(12)]], before="time," + ",".join(f"q{i}" for i in range(1, 14)) + "\n"),
         "header has 14 names, its rows have 13 fields",
     ),
+    "5 names, of which the middle ends with a number": (
+        table([TIME, A, B], before="time,q1,q2,q3,q4\n"),
+        "header has 5 names, its rows have 3 fields",
+    ),
+    "what is measured in seconds is no time": (table([TIME, A], before="rise_time [s],q1\n"), "no time column found"),
     "a header glued to the first row": (table([TIME, A, B], before="time,q1,q20.0,0.1,0.2\n"), "glued to the header"),
     "a time of another kind of cells": (
         table([texts(TIME, "%.3f XYZT"), A, B], before="datetime,q1,q2\n"),

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,8 +19,11 @@ from asrsim.cli.app import app
 from asrsim.engines import default_engine
 from asrsim.errors import InputError
 from asrsim.log import read_log
+from asrsim.plots.curves import Curve
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
+from asrsim.report.content import read_parameters
+from asrsim.report.plots import object_plots
 from asrsim.report.series import pack, read_runs, unpack
 from asrsim.runs.folder import find_logs
 
@@ -133,6 +137,18 @@ def test_a_spike_in_a_long_run_is_on_the_page(tmp_path: Path):
     assert abs(grid.time[series.argmin()] - 31.234) <= 2 * grid.step
 
 
+def test_a_short_push_is_on_the_page_at_its_time():
+    """Of more samples than the page has places: the least and the largest of each place."""
+    times, force, grid = np.arange(0.0, 10.0, 0.001), np.zeros(10_000), np.arange(0.0, 10.0, 0.1)
+    force[[2345, 6789]] = 5.0, -3.0
+    run = SimpleNamespace(bodies={"box": {"force": Curve(time=times, values=force)}})
+    (plot,) = [plot for plot in object_plots([run], grid) if plot["series"]]
+    shown = unpack(plot["series"][0], len(grid))
+    assert (shown.max(), shown.min(), np.count_nonzero(np.abs(shown) > 0.1)) == (5.0, -3.0, 2)
+    assert abs(grid[shown.argmax()] - 2.345) <= 0.2
+    assert abs(grid[shown.argmin()] - 6.789) <= 0.2
+
+
 def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path: Path):
     rng = np.random.default_rng(1)
     # Noise does not pack; the film strip, which is not drawn here, takes less than 0.2 MB.
@@ -157,6 +173,15 @@ def test_a_comparison_in_the_folder_is_shown(tmp_path: Path):
     words = " ".join(parsed(write_report(log.parent, film=False)).words)
     assert "Beside experiments" in words
     assert "0.0123 rad" in words
+
+
+def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
+    info = read_log(folder / "soft" / "log.mcap").info
+    text = info.urdf.splitlines()
+    found = [parameter for values in read_parameters(info).values() for parameter in values]
+    named = [re.fullmatch(r"tag <(\w+)>, line (\d+)", one.origin) for one in found]
+    assert [f"<{match[1]}>" in text[int(match[2]) - 1] for match in named if match] == [True] * 12
+    assert not any("line" in one.origin for one, match in zip(found, named, strict=True) if not match)
 
 
 def test_a_folder_without_log_is_an_error(tmp_path: Path):

@@ -212,6 +212,11 @@ def test_a_latin_hypercube_has_one_draw_in_every_slice():
     [
         ({"a": "1:2"}, {}, "Forms are"),
         ({"a": "normal(1, 0)"}, {}, "above 0"),
+        ({"a": "uniform(2, 2)"}, {}, "must be above the low one"),
+        ({"a": "loguniform(2, 2)"}, {}, "must be above the low one"),
+        ({"a": "loguniform(0, 2)"}, {}, "must be above 0"),
+        ({"a": "lognormal(1, 0)"}, {}, "must be above 0"),
+        ({"a": "lognormal(0, 1)"}, {}, "median must be above 0"),
         ({"a": "uniform(2, 1)"}, {}, "above the low"),
         ({"a": "log:0:1:3"}, {}, "above 0"),
         ({"a": "1:2:0"}, {}, "at least 1"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
+from matplotlib.figure import Figure
 from overlaps import overlapping
 
 import asrsim
@@ -14,7 +15,7 @@ from asrsim.errors import InputError
 from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
 from asrsim.sweeps.page import write_page
-from asrsim.sweeps.pictures import draw_sweep, figures
+from asrsim.sweeps.pictures import _heat, draw_sweep, figures
 
 pytestmark = pytest.mark.once
 
@@ -74,3 +75,20 @@ def test_every_variant_has_its_band_and_results_are_drawn_by_name(table):
         draw_sweep(table, results=["joint_2.settling"])
     (legend,) = figures(table, [])["signals"].legends
     assert [text.get_text() for text in legend.get_texts()] == [f"{name}: median, 50 and 90 %" for name in ("soft", "stiff")]
+
+
+class Rows(dict[str, np.ndarray]):
+    """Columns of a study."""
+
+    def unit(self, name: str) -> str:
+        return "rad"
+
+
+@pytest.mark.parametrize(("times", "label"), [(1, "overshoot (rad)"), (2, "mean of overshoot (rad)")])
+def test_a_colour_of_several_runs_is_their_mean_and_called_so(times, label):
+    mass, gain = np.meshgrid([0.3, 0.4, 0.5], [1.0, 2.0])
+    rows = Rows(mass=np.tile(mass.ravel(), times), gain=np.tile(gain.ravel(), times), overshoot=np.arange(6.0 * times))
+    shown = Figure().add_subplot()
+    _heat(rows, "overshoot", "mass", "gain", shown)
+    assert shown.figure.axes[1].get_ylabel() == label
+    np.testing.assert_allclose(np.ravel(shown.collections[0].get_array()), np.arange(6.0) + 3.0 * (times - 1))

@@ -97,12 +97,13 @@ def whitened(residuals: Residuals, x: Array) -> list[list[Weights]]:
 
 
 def _innovation(left: Array, model: Array) -> float:
-    """Standard deviation of the whitened residuals, outliers clipped."""
+    """Root mean square of the whitened residuals without outliers; an offset of all of them is no outlier, and counts."""
     from asrsim.identification.noise import whiten
 
     white = whiten(left, model)[len(model) :]
-    scale = float(np.median(np.abs(white - np.median(white)))) / 0.6745
-    kept = white[np.abs(white) <= 6.0 * scale] if scale > 0.0 else white
+    away = np.abs(white - np.median(white))
+    scale = float(np.median(away)) / 0.6745
+    kept = white[away <= 6.0 * scale] if scale > 0.0 else white
     return max(float(np.sqrt(np.mean(kept**2))) if len(kept) else 0.0, 1e-12)
 
 

@@ -41,8 +41,9 @@ def suspect_scale(simulation: Array, recording: Array, than: str = "the simulati
     sizes = [_size(simulation), _size(recording)]
     at_rest = any(size[0] < 1e-9 for size in sizes)
     pair = (sizes[0][int(at_rest)], sizes[1][int(at_rest)])
-    if min(pair) < 1e-12 or not all(map(math.isfinite, pair)):
+    if min(pair) < 1e-12:
         return None
+    # Of sizes that are not finite the ratio is near no factor.
     ratio = pair[1] / pair[0]
     for factor, meaning in _FACTORS:
         if 1 / _WIDTH < ratio / factor < _WIDTH:
