@@ -278,9 +278,7 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
     told = " ".join(str(c.quantity) for c in recording.channels.values())
     bench = f"; of a spring on a bench, turned against its locked end: --map ANGLE={joint}.motor_1_position --map TORQUE="
     bench += f"{joint}.elastic_torque_1"
-    return RecordingError(
-        f"no column is a command that could be played; its columns: {found}", file=recording.path,
-        hint=f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in told else ''}. Without one, a run of a "
-        f"scenario is compared by `asrsim plot LOG --experiment FILE`",
-        code="no-command",
-    )  # fmt: skip
+    hint = f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in told else ''}. Without one, "
+    hint += "a run of a scenario is compared by `asrsim plot LOG --experiment FILE`"
+    problem = f"no column is a command that could be played; its columns: {found}"
+    return RecordingError(problem, file=recording.path, hint=hint, code="no-command")
