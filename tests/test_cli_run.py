@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -448,6 +449,17 @@ def test_every_command_has_help_with_an_example(asrsim_command, name: str) -> No
     outcome = asrsim_command(name, "--help")
     assert outcome.code == 0
     assert f"Example: asrsim {name}" in outcome.out
+    usage = outcome.out.splitlines()[0]
+    assert re.search(rf" {name} \[OPTIONS\]( [A-Z]+| \[[A-Z]+\](\.\.\.)?)*$", usage), usage
+
+
+def test_the_list_of_commands_says_whole_sentences(asrsim_command) -> None:
+    """Nothing is cut off with dots, however narrow the terminal is."""
+    listed = asrsim_command("-h").out.split("Commands:\n")[1]
+    told = [" ".join(entry.split()) for entry in re.split(r"^  (?=\w)", listed, flags=re.MULTILINE)[1:]]
+    assert [entry.split()[0] for entry in told] == list(COMMANDS)
+    assert "..." not in listed
+    assert all(entry.endswith(".") for entry in told)
 
 
 def test_version_and_unknown_commands(asrsim_command) -> None:

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def actuators(
-    name: Annotated[str | None, typer.Argument(help="Show this one in full.", show_default=False, autocompletion=names)] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="Show this one in full.", show_default=False, autocompletion=names)
+    ] = None,
     urdf: Annotated[
         list[str] | None,
         typer.Option("--urdf", metavar="JOINT", help="Print the block that puts it on this joint of a URDF; may be repeated."),

@@ -34,10 +34,15 @@ COMMANDS = {
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
+class PlainCommand(TyperCommand):
+    """Usage as it is customary: required arguments without braces."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
+
 class LazyGroup(TyperGroup):
     """Imports a command's module only when it is asked for: a run need not read the options of all others."""
-
-    _listing = False
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         from asrsim.errors import did_you_mean
@@ -49,23 +54,28 @@ class LazyGroup(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        return [*COMMANDS, *(name for name in super().list_commands(ctx) if name not in COMMANDS)]
+        return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        function = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
-        if self._listing:
-            return TyperCommand(cmd_name, help=cleandoc(function.__doc__))
         single = typer.Typer(rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False, context_settings=HELP)
-        single.command(name=cmd_name)(function)
+        single.command(name=cmd_name, cls=PlainCommand)(_function_of(cmd_name))
         return typer.main.get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        # A list takes the first line of each: working out the options of all would be most of the time that help takes.
-        self._listing = True
-        super().format_commands(ctx, formatter)
-        self._listing = False
+        # Working out the options of all commands would be most of the time that help takes; the library cuts long lines off.
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, first_sentence(_function_of(name))) for name in COMMANDS])
+
+
+def _function_of(command: str) -> Any:
+    return getattr(import_module(COMMANDS[command]), command)
+
+
+def first_sentence(function: Any) -> str:
+    """Of its docstring."""
+    return cleandoc(function.__doc__).split("\n\n")[0].split(". ")[0].replace("\n", " ").rstrip(".") + "."
 
 
 # Without rich's markup, help comes in half the time.

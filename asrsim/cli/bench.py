@@ -22,10 +22,11 @@ INPUTS = ("position", "velocity", "reference_1", "reference_2", "external_torque
 
 
 def bench(
-    robot: Annotated[Path, typer.Argument(help="URDF or xacro file.", show_default=False)],
+    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file.", show_default=False)],
     motion: Annotated[
         Path,
         typer.Argument(
+            metavar="MOTION",
             help="CSV with time and <joint>.position, .velocity, and any of .reference_1, .reference_2, .external_torque.",
             show_default=False,
         ),

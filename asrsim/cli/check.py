@@ -19,7 +19,9 @@ SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro"
 
 
 def check(
-    files: Annotated[list[Path] | None, typer.Argument(help="URDF, xacro and scenario files.", show_default=False)] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILE]...", help="URDF, xacro and scenario files.", show_default=False)
+    ] = None,
     step: Annotated[
         float | None, typer.Option(help="Time step in s for the checks of stability.", show_default="1e-3, or the scenario's")
     ] = None,

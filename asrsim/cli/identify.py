@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 def identify(
     scenario: Annotated[
-        Path, typer.Argument(help="Scenario of the robot, or a fit file (with `experiments:`).", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="SCENARIO", help="Scenario of the robot, or a fit file (with `experiments:`).", show_default=False
+        ),
     ],
     experiment: Annotated[
         list[Path] | None, typer.Option("--experiment", "-e", metavar="FILE", help="A recording to fit; may be repeated.")

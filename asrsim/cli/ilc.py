@@ -27,7 +27,9 @@ class KeepLogs(StrEnum):
 
 
 def ilc(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML) with a block `ilc`.", show_default=False)],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML) with a block `ilc`.", show_default=False)
+    ],
     variant: Annotated[
         str | None, typer.Option(help="Learn this variant.", show_default="the only one", autocompletion=variants)
     ] = None,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def init(
-    robot: Annotated[Path, typer.Argument(help="URDF or xacro file of the robot.")],
+    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file of the robot.")],
     out: Annotated[Path, into_file("The scenario file to write.", ".yaml", ".yml")] = Path("scenario.yaml"),
     mode: Annotated[
         int | None, typer.Option("--mode", min=0, max=8, help="Operation mode of all joints instead of the robot file's.")

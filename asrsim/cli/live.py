@@ -13,7 +13,7 @@ from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugi
 
 
 def live(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
     variant: Annotated[
         str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
     ] = None,

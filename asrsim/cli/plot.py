@@ -33,8 +33,9 @@ def plot(
     logs: Annotated[
         list[Path] | None,
         typer.Argument(
+            metavar="[LOG]...",
             help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour. None: Bode plots of "
-            "recordings alone."
+            "recordings alone.",
         ),
     ] = None,
     experiment: Annotated[

@@ -15,7 +15,10 @@ SIZE = 360
 
 def render(
     log: Annotated[
-        Path, typer.Argument(help="Log (MCAP) of a run, or its folder; of a folder of variants all.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="LOG", help="Log (MCAP) of a run, or its folder; of a folder of variants all.", show_default=False
+        ),
     ],
     frames: Annotated[
         int | None, typer.Option(help="Pictures of the film strip.", show_default="6, if no film is asked for")

@@ -11,7 +11,10 @@ from asrsim.cli.options import Json, Plugins, into_file, load_plugins
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="Folder of a run, or of a scenario's variants; or a log.", show_default=False)],
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="FOLDER", help="Folder of a run, or of a scenario's variants; or a log.", show_default=False),
+    ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Draw film strips too.")] = True,
     plugin: Plugins = None,

@@ -17,7 +17,7 @@ SHOWN = 10
 
 
 def rerun(
-    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
     out: Annotated[Path | None, into_folder("Folder for the repeated run's log.", "not written")] = None,
     plugin: Annotated[
         list[Path] | None,

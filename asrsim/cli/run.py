@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", show_default=False)],
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
     variant: Annotated[
         str | None, typer.Option(help="Run this variant only.", show_default="all", autocompletion=variants)
     ] = None,

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 def sweep(
     study: Annotated[
         Path,
-        typer.Argument(help="Scenario, study (a file with `scenario:` and `over:`), or folder of a study.", show_default=False),
+        typer.Argument(
+            metavar="STUDY",
+            help="Scenario, study (a file with `scenario:` and `over:`), or folder of a study.",
+            show_default=False,
+        ),
     ],
     over: Annotated[
         list[str] | None,
