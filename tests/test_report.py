@@ -232,6 +232,21 @@ def test_a_browser_draws_every_plot_without_complaint(browser: Browser, page: Pa
 
 @needs_browser
 @pytest.mark.slow
+def test_every_plot_is_drawn_in_time_and_shows_all_of_it(browser: Browser, page: Path):
+    """Nobody scrolls where a picture is taken of the whole page."""
+    browser.open(page, width=1200)
+    data = page_data(page)
+    count = sum(len(joint["plots"]) for joint in data["joints"])
+    browser.evaluate(f"""(async () => {{
+        for (let i = 0; i < 100 && asrsimCharts.length < {count}; i++) await new Promise((done) => setTimeout(done, 50));
+    }})()""")
+    ranges = browser.evaluate("asrsimCharts.map((chart) => [chart.scales.x.min, chart.scales.x.max])")
+    assert len(ranges) == count
+    assert ranges == [pytest.approx([0.0, 0.3], abs=1e-9)] * count
+
+
+@needs_browser
+@pytest.mark.slow
 def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
     browser.open(page, width=1200)
     browser.evaluate(SCROLL)

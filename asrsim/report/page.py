@@ -121,8 +121,9 @@ _MOTION = (
 
 
 _MEASURES = (
-    ("steady_state", "steady state", 1.0), ("steady_state_error", "error", 1.0), ("overshoot", "overshoot (%)", 100.0),
-    ("settling", "settling (s)", 1.0), ("frequency", "frequency (Hz)", 1.0), ("peak_deflection", "peak deflection", 1.0),
+    ("steady_state", "steady state", 1.0, "{:.5g}"), ("steady_state_error", "error", 1.0, "{:.3g}"),
+    ("overshoot", "overshoot (%)", 100.0, "{:.1f}"), ("settling", "settling (s)", 1.0, "{:.4g}"),
+    ("frequency", "frequency (Hz)", 1.0, "{:.4g}"), ("peak_deflection", "peak deflection", 1.0, "{:.4g}"),
 )  # fmt: skip
 
 
@@ -145,11 +146,11 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
                     joint["name"],
                     f"{joint['actuator']}{mode}",
                     unit,
-                    *cells([factor * _known(joint.get(key)) for key, _, factor in _MEASURES]),
+                    *(cells([factor * _known(joint.get(key))], form)[0] for key, _, factor, form in _MEASURES),
                     *(share(counts.get(key, 0), total) for key in LIMITS),
                 ]
             )
-    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _ in _MEASURES)]
+    heads = [*(["variant"] if len(runs) > 1 else []), "joint", "actuator", "unit", *(head for _, head, _, _ in _MEASURES)]
     heads += LIMITS.values()
     if not limited:
         heads, rows = heads[: -len(LIMITS)], [row[: -len(LIMITS)] for row in rows]

@@ -45,8 +45,10 @@ class Grid:
         return self.start + self.step * np.arange(self.count, dtype=np.float64)
 
     def as_dict(self) -> dict[str, Any]:
-        """For the page."""
-        return {"start": self.start, "step": self.step, "count": self.count}
+        """For the page; margin: s, of the time before the first point and after the last."""
+        return {
+            "start": self.start, "step": self.step, "count": self.count, "margin": 0.5 * self.step if self.thinned else 0.0,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

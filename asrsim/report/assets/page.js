@@ -2,8 +2,9 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const LEVELS = 65534, GAP = 65535;
-  const { start, step, count } = data.grid;
+  const { start, step, count, margin } = data.grid;
   const time = Float64Array.from({ length: count }, (_, i) => start + i * step);
+  const first = start - margin, last = time[count - 1] + margin;
   const charts = [];
   const several = data.runs.length > 1;
   let zooming = false;
@@ -44,6 +45,11 @@
       return [low - half, high + half];
     }
     return [low - 0.07 * span, high + 0.07 * span];
+  }
+
+  // All of the time reaches from end to end, though points of thinned series stand within their intervals.
+  function period(_, low, high) {
+    return [low === time[0] ? first : low, high === time[count - 1] ? last : high];
   }
 
   function zoomAll(source, key) {
@@ -142,7 +148,7 @@
       legend: { show: false },
       padding: [8, 10, 0, 0],
       cursor: { sync: { key: "time", setSeries: false }, drag: { x: true, y: false }, points: { size: 5 } },
-      scales: { x: { time: false }, y: { range } },
+      scales: { x: { time: false, range: period }, y: { range } },
       axes: [
         { label: "time (s)", labelSize: 16, labelGap: 0, size: 26, grid, ticks, font, labelFont: font, stroke: "#555" },
         { size: 54, grid, ticks, font, stroke: "#555",
@@ -223,5 +229,15 @@
       near.observe(body);
     }
   }
+  // The others follow while nothing else is to be done, for those who take a picture of the whole page.
+  const bodies = [...document.querySelectorAll(".plot .body")];
+  const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 50));
+  function drawNext() {
+    const next = bodies.find((body) => !body.dataset.drawn && body.clientWidth);
+    if (!next) return;
+    drawOnce(next);
+    idle(drawNext);
+  }
+  idle(drawNext);
   window.asrsimCharts = charts;
 })();
