@@ -162,9 +162,9 @@ class _Words(HTMLParser):
 
 
 def page_lines(page: str) -> list[str]:
-    """The words of a page."""
+    """The words of a page; where a name may be broken is no matter."""
     words = _Words()
-    words.feed(page)
+    words.feed(page.replace("<wbr>", ""))
     return words.lines
 
 

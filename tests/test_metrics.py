@@ -116,6 +116,13 @@ def test_frequency_of_a_hardening_ringing_is_no_flank_of_the_step_and_no_rest_be
     assert 1.2 < measure("frequency", time, q) < 5.2
 
 
+def test_rounding_has_no_frequency() -> None:
+    """A joint that rests has rounding left, which swings."""
+    shaken = 0.3 + 2e-13 * np.sin(2.0 * math.pi * 5.0 * TIME)
+    assert math.isnan(measure("frequency", TIME, shaken))
+    assert measure("frequency", TIME, 0.3 + 1e3 * (shaken - 0.3)) == pytest.approx(5.0, rel=0.01)
+
+
 def test_frequency_with_noise_drift_and_two_modes() -> None:
     rng = np.random.default_rng(3)
     q = np.sin(2 * np.pi * 3.3 * TIME) + 0.3 * np.sin(2 * np.pi * 11 * TIME) + 0.1 * rng.standard_normal(len(TIME))

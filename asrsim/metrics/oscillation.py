@@ -13,6 +13,9 @@ _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _FLOOR = (0.001, 0.03)
 """Least and most share of the largest excursion below which crossings count as noise."""
 
+STILL = 1e-12
+"""rad, m or the series' own unit: what moves by less does not; it is rounding."""
+
 
 def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
     """Frequency in Hz of the dominant oscillation about the steady state; undefined where there is none.
@@ -39,7 +42,7 @@ def frequencies(time: Array, values: Array, steady: Array, *, lowest: float = 0.
     largest = np.abs(x).max(axis=1)
     noise = 4 * x[:, -max(len(time) // 10, 2) :].std(axis=1)
     floors = np.minimum(np.maximum(noise, _FLOOR[0] * largest), _FLOOR[1] * largest)
-    moved = (high > low).tolist()
+    moved = (high - low > STILL).tolist()
     return [
         _frequency(time, row, floor, lowest) if moves else math.nan
         for row, floor, moves in zip(x, floors.tolist(), moved, strict=True)

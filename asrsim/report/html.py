@@ -10,6 +10,8 @@ from html import escape
 from typing import Any
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+LONG = 24
+"""Letters from which on a name in a table may be broken."""
 
 
 def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:
@@ -59,9 +61,15 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)
     body = "".join(
-        "<tr>" + "".join(f"<td>{row[i] if i in raw else escape(str(row[i]))}</td>" for i in filled) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td>{row[i] if i in raw else _breakable(str(row[i]))}</td>" for i in filled) + "</tr>"
+        for row in rows
     )
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _breakable(text: str) -> str:
+    """Text of a cell; a long name may go on in the next line behind its underscores, so that the table fits the window."""
+    return escape(text).replace("_", "_<wbr>") if len(text) > LONG else escape(text)
 
 
 def bullets(items: Iterable[str]) -> str:
