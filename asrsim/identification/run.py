@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.errors import SimulationError
 from asrsim.identification.between import ASKED, time_jumps_of_predicted, timed
 from asrsim.identification.causes import missing_causes
-from asrsim.identification.fit import NEARLY, Best, Stopped, globally, search
+from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import correlations, uncertainty
 from asrsim.identification.inverse import unbiased
 from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
@@ -25,7 +25,7 @@ from asrsim.identification.profiles import profiles
 from asrsim.identification.quanta import with_played, with_quanta
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
-from asrsim.identification.settling import bristled, settle
+from asrsim.identification.settling import bristled, settle, widened
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import solve
 from asrsim.identification.steps import with_substeps
@@ -97,7 +97,7 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
                 globally(residuals, best, seed=task.seed, tell=teller.stage)
             search(
                 residuals, best, loss=task.loss, starts=task.starts, spread=task.spread, seed=task.seed, tell=teller.attempt,
-                widened=lambda: timed(residuals, best, setup) or bristled(residuals, best, setup, NEARLY),
+                widened=lambda: widened(residuals, best, setup),
             )  # fmt: skip
             timed(residuals, best, setup)
             teller.stage("substeps and weights of what was found")

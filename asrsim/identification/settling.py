@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from asrsim.identification.between import timed
 from asrsim.identification.bristles import with_bristles
-from asrsim.identification.fit import Best
+from asrsim.identification.fit import NEARLY, Best, fits_noise, left_of
 from asrsim.identification.intervals import whitened
 from asrsim.identification.noise import lag_correlation
 from asrsim.identification.residuals import Residuals, Weights
@@ -46,6 +49,36 @@ def bristled(residuals: Residuals, best: Best, setup: Setup, share: float) -> bo
         followed(residuals, best.x, setup.tracks)
         return False
     setup.layout, best.x, best.cost = layout, x, cost
+    return True
+
+
+def widened(residuals: Residuals, best: Best, setup: Setup) -> bool:
+    """Free what recordings ask for beside the parameters: times of jumps, or bristles of the motors' friction. Whether they do.
+
+    Each may explain a part of what is the other's: first what leaves less, and the other only where that is not all.
+    """
+    ways: tuple[Callable[[], bool], ...] = (
+        lambda: timed(residuals, best, setup),
+        lambda: bristled(residuals, best, setup, NEARLY),
+    )
+    narrow = setup.layout, best.x, best.cost
+    found = []
+    for number, way in enumerate(ways):
+        if not way():
+            continue
+        if fits_noise(left_of(residuals, best.x)):
+            return True
+        found.append((best.cost, number, setup.layout, best.x))
+        residuals.layout = setup.layout = narrow[0]
+        best.x, best.cost = narrow[1:]
+        followed(residuals, best.x, setup.tracks)
+    if not found:
+        return False
+    best.cost, number, setup.layout, best.x = min(found, key=lambda one: one[0])
+    residuals.layout = setup.layout
+    followed(residuals, best.x, setup.tracks)
+    if len(found) > 1:
+        ways[1 - number]()
     return True
 
 
