@@ -79,7 +79,7 @@ def write(rows: Mapping[str, Row], folder: Path, load: float) -> Path:
     missed = [name for name, row in rows.items() if row.median > row.goal]
     notes = "All goals are met."
     about = machine()
-    libraries = ", ".join(f"{key} {about[key]}" for key in ("Python", "PyBullet", "NumPy", "Numba"))
+    libraries = ", ".join(f"{key} {about[key]}" for key in ("Python", "PyBullet", "MuJoCo", "NumPy", "Numba"))
     if missed:
         notes = f"Missed: {', '.join(f'`{name}`' for name in missed)}."
     if load > 0.5:

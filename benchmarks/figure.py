@@ -9,7 +9,7 @@ from machine import machine
 from scaling import over_joints, over_stiffness
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "performance.png"
-BARE, PLAIN, FAST = "#7f7f7f", "#1f5aa6", "#c4521c"
+BARE, PLAIN, FAST, MUJOCO = "#7f7f7f", "#1f5aa6", "#c4521c", "#2a8f5b"
 
 
 def draw(folder: Path) -> Path:
@@ -24,9 +24,10 @@ def draw(folder: Path) -> Path:
     for axes, points in ((left, joints), (right, stiffness)):
         x = list(points)
         for label, colour, marker, values in (
-            ("plain Python", PLAIN, "o", [point.plain for point in points.values()]),
-            ("compiled", FAST, "s", [point.fast for point in points.values()]),
-            ("bare stepSimulation", BARE, "^", [point.bare for point in points.values()]),
+            ("PyBullet, plain Python", PLAIN, "o", [point.plain for point in points.values()]),
+            ("PyBullet, compiled", FAST, "s", [point.fast for point in points.values()]),
+            ("MuJoCo, compiled", MUJOCO, "D", [point.mujoco for point in points.values()]),
+            ("PyBullet alone, nothing recorded", BARE, "^", [point.bare for point in points.values()]),
         ):
             axes.loglog(x, [1e6 * value for value in values], color=colour, marker=marker, markersize=4.5, label=label)
         axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.7)
@@ -37,7 +38,7 @@ def draw(folder: Path) -> Path:
     left.set_ylabel("CPU time of a step of 1 ms (µs)")
     left.set_xticks(list(joints), [str(n) for n in joints])
     left.minorticks_off()
-    left.legend(frameon=False)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
     left.set_title("Cost over joints, everything recorded", loc="left", fontsize=11)
     right.set_xlabel("stiffness of the springs (N m/rad; 2 SEAs, mode 6)")
     right.set_title("Cost over stiffness, automatic substeps", loc="left", fontsize=11)
@@ -53,7 +54,8 @@ def draw(folder: Path) -> Path:
         va="top", color="#333333",
     )  # fmt: skip
     about = machine()
-    figure.supxlabel(f"{about['CPU']}, Python {about['Python']}, PyBullet {about['PyBullet']}", fontsize=8, color="#666666")
+    libraries = ", ".join(f"{name} {about[name]}" for name in ("Python", "PyBullet", "MuJoCo"))
+    figure.supxlabel(f"{about['CPU']}, {libraries}", fontsize=8, color="#666666")
     PICTURE.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(PICTURE, dpi=130)
     pyplot.close(figure)

@@ -15,6 +15,7 @@ def machine() -> dict[str, str]:
         "cores": str(os.cpu_count()),
         "Python": platform.python_version(),
         "PyBullet": _version("pybullet"),
+        "MuJoCo": _version("mujoco-core"),
         "NumPy": _version("numpy"),
         "Numba": _version("numba"),
     }

@@ -10,7 +10,6 @@ from typing import Any
 from worker import bare, whole
 from worlds import chain, scenario
 
-from asrsim.engines import default_engine
 from asrsim.simulation.prepare import prepare
 
 JOINTS = (1, 2, 5, 14, 40)
@@ -23,8 +22,13 @@ class Point:
     """CPU time in s of a step of 1 ms, by the way it is run."""
 
     bare: float
+    """PyBullet's own, nothing applied or recorded."""
     plain: float
+    """PyBullet, the loop in plain Python."""
     fast: float
+    """PyBullet, compiled."""
+    mujoco: float
+    """MuJoCo, compiled."""
     substeps: int = 1
 
 
@@ -52,8 +56,9 @@ def over_stiffness(folder: Path, repeats: int = 3) -> dict[float, Point]:
 
 
 def _point(robot: Path, repeats: int, duration: float, extra: str, **options: Any) -> Point:
-    plain, fast = (scenario(robot, duration=duration, compiled=c, extra=extra, **options) for c in (False, True))
-    request = {"scenario": plain, "engine": default_engine()}
-    rounds = [(bare(request), whole({"scenario": plain}), whole({"scenario": fast})) for _ in range(repeats)]
+    ways = (("bullet", False), ("bullet", True), ("mujoco", True))
+    files = [scenario(robot, duration=duration, engine=name, compiled=c, extra=extra, **options) for name, c in ways]
+    request = {"scenario": files[0], "engine": "bullet"}
+    rounds = [(bare(request), *(whole({"scenario": file}) for file in files)) for _ in range(repeats)]
     medians = [statistics.median(values) for values in zip(*rounds, strict=True)]
-    return Point(bare=medians[0], plain=medians[1], fast=medians[2])
+    return Point(bare=medians[0], plain=medians[1], fast=medians[2], mujoco=medians[3])
