@@ -26,7 +26,7 @@ from asrsim.simulation.effects import through
 from asrsim.simulation.evaluation import DERIVED, DIRECT, Evaluation
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.stretches import plain_stretch
 from asrsim.simulation.substep import PLACES, RAW
@@ -332,3 +332,29 @@ def test_what_a_fit_evaluates_is_what_a_run_records(stepping: str) -> None:
         assert own is None or np.array_equal(own, values), (joint, name)
         told += own is not None
     assert told == 28
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_them_over(engine: str) -> None:
+    """Whichever was there before, and whatever else differs: friction and damping are no part of it."""
+    prepared = prepare(make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.02, engine=engine, modes={"*": 1}))
+    evaluation, robot = Evaluation(prepared, compiled=False), prepared.robot
+    rubbing = replace(robot, joints=tuple(replace(joint, friction=0.1) for joint in robot.joints))
+    heavier = [
+        replace(one, links=tuple(replace(link, mass=2.0 * (link.mass or 0.0)) for link in one.links))
+        for one in (robot, rubbing)
+    ]
+    motion = [0.3, -0.4], [1.0, 2.0], [3.0, -1.0]
+    at_first = None
+    for varied in (robot, heavier[0], rubbing, heavier[1], robot):
+        fresh, _ = make_engine(prepared.scenario, varied)
+        assert fresh.model is not None
+        expected = fresh.model.inverse_dynamics(*motion)
+        fresh.close()
+        model = evaluation.engine_of(varied).model
+        assert model is not None
+        found = model.inverse_dynamics(*motion)
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+        at_first = found if at_first is None else at_first
+        assert np.allclose(found, at_first) == (varied in (robot, rubbing))
+    evaluation.close()

@@ -21,7 +21,7 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.identification import make_task, pool, read_task
 from asrsim.identification.data import Command
-from asrsim.identification.fit import is_loud
+from asrsim.identification.fit import fits_noise, is_loud
 from asrsim.identification.intervals import whitened
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, channel_fits, foreign
@@ -31,6 +31,7 @@ from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
+from asrsim.identification.solver import cost_of
 from asrsim.identification.write import as_dict, torn_numbers, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot, with_overrides
@@ -207,12 +208,14 @@ def test_a_simulation_s_own_log_is_explained_whole(tmp_path, reference, substeps
 
 def test_delay_and_offset_are_found(tmp_path):
     true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
-    record(true, tmp_path / "a.csv", offset=0.005, late=6)
+    record(true, tmp_path / "a.csv", offset=0.05, late=6)
     write(tmp_path, "lab", GUESS)
     free = ["joint_1.spring_stiffness", "joint_1.damping", "clock", "joint_1.link_position.offset"]
     result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free)
+    # What the recording shows at its start is an offset then, and no start of the link's.
+    assert [one.name for one in result.estimates] == free
     assert result.find("clock").value == pytest.approx(0.006, abs=3e-4)
-    assert result.find("joint_1.link_position.offset").value == pytest.approx(0.005, abs=3e-4)
+    assert result.find("joint_1.link_position.offset").value == pytest.approx(0.05, abs=3e-4)
 
 
 def test_a_delay_that_is_ignored_is_suspected(tmp_path):
@@ -546,6 +549,9 @@ def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():
     coloured = np.convolve(generator.normal(size=2100), np.exp(-np.arange(100) / 20.0), "valid")[:2000]
     assert not swings(white)
     assert not swings(coloured)
+    # What correlates with a later sample only is no white noise either: its spectrum has hills.
+    for lag in (2, 3):
+        assert not swings(lfilter([1.0], [1.0, *np.zeros(lag - 1), -0.6], generator.normal(size=2000)))
     ringing = np.exp(-time) * np.sin(2.0 * np.pi * 108.0 * time)
     assert swings(white + 0.7 * ringing)
     # One that fades quickly is wide: no single frequency stands out.
@@ -709,3 +715,19 @@ def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: floa
     assert played.values(asked) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
     beside = played.values(np.array([0.31 + delay - 1e-5, 0.31 + delay + 1e-5]))
     assert np.diff(beside) == pytest.approx([2.0], abs=0.05)
+
+
+def test_a_motion_that_is_not_sane_fits_nothing():
+    channel = SimpleNamespace(quantum=0.0, floor=1.0, noise=1.0, values=np.zeros(2000))
+    white = np.random.default_rng(0).normal(size=2000)
+    assert fits_noise([(channel, white)])
+    assert not fits_noise([(channel, white), (channel, None)])
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 2.9, 3.0, 3.1, 40.0])
+def test_outliers_cost_as_their_size_and_without_a_step_or_corner_where_that_begins(size):
+    """Squares up to three deviations, straight on beyond them: the slope stays 6."""
+    slope = (cost_of(np.array([size + 1e-6]), "huber") - cost_of(np.array([size - 1e-6]), "huber")) / 2e-6
+    assert slope == pytest.approx(2.0 * min(size, 3.0), rel=1e-4)
+    assert cost_of(np.array([-size, size]), "huber") == pytest.approx(size**2 if size < 3.0 else 9.0 + 6.0 * (size - 3.0))
+    assert cost_of(np.array([size, 0.0]), "linear") == pytest.approx(0.5 * size**2)

@@ -13,7 +13,11 @@ from identify_files import CHIRP, SEA, record, write
 
 from asrsim import identify
 from asrsim.identification.intervals import uncertainty, with_faint_directions
+from asrsim.identification.keys import Parameter
+from asrsim.identification.layout import make_layout
+from asrsim.identification.limits import BITES, REACHED, RELEASES, _starts
 from asrsim.identification.noise import quantum_of
+from asrsim.identification.nulls import combinations
 from asrsim.identification.residuals import Residuals
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -58,6 +62,39 @@ class _Linear:
 
     def blocks(self, count):
         return np.arange(len(self.slopes)) * count // len(self.slopes)
+
+
+@pytest.mark.parametrize("central", [False, True])
+def test_differences_are_never_taken_beyond_bounds(central: bool):
+    """Wherever the vector lies: at either bound, nearer to one than a step, or at both."""
+    step, tried = 1e-3, []
+    model = _Linear(np.random.default_rng(0).normal(size=(50, 6)))
+    low, high = np.array([0.0, -1.0, 0.0, -1.0, 0.5 - step, -1.0]), np.array([1.0, 0.0, 1.0, 0.0, 0.5, 1.0])
+    model.layout.bounds, x = (low, high), np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.5, 0.1])
+    model._of_tracks = lambda places: [tried.append(place) or model(place) + place.sum() ** 2 for place, _ in places]
+    at = model(x) + x.sum() ** 2
+    slopes = model.jacobian(x, step, base=at, central=central)
+    assert np.all((np.array(tried) >= low) & (np.array(tried) <= high))
+    np.testing.assert_allclose(slopes, model.slopes + 2.0 * x.sum(), atol=1.01 * step)
+    # From both sides a parabola's slope is exact.
+    exact = np.abs(slopes[:, 5] - model.slopes[:, 5] - 2.0 * x.sum()).max() < 1e-9
+    assert exact == central
+
+
+@pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (0.02, 3.0, 0.3), (2.0, 30.0, 5.0)])
+@pytest.mark.parametrize("powers", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (2.0, 1.0, 1.0), (-1.0, 2.0, 1.0)])
+def test_a_product_of_three_that_alone_is_told_is_found_whatever_its_parts_sizes(values, powers):
+    parameters = [Parameter(key=key, unit="", start=v, low=0.0, logarithmic=True) for key, v in zip("abc", values, strict=True)]
+    layout = make_layout(parameters, (), ["lab"], [{}])
+    model = _Linear(1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), powers))
+    model.layout = layout
+    found = uncertainty(model, np.zeros(3), [False] * 3, foreseen=True)
+    (one,) = combinations(layout, np.zeros(3), found, [0, 1, 2])
+    assert sorted(one.keys) == [0, 1, 2]
+    parts = dict(part.partition("^")[::2] for part in one.text.split(" * "))
+    told = np.array([float(parts[name] or 1.0) for name in "abc"])
+    assert np.cross(told, powers) == pytest.approx(0.0, abs=0.01)
+    assert np.prod(np.array(values) ** told) == pytest.approx(one.value)
 
 
 def test_where_a_joint_sticks_nothing_is_known_that_is_not():
@@ -165,6 +202,21 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
         assert one.value == pytest.approx(value, rel=near)
         assert abs(one.value - value) < 0.75 * (one.high - one.low)
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.9995, 1.0, 1.5, math.inf])
+@pytest.mark.parametrize("low", [-1.0, -0.2, 0.2])
+def test_other_limits_are_tried_where_the_motion_would_run_into_them(limit: float, low: float) -> None:
+    """On either side alike; one that the motion has reached is lifted, too."""
+    stops = _starts(limit, (low, 1.0), 1.0)
+    assert stops == [-stop for stop in _starts(-limit, (-1.0, -low), -1.0)]
+    lifted, bites = [stop for stop in stops if stop > 1.0], [stop for stop in stops if stop <= 1.0]
+    assert lifted == ([limit + 1.0 - low] if limit <= 1.0 + (1.0 - REACHED) * (1.0 - low) else [])
+    np.testing.assert_allclose((np.array(bites) - low) / (1.0 - low), BITES)
+    # Of what has two sides, its size counts.
+    sizes = _starts(limit, (0.0, 1.0), None)
+    assert sizes == [*([RELEASES * limit] if REACHED * limit <= 1.0 else []), *BITES]
+    assert _starts(limit, (low, low), 1.0) == []
 
 
 LIMITED = {

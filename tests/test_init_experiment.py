@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import asrsim
 from asrsim.cli.app import app
-from asrsim.errors import RecordingError
+from asrsim.errors import AsrsimError, RecordingError
 from asrsim.identification import read_task
 from asrsim.identification.setup import set_up
 from asrsim.robot import load_robot
@@ -157,6 +157,16 @@ def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeyp
     said = re.findall(r"rmse of link_position against bag is \S+", run.output)
     assert said == re.findall(r"rmse of link_position against bag is \S+", plot.output)
     assert len(said) == len(scenario.expect) > 0
+
+
+@pytest.mark.parametrize("name", ["s.fit.yaml", "s.yaml"])
+def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: Path, name: str) -> None:
+    """The fit beside the scenario, the scenario itself; --force changes nothing in that."""
+    text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
+    (tmp_path / name).write_bytes(text)
+    with pytest.raises(AsrsimError, match="is read by this command"):
+        make(tmp_path, tmp_path / name, force=True)
+    assert (tmp_path / name).read_bytes() == text
 
 
 @pytest.mark.parametrize("zero", [0.0, 0.5, 0.7004, 3.1, 100.0, 100.0037, 86399.9, 1.7e9, 1_715_000_000.123, -2.0, -0.35])

@@ -272,6 +272,32 @@ def test_every_file_that_the_plant_depends_on_counts(tmp_path):
     assert identity_of(plant(external_torques=torque)) != before
 
 
+def test_what_a_plant_is_does_not_hang_on_how_it_is_written(tmp_path):
+    """Another order of keys, and what may change between resumptions, leave it the plant that it was."""
+    wave = {"amplitude": 0.01, "angular_frequency": 1.0}
+    one = plant(gravity=[0.0, 0.0, -9.8], external_torques={"joint_1": {"sinusoid": wave}})
+    reverse = {"joint_1": {"sinusoid": dict(reversed(wave.items()))}}
+    other = plant(external_torques=reverse, gravity=[0.0, 0.0, -9.8], log_rate=100.0, ilc={"gain": 0.5})
+    assert identity_of(one) == identity_of(other)
+
+
+def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
+    """The robot's text under the same path, any number of the scenario, the contents of files that are exchanged."""
+    robot, files = tmp_path / "arm.urdf", [tmp_path / name for name in ("a.csv", "b.csv")]
+    tables = [f"time [s],torque [N m]\n0,0\n1.5,{size}\n" for size in (0.0, 0.01)]
+    torque, motor = ({"playback": {"file": str(file), "column": "torque"}} for file in files)
+    found = set()
+    for text in (CUBE.read_text(), re.sub(r'mass value="[^"]*"', 'mass value="0.3"', CUBE.read_text())):
+        robot.write_text(text)
+        for order in (tables, tables[::-1], tables[:1] * 2):
+            for file, table in zip(files, order, strict=True):
+                file.write_text(table)
+            for gravity in ([0.0, 0.0, -9.8], [0.0, 0.1, -9.8]):
+                chosen = plant(robot, gravity=gravity, external_torques={"joint_1": {"sum": [torque, motor]}})
+                found.add(identity_of(chosen))
+    assert len(found) == 12
+
+
 @pytest.mark.slow
 def test_processes_change_nothing_in_the_numbers():
     chosen = plant()

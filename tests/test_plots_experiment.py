@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from asrsim.log import LogWriter, read_log
 from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import draw_difference, draw_overlay
-from asrsim.plots.pairing import assign
+from asrsim.plots.pairing import BUDGET, _groups, assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
 
@@ -116,6 +117,22 @@ def test_a_long_log_is_compared_joint_by_joint_with_the_same_numbers(tmp_path: P
     assert {(r.joint, r.quantity, r.measure): r.value for r in whole.rows} == pytest.approx(
         {(r.joint, r.quantity, r.measure): r.value for r in parts.rows}, nan_ok=True
     )
+
+
+def test_joints_of_long_logs_are_read_in_groups_that_fit_into_memory():
+    """As many at once as fit, however the log was thinned, and at least one."""
+    names, (quantities, kept) = [f"j{n}" for n in range(40)], (["link_position", "deflection"], 3)
+    stored = ["link_position", "motor_1_position", "motor_2_position", "link_velocity"]
+    for duration, step, every, samples in ((1.0, 1e-3, 1, 100), (1e4, 1e-3, 1, 100), (1e4, 1e-3, 20, 10**6), (9e5, 1e-3, 0, 5)):
+        joints = [SimpleNamespace(name=name, quantities=stored) for name in names]
+        reader = SimpleNamespace(duration=duration, info=SimpleNamespace(step=step, log_every=every, joints=joints))
+        recordings = [SimpleNamespace(time=np.zeros(count)) for count in (samples, 2 * samples)]
+        groups = list(_groups(reader, names, quantities, recordings))
+        rows = duration / step / max(every, 1) + 1
+        compared = min(rows, samples) + min(rows, 2 * samples)
+        each = 8.0 * (rows * kept + 4.0 * len(quantities) * compared)
+        assert [name for group in groups for name in group] == names
+        assert len(groups[0]) == min(max(1, int(BUDGET / each)), 40)
 
 
 def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path: Path):

@@ -110,6 +110,18 @@ def test_lag_can_be_set_limited_or_switched_off(tmp_path: Path) -> None:
         compare(simulation(), recording, lag="maybe")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("late", [0.0, 0.05])
+def test_a_record_that_begins_later_on_the_same_clock_is_sought_from_that_clock(tmp_path: Path, late: float) -> None:
+    """Where both begin says nothing, as long as they overlap."""
+    t = np.arange(0.8, 5, 0.01)
+    np.savetxt(
+        tmp_path / "lab.csv", np.column_stack([t, motion(t - late)]), delimiter=",", header="time,elbow_pos", comments=""
+    )
+    found = compare(simulation(), read(tmp_path / "lab.csv"), lag_limit=0.2).alignment
+    assert found.lag == pytest.approx(late, abs=3e-3)
+    assert found.how.startswith("cross-correlation")
+
+
 def test_of_a_periodic_signal_the_smallest_lag_is_taken_and_said(tmp_path: Path) -> None:
     t = np.arange(0, 5, 0.01)
     np.savetxt(tmp_path / "lab.csv", np.column_stack([t, np.sin(2 * np.pi * 2 * (t - 0.04))]), delimiter=",",

@@ -9,6 +9,7 @@ import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.signals import parse_signal
+from asrsim.signals.curve import curve_through
 
 CSV = "# a comment\ntime,q1 [rad],q2 [deg]\n0,0,0\n0.5,1,90\n1.0,0,180\n"
 
@@ -188,3 +189,18 @@ def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path,
     beside = np.abs(asked - at) < 4.0 / rate
     assert error[~beside].max() < 0.3 * 5.0 / 384.0 * turn**4 + 1e-9
     assert error[beside].max() < 0.3 * turn**3
+
+
+@pytest.mark.parametrize("alone", [2, 3])
+def test_a_curve_goes_through_every_sample_and_a_short_piece_between_jumps_holds(alone):
+    """Pieces of any length between jumps, after a motion that has a slope where it ends."""
+    before, after = 0.5 * np.arange(8), 9.0 + 0.2 * np.arange(8)
+    values = np.concatenate([before, np.full(alone, -5.0), after])
+    time = 0.1 * np.arange(len(values))
+    curve = curve_through(time, values)
+    np.testing.assert_allclose(curve.values(time), values, atol=1e-12)
+    np.testing.assert_allclose(curve.jumps, [0.8, 0.8 + 0.1 * alone])
+    between = np.linspace(0.8, 0.8 + 0.1 * alone, 50, endpoint=False)
+    np.testing.assert_allclose(curve.values(between), -5.0, atol=1e-9)
+    # Both motions go on as they were.
+    np.testing.assert_allclose(curve.values(np.array([0.75, 1.05 + 0.1 * alone])), [3.75, 9.5], atol=1e-9)

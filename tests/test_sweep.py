@@ -544,6 +544,19 @@ def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
     assert list(Store(tmp_path, [("run", "int")], 10).missing) == list(range(2, 10))
 
 
+def test_a_study_says_only_what_differs(tmp_path):
+    """One result a line under its heads; where all are the same, there is nothing to be read."""
+    for name, spread in (("same", 0.0), ("other", 1.0)):
+        folder = tmp_path / name
+        store = open_store(folder, SMALL["columns"], 3, SMALL, resume=False, overwrite=False)
+        store.add([(run, "a", "complete", 0.5 + run * spread) for run in range(3)])
+        store.finish()
+        (head, *lines) = say_summary(Table(folder))
+        assert head == "a: 3 of 3 runs, 3 complete"
+        assert [line.split()[0] for line in lines] == (["result", "value"] if spread else [])
+        assert not spread or lines[1].split()[-6:] == ["2.4", "2.5", "run", "0", "run", "2"]
+
+
 SMALL = {
     "generator": "asrsim test", "scenario": "a.yaml", "name": "a", "digest": "x", "inputs": "y", "versions": {}, "runs": 3,
     "variants": ["a"], "keys": [], "design": "grid", "samples": 1, "seed": 0, "grid": [], "listed": [], "drawn": [],

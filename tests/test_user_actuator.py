@@ -6,6 +6,7 @@ import re
 import shutil
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,6 +15,7 @@ from asrsim.actuators.checker import check_actuator
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ActuatorError
 from asrsim.robot import load_robot
+from asrsim.robot.values import has_spring
 
 EXAMPLE = Path(__file__).parents[1] / "examples/plugins/my_vsa.py"
 DOCS = Path(__file__).parents[1] / "docs/actuators.md"
@@ -313,3 +315,29 @@ def test_no_file_runs_code_by_itself(tmp_path, asrsim_command, command, file):
     assert not (tmp_path / "ran").exists()
     asrsim_command(command, "file.yaml", "--plugin", "code.py")
     assert (tmp_path / "ran").exists()
+
+
+class Slack(Actuator):
+    """A spring with play."""
+
+    name = "slack"
+    title = "Slack"
+    source = "these tests"
+    motors = 1
+    parameters = (Parameter(name="play", default=0.5, unit="rad", doc="to either side"),)
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return max(theta_1 - q - parameters[0], 0.0) - max(q - theta_1 - parameters[0], 0.0), 0.0
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return float(abs(theta_1 - q) > parameters[0])
+
+
+@pytest.mark.parametrize("most", [0.05, 0.4, 0.9])
+@pytest.mark.parametrize("play", [0.0, 0.03, 0.3, 0.8, 5.0])
+def test_a_spring_is_one_if_it_pulls_anywhere_up_to_its_limit(play: float, most: float) -> None:
+    ACTUATORS.add("slack", Slack)
+    block = SimpleNamespace(actuator="slack", values=lambda: {"play": play, "max_deflection": most})
+    assert has_spring(block) == (play < most)

@@ -118,20 +118,20 @@ class Residuals:
         places = self._places()
         matrix = np.zeros((places[-1], len(x)))
         low, high = self.layout.bounds
-        above, below = x + step <= high, x - step >= low
+        above = x + step <= high
+        both = above & (x - step >= low) & central
         wanted = [
             (i, track, move)
             for i in range(len(x))
             for track in self.layout.touched(i)[: len(self.tracks)]
-            for move in ([step, -step] if central and above[i] and below[i] else [step if above[i] else -step])
+            for move in ([step, -step] if both[i] else [step if above[i] else -step])
         ]
         there = self._of_tracks([(_moved(x, i, move), track) for i, track, move in wanted])
         for (i, track, move), found in zip(wanted, there, strict=True):
             rows = slice(places[track], places[track + 1])
             # A step into motions that are not sane tells no slope.
             if not (np.all(found == FAR) or np.all(at[rows] == FAR)):
-                both = central and above[i] and below[i]
-                matrix[rows, i] += (found - at[rows]) / (2.0 * move if both else move)
+                matrix[rows, i] += (found - at[rows]) / (2.0 * move if both[i] else move)
         return matrix
 
     def _of_tracks(self, places: Sequence[tuple[Array, int]]) -> Iterable[Array]:

@@ -23,12 +23,11 @@ def identity_of(plant: Plant) -> str:
     """A hash of robot and scenario, their files' contents, and the laws of the actuators."""
     scenario = plant.scenario
     kept = {key: value for key, value in scenario.resolved.items() if key not in NOT_OF_THE_PLANT}
-    digest = hashlib.sha256(json.dumps([kept, scenario.variant], sort_keys=True, default=str).encode())
+    digest = hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode())
     digest.update(plant.robot.text.encode())
-    for name, path in sorted(_files(plant)):
-        digest.update(name.encode())
+    for _, path in sorted(_files(plant)):
         digest.update(hashlib.sha256(path.read_bytes()).digest() if path.is_file() else b"missing")
-    for actuator in sorted({drive.actuator.name for drive in plant.drives}):
+    for actuator in dict.fromkeys(drive.actuator.name for drive in plant.drives):
         source = inspect.getsourcefile(ACTUATORS.get(actuator))
         digest.update(Path(source).read_bytes() if source else b"")
     return digest.hexdigest()
