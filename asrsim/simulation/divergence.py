@@ -30,8 +30,8 @@ FEW = 4000
 def not_finite(raw: Array) -> int | None:
     """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
     # No number is larger than the root of this sum. Of many numbers at once, BLAS would wake its threads.
-    flat = raw.reshape(-1)
-    parts = (flat[first : first + FEW] for first in range(0, flat.size, FEW))
+    lines = [raw.reshape(-1)] if raw.size <= FEW else raw.transpose(2, 1, 0).reshape(-1, len(raw))
+    parts = (line[first : first + FEW] for line in lines for first in range(0, line.size, FEW))
     if all(np.vdot(part, part) <= FASTEST**2 for part in parts):
         return None
     velocity = raw[:, :, COLUMN["engine_velocity"]]

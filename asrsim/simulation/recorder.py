@@ -104,8 +104,7 @@ class Recorder:
             stop=np.zeros(n, int),
             stiffest=np.zeros(n),
         )
-        self._held: Array | None = None
-        self._held_inputs: tuple[Array, ...] = ()
+        self._held_inputs, self._held = np.empty((3, len(drives), 0)), np.empty((len(RAW), len(drives), 0))
         self._sides: dict[int, Array] = {}
         self._next = 0
         kinds = dict.fromkeys(quantities)
@@ -129,25 +128,25 @@ class Recorder:
         twin._sides = dict(self._sides)
         return twin
 
-    def add(self, inputs: Sequence[Array], raw: Array, sides: Mapping[int, Array]) -> Samples | None:
+    def add(self, inputs: Array, raw: Array, sides: Mapping[int, Array]) -> Samples | None:
         """Samples of the rows that `raw` (columns, joints, n) completes, or None where there are none.
 
-        inputs: references 1 and 2 and external torques, (joints, n) each; sides: see :class:`asrsim.simulation.inputs.Block`.
+        inputs: references 1 and 2 and external torques, (3, joints, n); the first :data:`BEHIND` rows of both are room for
+        those that were kept back. sides: see :class:`asrsim.simulation.inputs.Block`.
         """
-        if self._held is None:
-            table = np.ascontiguousarray(raw)
-        else:
-            table = np.concatenate([self._held, raw], axis=2)
-            inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
+        size = BEHIND - self._held.shape[2]
+        for room, held in (inputs, self._held_inputs), (raw, self._held):
+            room[:, :, size:BEHIND] = held
+        inputs, raw = inputs[:, :, size:], raw[:, :, size:]
         self._sides |= sides
-        count = max(min(table.shape[2] - BEHIND, self.last + 1 - self._next), 0)
-        self._held, self._held_inputs = table[:, :, count:].copy(), tuple(a[:, count:].copy() for a in inputs)
-        if not count:
+        self._held_inputs, self._held = inputs[:, :, -BEHIND:].copy(), raw[:, :, -BEHIND:].copy()
+        count = min(raw.shape[2] - BEHIND, self.last + 1 - self._next)
+        if count <= 0:
             return None
         first = self._next
         self._next += count
         logged = slice((-first) % self.every, count, self.every)
-        values = self._values(table[:, :, : count + BEHIND], [array[:, : count + 1] for array in inputs], first, logged)
+        values = self._values(raw[:, :, : count + BEHIND], inputs[:, :, : count + 1], first, logged)
         time = grid(first, count, self.substep)[logged]
         if not len(time):
             return None
@@ -157,7 +156,7 @@ class Recorder:
             values={name: values[name].T for name in self._lacking},
         )
 
-    def _values(self, raw: Array, inputs: Sequence[Array], first: int, logged: slice) -> dict[str, Array]:
+    def _values(self, raw: Array, inputs: Array, first: int, logged: slice) -> dict[str, Array]:
         """Quantities (joints, m) by name, at the logged ones of the rows of raw (columns, joints, n + 2) but the last two."""
         raw, ahead = raw[:, :, :-1], raw[:, :, -1:]
         count = raw.shape[2] - 1

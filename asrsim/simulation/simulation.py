@@ -141,17 +141,17 @@ class Simulation:
     def _run(self, block: Block, start: int, stop: int) -> None:
         h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
         try:
-            raw = self.loop.run(block, start, stop)
+            raw = self.loop.run(block, start, stop, self.recording.room(len(block) - start))
         except NoValueError as fault:
             self.recording.flush(self.substep, check=False)
             raise runaway(fault.joint, fault.substep * h, str(fault), omega_h) from fault
         row = not_finite(raw)
         if row is None:
-            self.recording.take(block, start, raw)
-            self.row = raw[-1], [array[stop - 1] for array in block.arrays]
+            self.recording.take(block, start, stop)
+            self.row = raw[-1].copy(), [array[stop - 1] for array in block.arrays]
             self.substep += stop - start
             return
-        self.recording.take(block, start, raw[: max(row, 1)])
+        self.recording.take(block, start, start + max(row, 1))
         self.substep += max(row, 1)
         self.recording.flush(self.substep, check=False)
         joint = blame(raw, row, self.prepared.drives)
