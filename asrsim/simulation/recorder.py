@@ -19,6 +19,7 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import ENERGIES, EnergyMeter
 from asrsim.simulation.groups import Group, spring_groups
 from asrsim.simulation.inputs import grid
+from asrsim.simulation.spring_meter import within
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substep import RAW
 
@@ -200,15 +201,17 @@ class Recorder:
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
         position = values["link_position"]
-        counts.stop += _number((position <= self._lowest) | (position >= self._highest))
-        counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
+        if not within(position, self._lowest, self._highest):
+            counts.stop += _number((position <= self._lowest) | (position >= self._highest))
+        stiffness = values["stiffness"]
+        counts.stiffest = np.fmax(counts.stiffest, np.maximum(stiffness.max(axis=1), -stiffness.min(axis=1)))
         for pick, torques, deflections in self._limits:
-            held = [np.abs(values[name][pick]) >= limit for name, limit in torques]
-            if held:
-                counts.saturation[pick] += _number(reduce(np.logical_or, held))
-            beyond = [np.abs(values[name][pick] - position[pick]) > limit for name, limit in deflections]
-            if beyond:
-                counts.deflection[pick] += _number(reduce(np.logical_or, beyond))
+            driven = [(values[name][pick], limit) for name, limit in torques]
+            if not all(within(torque, -limit, limit) for torque, limit in driven):
+                counts.saturation[pick] += _number(reduce(np.logical_or, [abs(torque) >= limit for torque, limit in driven]))
+            bent = [(values[name][pick] - position[pick], limit) for name, limit in deflections]
+            if not all(within(deflection, -limit, limit) for deflection, limit in bent):
+                counts.deflection[pick] += _number(reduce(np.logical_or, [abs(bend) > limit for bend, limit in bent]))
 
 
 def _limits_of(group: Group) -> tuple[Any, list[tuple[str, Any]], list[tuple[str, Any]]]:
@@ -223,9 +226,9 @@ def _limits_of(group: Group) -> tuple[Any, list[tuple[str, Any]], list[tuple[str
 
 def _beyond(values: Array, limits: Array) -> Any:
     """Numbers (joints,) of `values` (joints, n) whose size is beyond the limits (joints, 1)."""
-    return _number(np.abs(values) > limits)
+    return 0 if within(values, -limits, limits) else _number(np.abs(values) > limits)
 
 
 def _number(met: Any) -> Any:
-    """How often each joint (joints,) met what `met` (joints, n) tells; most often nobody did, which is quickly seen."""
-    return np.count_nonzero(met, axis=1) if met.any() else 0
+    """How often each joint (joints,) met what `met` (joints, n) tells."""
+    return np.count_nonzero(met, axis=1)
