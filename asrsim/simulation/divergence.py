@@ -23,16 +23,11 @@ FLOOR = 5e-3
 FASTEST = 1e4
 """rad/s (m/s) that no spring or motor of a robot gives."""
 
-FEW = 8192
-"""Numbers whose squares are summed at once: of many more, BLAS would wake its threads."""
-
 
 def not_finite(raw: Array) -> int | None:
     """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
     # No number is larger than the root of this sum.
-    lines = [raw.reshape(-1)] if raw.size <= FEW else raw.transpose(2, 1, 0).reshape(-1, len(raw))
-    parts = (line[first : first + FEW] for line in lines for first in range(0, line.size, FEW))
-    if all(part.dot(part) <= FASTEST**2 for part in parts):
+    if (np.einsum("kjc,kjc->jc", raw, raw) <= FASTEST**2).all():
         return None
     velocity = raw[:, :, COLUMN["engine_velocity"]]
     with np.errstate(all="ignore"):

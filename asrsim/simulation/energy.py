@@ -89,13 +89,14 @@ class EnergyMeter:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(self, raw: Array, ahead: Array, logged: slice, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
-        """Energies (joints, m) at the logged ones of the rows of raw (columns, joints, n + 1) but for the last, if they are
-        asked for.
+    def add(self, beyond: Array, logged: slice, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+        """Energies (joints, m) at the logged ones of n rows, if they are asked for.
 
-        ahead: the row after those, (columns, joints, 1); external: torques (joints, n + 1); sides: means over the two halves
-        of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
+        beyond: raw records of those and of two rows beyond, (columns, joints, n + 2); external: torques (joints, n + 1); sides:
+        means over the two halves of a kick that an input cuts, by row: what pushes jumps, and the trapezoid rule must not go
+        across.
         """
+        raw = beyond[:, :, :-1]
         joints, n = raw.shape[1], raw.shape[2] - 1
         asked = range(*logged.indices(n)) if self._whole else range(1)
         # What springs and motors hold counts where it is asked for, and in the balance at the end.
@@ -144,7 +145,7 @@ class EnergyMeter:
             pick = springs.group.pick
             released = link[pick] + flows[CUT][pick] if CUT in flows else link[pick]
             work[pick], stored[pick], kinetic[pick], losses = springs.balance(
-                raw[:, pick], ahead[:, pick], partial(pushed, pick), half[pick], released, cut, ends
+                beyond[:, pick], partial(pushed, pick), half[pick], released, cut, ends
             )
             if springs.electric:
                 losses[HEAT] = springs.heat(raw)

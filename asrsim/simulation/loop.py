@@ -138,8 +138,8 @@ class Loop:
         """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot
         be."""
         count, engine = len(self.drives), self.engine
-        inputs = np.zeros((1, count, input_columns(self._sensings)))
-        rows = np.zeros((len(RAW), count, 2)).transpose(2, 1, 0)[:1]
+        inputs = np.zeros((input_columns(self._sensings), count, 2)).transpose(2, 1, 0)[:1]
+        rows = np.zeros((1, count, len(RAW)))
         try:
             kernel = engine.kernel() or no_kernel(engine)
             names = {"laws": laws, "borrow": compiling.borrow(), "move": kernel.move, **kernel.compiled}

@@ -159,7 +159,7 @@ class Recorder:
 
     def _values(self, raw: Array, inputs: Array, first: int, logged: slice) -> dict[str, Array]:
         """Quantities (joints, m) by name, at the logged ones of the rows of raw (columns, joints, n + 2) but the last two."""
-        raw, ahead = raw[:, :, :-1], raw[:, :, -1:]
+        beyond, raw = raw, raw[:, :, :-1]
         count = raw.shape[2] - 1
         joints = len(self.drives)
         now = raw[:, :, :-1]
@@ -186,7 +186,7 @@ class Recorder:
         for group in self._electric:
             for name, found in group.electricity(now).items():
                 values.setdefault(name, np.full((joints, count), np.nan))[group.pick] = found
-        energies = self.meter.add(raw, ahead, logged, external=inputs[2], sides=sides)
+        energies = self.meter.add(beyond, logged, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
         values = {name: values[name][:, logged] for name in self._lacking if name in values} | energies
         for name, lacking in self._lacking.items():

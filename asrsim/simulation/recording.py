@@ -94,6 +94,7 @@ class Recording:
         """References and external torques, and raw records, of the present chunk, for :class:`Part`."""
         self._filled = 0
         """Substeps in them."""
+        self._idle = np.empty((0, count, len(RAW)))
         self._sides: dict[int, Array] = {}
 
     def defer(self, wanted: Collection[str]) -> None:
@@ -103,8 +104,12 @@ class Recording:
         self.taker = self.parts.append
 
     def room(self, rest: int) -> Array:
-        """Memory for the raw records of the `rest` of the chunk, (rest, joints, columns). A column's numbers lie side by side,
-        joint by joint, as all that evaluates them takes them."""
+        """Memory for the raw records of the `rest` of the chunk, (rest, joints, columns). Where they will be evaluated, a
+        column's numbers lie side by side, joint by joint; else the same memory serves every time."""
+        if not self.active:
+            if len(self._idle) < rest:
+                self._idle = np.empty((rest, *self._idle.shape[1:]))
+            return self._idle[:rest]
         begin = BEHIND + self._filled
         if self._raw.shape[2] < begin + rest:
             self._inputs, self._raw = _longer(self._inputs, begin, rest), _longer(self._raw, begin, rest)
@@ -115,8 +120,7 @@ class Recording:
         if self.active:
             begin = BEHIND + self._filled
             self._filled += end - start
-            for table, array in zip(self._inputs, block.arrays, strict=True):
-                table[:, begin : BEHIND + self._filled] = array[start:end].T
+            self._inputs[:, :, begin : BEHIND + self._filled] = block.arrays[:, :, start:end]
             self._sides |= {k: sides for k, sides in block.sides.items() if start <= k - block.first < end}
 
     def flush(self, substep: int, *, check: bool = True) -> None:

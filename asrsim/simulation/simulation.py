@@ -83,8 +83,8 @@ class Simulation:
         expected = expected or self.last
         self.loop, self.slow_because = make_loop(prepared, engine, self.recording, compiled=compiled, substeps=expected)
         self._chunk = chunk or longest_chunk(len(prepared.drives))
-        self.row: tuple[Array, list[Array]] | None = None
-        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
+        self.row: tuple[Array, Array] | None = None
+        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (3, joints)."""
         self._block: Block | None = None
         self._stale = False
         """Another value is held than the block has."""
@@ -148,7 +148,7 @@ class Simulation:
         row = not_finite(raw)
         if row is None:
             self.recording.take(block, start, stop)
-            self.row = raw[-1].copy(), [array[stop - 1] for array in block.arrays]
+            self.row = raw[-1].copy(), block.arrays[:, :, stop - 1].copy()
             self.substep += stop - start
             return
         self.recording.take(block, start, start + max(row, 1))

@@ -71,14 +71,15 @@ class SpringMeter:
         return twin
 
     def balance(
-        self, raw: Array, ahead: Array, twice: Twice, half: Array, released: Array, cut: Array, ends: Any
+        self, beyond: Array, twice: Twice, half: Array, released: Array, cut: Array, ends: Any
     ) -> tuple[Array, Array, Array, dict[int, Array]]:
         """Work of the motors over the steps, energy in springs and in motors where it counts, and losses over the steps by
         flow, all in J.
 
-        half: rad, of what the links moved; released: J that the springs gave; cut (n,): steps in which an input jumps; ends:
-        rows at which energies count.
+        beyond: raw records (columns, joints, n + 2); half: rad, of what the links moved; released: J that the springs gave;
+        cut (n,): steps in which an input jumps; ends: rows at which energies count.
         """
+        raw = beyond[:, :, :-1]
         flows: dict[int, Array] = {}
         places = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         absorbed: Any = 0.0
@@ -94,7 +95,7 @@ class SpringMeter:
             stored = self._energy(*(place[:, ends] for place in places))
         if not self.group.motors:
             return self._ideal(raw, cut, released + absorbed, pushed), stored, np.zeros_like(stored), flows
-        motors = [self._motor(index, raw, ahead, twice, ends) for index in range(1, self.group.motors + 1)]
+        motors = [self._motor(index, beyond, twice, ends) for index in range(1, self.group.motors + 1)]
         work, flows[LOST], kinetic = (reduce(np.add, parts) for parts in zip(*motors, strict=True))
         if self.group.actuator.adjuster:
             work = work + self._adjuster(raw, cut, twice(SPRING_1), absorbed, half)
@@ -127,10 +128,11 @@ class SpringMeter:
     def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
         return self._law(q, theta_1, theta_2, self._elastic)
 
-    def _motor(self, index: int, raw: Array, ahead: Array, twice: Twice, ends: Any) -> tuple[Array, Array, Array]:
+    def _motor(self, index: int, beyond: Array, twice: Twice, ends: Any) -> tuple[Array, Array, Array]:
         """Work of motor `index` and what it lost over the steps, and its kinetic energy where it counts, in J."""
         base = MOTOR_1 if index == 1 else MOTOR_2
-        position, velocity = raw[base], raw[base + 1]
+        places, speeds = beyond[base], beyond[base + 1]
+        position, velocity = places[:, :-1], speeds[:, :-1]
         inertia, damping, low, high, fastest = self._motors[index - 1]
         half = change(position)
         half *= 0.5
@@ -140,13 +142,10 @@ class SpringMeter:
         lost += (4.0 * damping / self.substep) * half
         lost *= half
         before = self._held[index - 1]
-        places, speeds = (position, ahead[base]), (velocity, ahead[base + 1])
-        free = all(within(part, low, high) for part in places) and all(within(part, -fastest, fastest) for part in speeds)
-        if before.any() or not free:
+        if before.any() or not (within(places, low, high) and within(speeds, -fastest, fastest)):
             # A stop and a speed limit take what is left over: the shock, and the torque that they hold. A kick that a limit
             # cuts short shows in its own row or in those beside it.
-            place, speed = np.concatenate(places, axis=1), np.concatenate(speeds, axis=1)
-            held = (place >= high) | (place <= low) | (np.abs(speed) >= fastest)
+            held = (places >= high) | (places <= low) | (np.abs(speeds) >= fastest)
             self._held[index - 1] = held[:, -3:-2]
             near = held[:, :-2] | held[:, 1:-1] | held[:, 2:]
             near[:, 1:] |= held[:, :-3]
