@@ -14,7 +14,7 @@ from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.recorder import COLUMN, recorded_quantities
 from asrsim.simulation.simulation import Simulation
 
-Row: TypeAlias = "tuple[Array, list[Array]]"
+Row: TypeAlias = "tuple[Array, Array]"
 """As :attr:`asrsim.simulation.simulation.Simulation.row`."""
 _STATES = (
     "link_position", "link_velocity", "motor_1_position", "motor_1_velocity", "motor_2_position", "motor_2_velocity",

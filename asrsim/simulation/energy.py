@@ -89,13 +89,14 @@ class EnergyMeter:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(self, raw: Array, ahead: Array, logged: slice, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
-        """Energies (joints, m) at the logged ones of the rows of raw (columns, joints, n + 1) but for the last, if they are
-        asked for.
+    def add(self, beyond: Array, logged: slice, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+        """Energies (joints, m) at the logged ones of n rows, if they are asked for.
 
-        ahead: the row after those, (columns, joints, 1); external: torques (joints, n + 1); sides: means over the two halves
-        of a kick that an input cuts, by row of `raw`: what pushes jumps, and the trapezoid rule must not go across.
+        beyond: raw records of those and of two rows beyond, (columns, joints, n + 2); external: torques (joints, n + 1); sides:
+        means over the two halves of a kick that an input cuts, by row: what pushes jumps, and the trapezoid rule must not go
+        across.
         """
+        raw = beyond[:, :, :-1]
         joints, n = raw.shape[1], raw.shape[2] - 1
         asked = range(*logged.indices(n)) if self._whole else range(1)
         # What springs and motors hold counts where it is asked for, and in the balance at the end.
@@ -104,38 +105,38 @@ class EnergyMeter:
         for row in sides:
             cut[max(row - 1, 0) : row + 1] = True
 
-        def mean(values: Array, column: int, pick: Any = slice(None)) -> Array:
-            """Means (joints, n) over the steps between rows of `values` (joints, n + 1), `column` of the sides."""
-            means = values[:, :-1] + values[:, 1:]
-            means *= 0.5
+        def twice(values: Array, column: int, pick: Any = slice(None)) -> Array:
+            """Twice the means (joints, n) over the steps between rows of `values` (joints, n + 1), `column` of the sides."""
+            sums = values[:, :-1] + values[:, 1:]
             for row, (before, after) in sides.items():
                 if row < n:
-                    means[:, row] += 0.5 * (after[pick, column] - values[:, row])
+                    sums[:, row] += after[pick, column] - values[:, row]
                 if row:
-                    means[:, row - 1] += 0.5 * (before[pick, column] - values[:, row])
-            return means
+                    sums[:, row - 1] += before[pick, column] - values[:, row]
+            return sums
 
         def pushed(pick: Any, column: int) -> Array:
-            return mean(raw[column, pick], column, pick)
+            return twice(raw[column, pick], column, pick)
 
-        moved = change(raw[POSITION])
-        link = mean(raw[APPLIED], APPLIED)
+        half = change(raw[POSITION])
+        half *= 0.5
+        link = twice(raw[APPLIED], APPLIED)
         # Only what flows in these rows: most robots have no effort limit in their way, and many no damping.
         flows: dict[int, Array] = {}
         halves = list(sides.values())
         if any((table[TORQUE] != table[APPLIED]).any() for table in (raw, *(half.T for half in halves))):
-            flows[CUT] = (mean(raw[TORQUE], TORQUE) - link) * moved
-        link *= moved
+            flows[CUT] = (twice(raw[TORQUE], TORQUE) - link) * half
+        link *= half
         given, pushed_in = link, None
         if self._stiffness.any() or external.any() or any(half[:, :, -1].any() for half in halves):
-            pushed_in = mean(external, -1)
+            pushed_in = twice(external, -1)
             if self._stiffness.any():
                 middle = 0.5 * (raw[POSITION, :, :-1] + raw[POSITION, :, 1:])
-                pushed_in += self._stiffness * (self._rests - middle)
-            pushed_in *= moved
+                pushed_in += (2.0 * self._stiffness) * (self._rests - middle)
+            pushed_in *= half
             given = given + pushed_in
         if raw[DAMPING].any():
-            flows[DAMPED] = mean(raw[DAMPING], DAMPING) * -moved
+            flows[DAMPED] = twice(raw[DAMPING], DAMPING) * -half
             given = given - flows[DAMPED]
         self.given += given.sum(axis=1)
         work = link.copy()
@@ -144,7 +145,7 @@ class EnergyMeter:
             pick = springs.group.pick
             released = link[pick] + flows[CUT][pick] if CUT in flows else link[pick]
             work[pick], stored[pick], kinetic[pick], losses = springs.balance(
-                raw[:, pick], ahead[:, pick], partial(pushed, pick), moved[pick], released, cut, ends
+                beyond[:, pick], partial(pushed, pick), half[pick], released, cut, ends
             )
             if springs.electric:
                 losses[HEAT] = springs.heat(raw)
@@ -172,25 +173,25 @@ class EnergyMeter:
         """(joints, n) J, of the flows and of what springs and motors hold, both since the start."""
         residual = at[WORK] - at[LOST]
         residual -= at[LINK]
-        if at[CUT].any():
+        if self._totals[CUT].any():
             residual -= self._sprung * at[CUT]
-        if at[LAGGED].any():
+        if self._totals[LAGGED].any():
             residual -= at[LAGGED]
         residual -= held
         return residual
 
     def _sum(self, flow: int, values: Array | None, n: int, ends: Any) -> Array:
         """J since the start at the rows `ends` of n + 1, of what flows from each to the next; None: nothing does."""
-        total = self._totals[flow]
+        total = self._totals[flow].copy()
         if values is None:
-            return np.repeat(total[:, None], np.arange(n + 1)[ends].size, axis=1)
+            return np.broadcast_to(total[:, None], (len(total), np.arange(n + 1)[ends].size))
         if not self._whole:
             last = total + values[:, :-1].sum(axis=1)
             self._totals[flow] = last + values[:, -1]
             return np.asarray(last[:, None])
         running = np.empty((len(values), values.shape[1] + 1))
         running[:, 0] = total
-        running[:, 1:] = values
-        np.cumsum(running, axis=1, out=running)
+        values[:, 0] += total
+        np.cumsum(values, axis=1, out=running[:, 1:])
         self._totals[flow] = running[:, -1]
         return running[:, ends]

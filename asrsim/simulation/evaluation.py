@@ -76,7 +76,7 @@ class Evaluation(Simulation):
             self._renew_inputs(references or {}, self.steps * self.substeps + 2)
         assert self._first is not None  # it was made just now
         try:
-            raw = self.loop.run(self._first, 0, count)
+            raw = self.loop.run(self._first, 0, count, self.recording.room(count))
         except NoValueError as fault:
             raise DivergenceError(str(fault), joint=fault.joint, time=fault.substep * self.prepared.substep) from fault
         bad = not_finite(raw)

@@ -55,11 +55,11 @@ class Block:
     """Inputs of substeps first..first+n-1."""
 
     first: int
-    arrays: tuple[Array, Array, Array]
-    """References 1 and 2 and external torques, each (n, joints), a joint's numbers side by side."""
+    arrays: Array
+    """References 1 and 2 and external torques, (3, joints, n)."""
     stacked: Array
-    """What the joints take, (n, joints, columns): references through the reference map in modes 3 and 6, external torques, and
-    for each sensor whether it looks, and its noise."""
+    """What the joints take, (n, joints, columns), a joint's numbers of a column side by side: references through the reference
+    map in modes 3 and 6, external torques, and for each sensor whether it looks, and its noise."""
     wrenches: Array
     """(n, w, 6) N, N m: means over the kicks."""
     events: dict[int, tuple[Piece, ...]]
@@ -68,7 +68,7 @@ class Block:
     of the raw record with the torque after its limit, and the external torque)."""
 
     def __len__(self) -> int:
-        return len(self.arrays[0])
+        return int(self.arrays.shape[2])
 
 
 class Inputs:
@@ -120,7 +120,8 @@ class Inputs:
 
     def sample(self, time: Array) -> tuple[Array, Array, Array]:
         """References 1 and 2 and external torques at `time` (n,): each (n, joints)."""
-        return self._with_held(self._scenario_at(time))
+        first, second, external = self._with_held(self._scenario_at(time))
+        return first.T, second.T, external.T
 
     def _scenario_at(self, time: Array) -> Array:
         """What the scenario's signals say: (3, joints, n)."""
@@ -137,42 +138,39 @@ class Inputs:
                 row[:] = known[id(signal)]
         return tables
 
-    def _with_held(self, tables: Array) -> tuple[Array, Array, Array]:
+    def _with_held(self, tables: Array) -> Array:
         for (joint, slot), value in self.held.items():
-            tables[slot][joint] = value
-        return tables[0].T, tables[1].T, tables[2].T
+            tables[slot, joint] = value
+        return tables
 
-    def _goals(self, arrays: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        if not self._maps:
-            return arrays
-        first, second = arrays[0].T.copy(), arrays[1].T.copy()
+    def _goals(self, inputs: Array, columns: int = READINGS) -> Array:
+        """What the joints take, (columns, joints, n): inputs (3, joints, n) through the reference map, and room for sensors."""
+        goals = np.zeros((columns, *inputs.shape[1:]))
+        goals[:READINGS] = inputs
         for rows, law in self._maps:
-            first[rows], second[rows] = law(first[rows], second[rows])
-        return first.T, second.T, arrays[2]
+            goals[0, rows], goals[1, rows] = law(inputs[0, rows], inputs[1, rows])
+        return goals
 
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
         tables, cuts = self._plan(first, count)
         inputs = self._with_held(tables)
-        goals = self._goals(inputs)
-        stacked = np.zeros((count, len(self._signals[0]), input_columns(self._sensors)))
-        for column, array in enumerate(goals):
-            stacked[:, :, column] = array[:count]
+        goals = self._goals(inputs, input_columns(self._sensors))
+        stacked = goals[:, :, :count].transpose(2, 1, 0)
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(stacked[:, joint, READINGS:], first, self.substep)
         wrenches = np.zeros((count, len(self._wrenches), 6))
         for index, table in enumerate(self._wrenches):
             wrenches[:, index] = table(first, count, self.substep)
-        arrays = inputs[0][:count], inputs[1][:count], inputs[2][:count]
-        return Block(first, arrays, stacked, wrenches, self._events(cuts, [array[count:].tolist() for array in goals]))
+        pieces = goals[:READINGS, :, count:].transpose(0, 2, 1).tolist()
+        return Block(first, inputs[:, :, :count], stacked, wrenches, self._events(cuts, pieces))
 
     def hold(self, block: Block, row: int) -> None:
         """What is held now, in a block without cuts that was made when the same references were held, from a row on."""
         for (joint, slot), value in self.held.items():
-            block.arrays[slot][row:, joint] = value
-        for column, goal in enumerate(self._goals((block.arrays[0][row:], block.arrays[1][row:], block.arrays[2][row:]))):
-            block.stacked[row:, :, column] = goal
+            block.arrays[slot, joint, row:] = value
+        block.stacked[row:, :, :READINGS] = self._goals(block.arrays[:, :, row:]).transpose(2, 1, 0)
 
     def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
         """What the scenario says for a block, (3, joints, n + pieces): for its substeps, then for the pieces of its cuts, which

@@ -138,7 +138,8 @@ class Loop:
         """The substep through Numba, or the whole stretch where the engine has a kernel; raises SimulationError if it cannot
         be."""
         count, engine = len(self.drives), self.engine
-        inputs, rows = np.zeros((1, count, input_columns(self._sensings))), np.zeros((1, count, len(RAW)))
+        inputs = np.zeros((input_columns(self._sensings), count, 2)).transpose(2, 1, 0)[:1]
+        rows = np.zeros((1, count, len(RAW)))
         try:
             kernel = engine.kernel() or no_kernel(engine)
             names = {"laws": laws, "borrow": compiling.borrow(), "move": kernel.move, **kernel.compiled}
@@ -203,9 +204,10 @@ class Loop:
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(self, block: Block, start: int, end: int) -> Array:
-        """Substeps `start` to `end` of `block`; returns (n, joints, columns) raw records, columns as :data:`RAW`."""
-        rows = np.empty((end - start, len(self.drives), len(RAW)))
+    def run(self, block: Block, start: int, end: int, room: Array) -> Array:
+        """Substeps `start` to `end` of `block`; returns their raw records, the first rows of `room` (n, joints, columns), whose
+        columns are :data:`RAW`."""
+        rows = room[: end - start]
         first = block.first
         pauses = {k - first for k in block.events} | set(range((-first) % REFRESH, end, REFRESH) if self._refreshed else ())
         if self.watch is not None:

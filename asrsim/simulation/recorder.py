@@ -19,6 +19,7 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import ENERGIES, EnergyMeter
 from asrsim.simulation.groups import Group, spring_groups
 from asrsim.simulation.inputs import grid
+from asrsim.simulation.spring_meter import within
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substep import RAW
 
@@ -104,8 +105,7 @@ class Recorder:
             stop=np.zeros(n, int),
             stiffest=np.zeros(n),
         )
-        self._held: Array | None = None
-        self._held_inputs: tuple[Array, ...] = ()
+        self._held_inputs, self._held = np.empty((3, len(drives), 0)), np.empty((len(RAW), len(drives), 0))
         self._sides: dict[int, Array] = {}
         self._next = 0
         kinds = dict.fromkeys(quantities)
@@ -129,25 +129,25 @@ class Recorder:
         twin._sides = dict(self._sides)
         return twin
 
-    def add(self, inputs: Sequence[Array], raw: Array, sides: Mapping[int, Array]) -> Samples | None:
+    def add(self, inputs: Array, raw: Array, sides: Mapping[int, Array]) -> Samples | None:
         """Samples of the rows that `raw` (columns, joints, n) completes, or None where there are none.
 
-        inputs: references 1 and 2 and external torques, (joints, n) each; sides: see :class:`asrsim.simulation.inputs.Block`.
+        inputs: references 1 and 2 and external torques, (3, joints, n); the first :data:`BEHIND` rows of both are room for
+        those that were kept back. sides: see :class:`asrsim.simulation.inputs.Block`.
         """
-        if self._held is None:
-            table = np.ascontiguousarray(raw)
-        else:
-            table = np.concatenate([self._held, raw], axis=2)
-            inputs = tuple(np.concatenate([a, b], axis=1) for a, b in zip(self._held_inputs, inputs, strict=True))
+        size = BEHIND - self._held.shape[2]
+        for room, held in (inputs, self._held_inputs), (raw, self._held):
+            room[:, :, size:BEHIND] = held
+        inputs, raw = inputs[:, :, size:], raw[:, :, size:]
         self._sides |= sides
-        count = max(min(table.shape[2] - BEHIND, self.last + 1 - self._next), 0)
-        self._held, self._held_inputs = table[:, :, count:].copy(), tuple(a[:, count:].copy() for a in inputs)
-        if not count:
+        self._held_inputs, self._held = inputs[:, :, -BEHIND:].copy(), raw[:, :, -BEHIND:].copy()
+        count = min(raw.shape[2] - BEHIND, self.last + 1 - self._next)
+        if count <= 0:
             return None
         first = self._next
         self._next += count
         logged = slice((-first) % self.every, count, self.every)
-        values = self._values(table[:, :, : count + BEHIND], [array[:, : count + 1] for array in inputs], first, logged)
+        values = self._values(raw[:, :, : count + BEHIND], inputs[:, :, : count + 1], first, logged)
         time = grid(first, count, self.substep)[logged]
         if not len(time):
             return None
@@ -157,9 +157,9 @@ class Recorder:
             values={name: values[name].T for name in self._lacking},
         )
 
-    def _values(self, raw: Array, inputs: Sequence[Array], first: int, logged: slice) -> dict[str, Array]:
+    def _values(self, raw: Array, inputs: Array, first: int, logged: slice) -> dict[str, Array]:
         """Quantities (joints, m) by name, at the logged ones of the rows of raw (columns, joints, n + 2) but the last two."""
-        raw, ahead = raw[:, :, :-1], raw[:, :, -1:]
+        beyond, raw = raw, raw[:, :, :-1]
         count = raw.shape[2] - 1
         joints = len(self.drives)
         now = raw[:, :, :-1]
@@ -186,7 +186,7 @@ class Recorder:
         for group in self._electric:
             for name, found in group.electricity(now).items():
                 values.setdefault(name, np.full((joints, count), np.nan))[group.pick] = found
-        energies = self.meter.add(raw, ahead, logged, external=inputs[2], sides=sides)
+        energies = self.meter.add(beyond, logged, external=inputs[2], sides=sides)
         self._count(values, now[COLUMN["actuator_torque"]])
         values = {name: values[name][:, logged] for name in self._lacking if name in values} | energies
         for name, lacking in self._lacking.items():
@@ -201,15 +201,17 @@ class Recorder:
         counts.effort += _beyond(torque, self._efforts)
         counts.velocity += _beyond(values["link_velocity"], self._fastest)
         position = values["link_position"]
-        counts.stop += _number((position <= self._lowest) | (position >= self._highest))
-        counts.stiffest = np.fmax(counts.stiffest, np.abs(values["stiffness"]).max(axis=1))
+        if not within(position, self._lowest, self._highest):
+            counts.stop += _number((position <= self._lowest) | (position >= self._highest))
+        stiffness = values["stiffness"]
+        counts.stiffest = np.fmax(counts.stiffest, np.maximum(stiffness.max(axis=1), -stiffness.min(axis=1)))
         for pick, torques, deflections in self._limits:
-            held = [np.abs(values[name][pick]) >= limit for name, limit in torques]
-            if held:
-                counts.saturation[pick] += _number(reduce(np.logical_or, held))
-            beyond = [np.abs(values[name][pick] - position[pick]) > limit for name, limit in deflections]
-            if beyond:
-                counts.deflection[pick] += _number(reduce(np.logical_or, beyond))
+            driven = [(values[name][pick], limit) for name, limit in torques]
+            if not all(within(torque, -limit, limit) for torque, limit in driven):
+                counts.saturation[pick] += _number(reduce(np.logical_or, [abs(torque) >= limit for torque, limit in driven]))
+            bent = [(values[name][pick] - position[pick], limit) for name, limit in deflections]
+            if not all(within(deflection, -limit, limit) for deflection, limit in bent):
+                counts.deflection[pick] += _number(reduce(np.logical_or, [abs(bend) > limit for bend, limit in bent]))
 
 
 def _limits_of(group: Group) -> tuple[Any, list[tuple[str, Any]], list[tuple[str, Any]]]:
@@ -224,9 +226,9 @@ def _limits_of(group: Group) -> tuple[Any, list[tuple[str, Any]], list[tuple[str
 
 def _beyond(values: Array, limits: Array) -> Any:
     """Numbers (joints,) of `values` (joints, n) whose size is beyond the limits (joints, 1)."""
-    return _number(np.abs(values) > limits)
+    return 0 if within(values, -limits, limits) else _number(np.abs(values) > limits)
 
 
 def _number(met: Any) -> Any:
-    """How often each joint (joints,) met what `met` (joints, n) tells; most often nobody did, which is quickly seen."""
-    return np.count_nonzero(met, axis=1) if met.any() else 0
+    """How often each joint (joints,) met what `met` (joints, n) tells."""
+    return np.count_nonzero(met, axis=1)

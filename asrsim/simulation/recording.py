@@ -15,7 +15,8 @@ from asrsim.samples import Array, RunInfo, Samples, concatenate
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import Recorder, recorded_quantities
+from asrsim.simulation.recorder import BEHIND, Recorder, recorded_quantities
+from asrsim.simulation.substep import RAW
 from asrsim.simulation.world import WorldRecorder
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ class Sink(Protocol):
 class Part:
     """A part of a run as it was stepped: what :meth:`asrsim.simulation.recorder.Recorder.add` takes, and the links' energy."""
 
-    inputs: Sequence[Array]
+    inputs: Array
     raw: Array
     sides: Mapping[int, Array]
     end: int
@@ -88,7 +89,12 @@ class Recording:
         # The released order of a step is not passive, and runs springs that it does not resolve: no fault of the user's.
         self.guarded = engine.model is not None and not prepared.stepping.released
         self._guard = EnergyGuard(self.energy or 0.0)
-        self._raw: list[tuple[tuple[Array, ...], Array]] = []
+        count = len(prepared.drives)
+        self._inputs, self._raw = np.empty((3, count, BEHIND)), np.empty((len(RAW), count, BEHIND))
+        """References and external torques, and raw records, of the present chunk, for :class:`Part`."""
+        self._filled = 0
+        """Substeps in them."""
+        self._idle = np.empty((0, count, len(RAW)))
         self._sides: dict[int, Array] = {}
 
     def defer(self, wanted: Collection[str]) -> None:
@@ -97,16 +103,29 @@ class Recording:
         self.parts = []
         self.taker = self.parts.append
 
-    def take(self, block: Block, start: int, raw: Array) -> None:
-        """Raw records (n, joints, columns) of the block's substeps from `start` on."""
+    def room(self, rest: int) -> Array:
+        """Memory for the raw records of the `rest` of the chunk, (rest, joints, columns). Where they will be evaluated, a
+        column's numbers lie side by side, joint by joint; else the same memory serves every time."""
+        if not self.active:
+            if len(self._idle) < rest:
+                self._idle = np.empty((rest, *self._idle.shape[1:]))
+            return self._idle[:rest]
+        begin = BEHIND + self._filled
+        if self._raw.shape[2] < begin + rest:
+            self._inputs, self._raw = _longer(self._inputs, begin, rest), _longer(self._raw, begin, rest)
+        return self._raw[:, :, begin : begin + rest].transpose(2, 1, 0)
+
+    def take(self, block: Block, start: int, end: int) -> None:
+        """The block's substeps from `start` to `end`, whose raw records are in the `room`."""
         if self.active:
-            end = start + len(raw)
-            self._raw.append((tuple(array[start:end] for array in block.arrays), raw))
+            begin = BEHIND + self._filled
+            self._filled += end - start
+            self._inputs[:, :, begin : BEHIND + self._filled] = block.arrays[:, :, start:end]
             self._sides |= {k: sides for k, sides in block.sides.items() if start <= k - block.first < end}
 
     def flush(self, substep: int, *, check: bool = True) -> None:
         """Hand on what there is up to `substep`; raises what :meth:`evaluate` does."""
-        if self._raw:
+        if self._filled:
             (self.taker or self.evaluate)(self._part(substep, check=check))
 
     def evaluate(self, part: Part) -> None:
@@ -125,9 +144,10 @@ class Recording:
 
     def _part(self, end: int, *, check: bool) -> Part:
         """What came since the last one, with the links' energy where it is checked: a motion no longer finite has none."""
-        inputs = [_joined(arrays).T for arrays in zip(*(given for given, _ in self._raw), strict=True)]
-        raw = _joined([part for _, part in self._raw]).transpose(2, 1, 0)
-        sides, self._sides, self._raw = self._sides, {}, []
+        inputs, raw = (_handed_over(table, BEHIND + self._filled) for table in (self._inputs, self._raw))
+        if raw is self._raw:
+            self._inputs, self._raw = inputs[:, :, :BEHIND], raw[:, :, :BEHIND]
+        sides, self._sides, self._filled = self._sides, {}, 0
         model, kinetic = self._engine.model, 0.0
         if not (check and self.guarded and self._alone and model is not None):
             return Part(inputs, raw, sides, end, check, None, kinetic)
@@ -182,7 +202,7 @@ class Recording:
         """A fresh start, with the numbers that were taken over last; the engine is at its start."""
         if not self.active:
             return
-        self._raw, self._sides, self.energy = [], {}, self._engine.mechanical_energy()
+        self._filled, self._sides, self.energy = 0, {}, self._engine.mechanical_energy()
         if self.parts is not None:
             self.defer(self.wanted)
             return
@@ -195,20 +215,30 @@ class Recording:
         """A copy of what decides how the recording goes on; None where nothing is recorded."""
         if not self.active:
             return None
-        going_on = copy.deepcopy((self.recorder, self._guard, self._raw, self._sides, self._world.kept()))
+        tables = [table[:, :, : BEHIND + self._filled] for table in (self._inputs, self._raw)]
+        going_on = copy.deepcopy((self.recorder, self._guard, tables, self._sides, self._world.kept()))
         return going_on, None if self.kept is None else list(self.kept)
 
     def put_back(self, state: Any) -> None:
         """Go on from a state; what went to sinks stays there."""
         if state is not None:
             going_on, kept = state
-            self.recorder, self._guard, self._raw, self._sides, world = copy.deepcopy(going_on)
+            self.recorder, self._guard, (self._inputs, self._raw), self._sides, world = copy.deepcopy(going_on)
+            self._filled = self._raw.shape[2] - BEHIND
             self._world.put_back(world)
             self.kept = None if kept is None else list(kept)
 
 
-def _joined(parts: Sequence[Array]) -> Array:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+def _longer(table: Array, begin: int, rest: int) -> Array:
+    """A table with room for `rest` rows behind the `begin` that it has."""
+    longer = np.empty((*table.shape[:2], begin + rest))
+    longer[:, :, :begin] = table[:, :, :begin]
+    return longer
+
+
+def _handed_over(table: Array, rows: int) -> Array:
+    """The table itself where it is full; else a copy of its first rows: samples keep what they are made of."""
+    return table if table.shape[2] == rows else table[:, :, :rows].copy()
 
 
 def _thinned(samples: Samples, rows: slice) -> Samples:

@@ -83,8 +83,8 @@ class Simulation:
         expected = expected or self.last
         self.loop, self.slow_because = make_loop(prepared, engine, self.recording, compiled=compiled, substeps=expected)
         self._chunk = chunk or longest_chunk(len(prepared.drives))
-        self.row: tuple[Array, list[Array]] | None = None
-        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (joints,)."""
+        self.row: tuple[Array, Array] | None = None
+        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (3, joints)."""
         self._block: Block | None = None
         self._stale = False
         """Another value is held than the block has."""
@@ -141,17 +141,17 @@ class Simulation:
     def _run(self, block: Block, start: int, stop: int) -> None:
         h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
         try:
-            raw = self.loop.run(block, start, stop)
+            raw = self.loop.run(block, start, stop, self.recording.room(len(block) - start))
         except NoValueError as fault:
             self.recording.flush(self.substep, check=False)
             raise runaway(fault.joint, fault.substep * h, str(fault), omega_h) from fault
         row = not_finite(raw)
         if row is None:
-            self.recording.take(block, start, raw)
-            self.row = raw[-1], [array[stop - 1] for array in block.arrays]
+            self.recording.take(block, start, stop)
+            self.row = raw[-1].copy(), block.arrays[:, :, stop - 1].copy()
             self.substep += stop - start
             return
-        self.recording.take(block, start, raw[: max(row, 1)])
+        self.recording.take(block, start, start + max(row, 1))
         self.substep += max(row, 1)
         self.recording.flush(self.substep, check=False)
         joint = blame(raw, row, self.prepared.drives)

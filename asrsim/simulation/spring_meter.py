@@ -26,8 +26,8 @@ MOTOR_VALUES = ("inertia", "damping", "min_position", "max_position")
 FULL = 1.0 - 1e-9
 """Share of its greatest speed at which a motor is held."""
 
-Mean = Callable[[int], Array]
-"""Means over the steps (joints, n) of a column."""
+Twice = Callable[[int], Array]
+"""Twice the means over the steps (joints, n) of a column: times half of what moved it is work."""
 
 
 def change(values: Array) -> Array:
@@ -35,11 +35,10 @@ def change(values: Array) -> Array:
     return values[:, 1:] - values[:, :-1]
 
 
-def _reaches(values: Array, ahead: Array, low: Any, high: Any) -> bool:
-    """Whether any of (joints, n) and (joints, 1) is at or beyond a limit; most motors have no stops."""
-    if not np.isfinite(low).any() and not np.isfinite(high).any():
-        return False
-    return any(bool((table >= high).any() or (table <= low).any()) for table in (values, ahead))
+def within(values: Array, low: Any, high: Any) -> bool:
+    """Whether all of (joints, n) are between their limits, numbers or (joints, 1): what is asked often is seldom otherwise."""
+    largest, smallest = values.max(axis=1, keepdims=True), values.min(axis=1, keepdims=True)
+    return bool(((largest < high) & (smallest > low)).all())
 
 
 class SpringMeter:
@@ -72,14 +71,15 @@ class SpringMeter:
         return twin
 
     def balance(
-        self, raw: Array, ahead: Array, mean: Mean, moved: Array, released: Array, cut: Array, ends: Any
+        self, beyond: Array, twice: Twice, half: Array, released: Array, cut: Array, ends: Any
     ) -> tuple[Array, Array, Array, dict[int, Array]]:
         """Work of the motors over the steps, energy in springs and in motors where it counts, and losses over the steps by
         flow, all in J.
 
-        moved: rad of the links; released: J that the springs gave; cut (n,): steps in which an input jumps; ends: rows at
-        which energies count.
+        beyond: raw records (columns, joints, n + 2); half: rad, of what the links moved; released: J that the springs gave;
+        cut (n,): steps in which an input jumps; ends: rows at which energies count.
         """
+        raw = beyond[:, :, :-1]
         flows: dict[int, Array] = {}
         places = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         absorbed: Any = 0.0
@@ -95,10 +95,10 @@ class SpringMeter:
             stored = self._energy(*(place[:, ends] for place in places))
         if not self.group.motors:
             return self._ideal(raw, cut, released + absorbed, pushed), stored, np.zeros_like(stored), flows
-        motors = [self._motor(index, raw, ahead, mean, ends) for index in range(1, self.group.motors + 1)]
+        motors = [self._motor(index, beyond, twice, ends) for index in range(1, self.group.motors + 1)]
         work, flows[LOST], kinetic = (reduce(np.add, parts) for parts in zip(*motors, strict=True))
         if self.group.actuator.adjuster:
-            work = work + self._adjuster(raw, cut, mean(SPRING_1), absorbed, moved)
+            work = work + self._adjuster(raw, cut, twice(SPRING_1), absorbed, half)
         return work, stored, kinetic, flows
 
     def _hysteresis(self, raw: Array) -> tuple[Array, Array, Array]:
@@ -128,32 +128,32 @@ class SpringMeter:
     def _energy(self, q: Array, theta_1: Array, theta_2: Array) -> Array:
         return self._law(q, theta_1, theta_2, self._elastic)
 
-    def _motor(self, index: int, raw: Array, ahead: Array, mean: Mean, ends: Any) -> tuple[Array, Array, Array]:
+    def _motor(self, index: int, beyond: Array, twice: Twice, ends: Any) -> tuple[Array, Array, Array]:
         """Work of motor `index` and what it lost over the steps, and its kinetic energy where it counts, in J."""
         base = MOTOR_1 if index == 1 else MOTOR_2
-        position, velocity = raw[base], raw[base + 1]
+        places, speeds = beyond[base], beyond[base + 1]
+        position, velocity = places[:, :-1], speeds[:, :-1]
         inertia, damping, low, high, fastest = self._motors[index - 1]
-        moved = change(position)
-        work = mean(base + 2)
-        work *= moved
-        lost = mean(base + 3)
-        lost += (damping / self.substep) * moved
-        lost *= moved
+        half = change(position)
+        half *= 0.5
+        work = twice(base + 2)
+        work *= half
+        lost = twice(base + 3)
+        lost += (4.0 * damping / self.substep) * half
+        lost *= half
         before = self._held[index - 1]
-        if before.any() or _reaches(position, ahead[base], low, high) or _reaches(velocity, ahead[base + 1], -fastest, fastest):
+        if before.any() or not (within(places, low, high) and within(speeds, -fastest, fastest)):
             # A stop and a speed limit take what is left over: the shock, and the torque that they hold. A kick that a limit
             # cuts short shows in its own row or in those beside it.
-            places = np.concatenate([position, ahead[base]], axis=1)
-            speeds = np.concatenate([velocity, ahead[base + 1]], axis=1)
             held = (places >= high) | (places <= low) | (np.abs(speeds) >= fastest)
             self._held[index - 1] = held[:, -3:-2]
             near = held[:, :-2] | held[:, 1:-1] | held[:, 2:]
             near[:, 1:] |= held[:, :-3]
             near[:, :1] |= before
-            spring = mean(SPRING_1 if index == 1 else SPRING_2) * moved
+            spring = twice(SPRING_1 if index == 1 else SPRING_2) * half
             lost = np.where(near, work - spring - change((0.5 * inertia) * (velocity * velocity)), lost)
-        speed = velocity[:, ends]
-        return work, lost, (0.5 * inertia) * (speed * speed)
+        counted = velocity[:, ends]
+        return work, lost, (0.5 * inertia) * (counted * counted)
 
     def _ideal(self, raw: Array, cut: Array, absorbed: Array, pushed: Any) -> Array:
         """Work in J of motors that are where they should be: the energy's change by their motion, link at its mean place.
@@ -165,10 +165,10 @@ class SpringMeter:
         before = self._energy(middle, theta_1[:, :-1], theta_2[:, :-1])
         return np.asarray(np.where(cut, absorbed, self._energy(middle, theta_1[:, 1:], theta_2[:, 1:]) - before + pushed))
 
-    def _adjuster(self, raw: Array, cut: Array, spring: Array, absorbed: Array, moved: Array) -> Array:
+    def _adjuster(self, raw: Array, cut: Array, spring: Array, absorbed: Array, half: Array) -> Array:
         """Work in J of an adjuster, which is where it should be: the energy's change by its motion at fixed deflection."""
         q, theta, lever = raw[POSITION], raw[MOTOR_1], raw[MOTOR_2]
         middle, motor = 0.5 * (q[:, :-1] + q[:, 1:]), 0.5 * (theta[:, :-1] + theta[:, 1:])
         work = self._energy(middle, motor, lever[:, 1:]) - self._energy(middle, motor, lever[:, :-1])
         # In a step in which it jumps its work is what spring, link and motor have absorbed.
-        return np.asarray(np.where(cut, absorbed + spring * (moved - change(theta)), work))
+        return np.asarray(np.where(cut, absorbed + spring * (half - 0.5 * change(theta)), work))

@@ -14,9 +14,9 @@ from asrsim.simulation.inputs import Block
 from asrsim.simulation.stretch import Joints, leave
 from asrsim.simulation.substep import BOUND, FORCE, RAW, Step
 
-FLUSH = 4_000
-"""Numbers, at most, of inputs and record that plain Python holds as lists, before the record moves to a compact array: short
-lists stay in the processor's cache."""
+PORTION, PLAIN_PORTION = 20_000, 4_000
+"""Numbers of the record, at most, that are written before they go to their columns: so many, and so many in the lists of plain
+Python, stay in the processor's cache meanwhile."""
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
 
@@ -42,31 +42,23 @@ def push_links(engine: Engine, wrenches: Array) -> None:
 def plain_stretch(engine: Engine, laws: Step, joints: Any, *, friction: bool) -> Stretch:
     """In plain Python. friction: that of joints varies."""
     count = len(joints) - 1
-    states, advance, own, where = engine.states, engine.advance, joints[:count], joints[count]
-    size = max(4, FLUSH // (count * len(RAW)))
+    states, advance, own = engine.states, engine.advance, joints[:count]
 
     def run(start: int, end: int, rows: Array, block: Block) -> None:
         pushed = block.wrenches.shape[1] > 0
-        for first in range(start, end, size):
-            stop = min(first + size, end)
-            inputs = block.stacked[first:stop].tolist()
-            record: list[list[Any]] = [[None] * count for _ in inputs]
-            try:
-                for k in range(stop - first):
-                    if pushed:
-                        push_links(engine, block.wrenches[first + k])
-                    laws(k, states(), joints, inputs, record)
-                    if friction:
-                        engine.set_friction([row[BOUND] for row in own])
-                    advance([row[FORCE] for row in own])
-            except UNDEFINED:
-                where[0] += first - start
-                raise
-            numbers = [number for rows_of_joints in record for row in rows_of_joints for number in row]
-            values = np.frombuffer(pack(f"{len(numbers)}d", *numbers))
-            rows[first - start : stop - start] = values.reshape(stop - first, *rows.shape[1:])
+        inputs = block.stacked[start:end].tolist()
+        record: list[list[Any]] = [[None] * count for _ in inputs]
+        for k in range(end - start):
+            if pushed:
+                push_links(engine, block.wrenches[start + k])
+            laws(k, states(), joints, inputs, record)
+            if friction:
+                engine.set_friction([row[BOUND] for row in own])
+            advance([row[FORCE] for row in own])
+        numbers = [number for rows_of_joints in record for row in rows_of_joints for number in row]
+        rows[:] = np.frombuffer(pack(f"{len(numbers)}d", *numbers)).reshape(rows.shape)
 
-    return run
+    return _in_portions(run, joints, PLAIN_PORTION)
 
 
 def no_kernel(engine: Engine) -> EngineKernel:
@@ -91,7 +83,7 @@ def stepped_stretch(engine: Engine, kernel: EngineKernel, one: Callable[..., Any
             advance(forces)
 
     run.owner = one  # type: ignore[attr-defined]
-    return run
+    return _in_portions(run, joints, PORTION)
 
 
 def whole_stretch(kernel: EngineKernel, whole: Callable[..., Any], joints: Any) -> Stretch:
@@ -100,5 +92,30 @@ def whole_stretch(kernel: EngineKernel, whole: Callable[..., Any], joints: Any) 
 
     def run(start: int, end: int, rows: Array, block: Block) -> None:
         whole(0, end - start, joints, block.stacked[start:end], rows, block.wrenches[start:end], world)
+
+    return _in_portions(run, joints, PORTION)
+
+
+def _in_portions(stretch: Stretch, joints: Any, numbers: int) -> Stretch:
+    """A stretch that writes C-contiguous rows, for rows in any order; `numbers`, at most, are written at a time."""
+    where, shape = joints[len(joints) - 1], (len(joints) - 1, len(RAW))
+    size = max(4, numbers // (shape[0] * shape[1]))
+    record = np.empty((size, *shape))
+
+    def run(start: int, end: int, rows: Array, block: Block) -> None:
+        ordered = rows.flags.c_contiguous
+        for first in range(start, end, size):
+            stop = min(first + size, end)
+            part = rows[first - start : stop - start]
+            if not ordered:
+                part = record[: stop - first]
+            try:
+                stretch(first, stop, part, block)
+            except UNDEFINED:
+                # The law counts from the portion's start.
+                where[0] += first - start
+                raise
+            if not ordered:
+                rows[first - start : stop - start] = part
 
     return run

@@ -85,7 +85,7 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
     sane = [True] * len(tracks)
     for parts in zip(*(one.parts for one in tracks), strict=True):
         samples = recorder.add(
-            [np.concatenate(arrays) for arrays in zip(*(part.inputs for part in parts), strict=True)],
+            _side_by_side([part.inputs for part in parts]),
             _side_by_side([part.raw for part in parts]),
             {k: np.concatenate([part.sides[k] for part in parts], axis=1) for k in parts[0].sides},
         )
