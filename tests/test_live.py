@@ -94,6 +94,25 @@ def test_a_live_run_is_repeated_from_its_log_bit_for_bit(tmp_path, seed):
     assert not found.missing
 
 
+def test_a_transport_that_cannot_be_had_costs_no_earlier_log(tmp_path):
+    run_live(tmp_path / "run", Script([]), changes=PLAIN, duration=0.1)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+
+    class Taken(Script):
+        def make(self, interface, access):
+            raise asrsim.AsrsimError("the port is taken")
+
+    script = Script([])
+    TRANSPORTS.add("first", TransportEntry(make=script.make, doc="", module="json"), replace=True)
+    TRANSPORTS.add("taken", TransportEntry(make=Taken([]).make, doc="", module="json"), replace=True)
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
+    session = Session(one, tmp_path / "run", Settings(speed=math.inf, duration=0.1, transports=["first", "taken"]))
+    with pytest.raises(asrsim.AsrsimError, match="the port is taken"):
+        session.run(stop=lambda: False)
+    assert script.closed
+    assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+
+
 def test_without_its_commands_the_log_is_not_repeated(tmp_path, monkeypatch):
     run_live(tmp_path / "run", Script(random_commands(1, 40)), changes=PLAIN)
     monkeypatch.setattr("asrsim.log.reader.LogReader.commands", lambda self: iter(()))

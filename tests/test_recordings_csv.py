@@ -297,7 +297,7 @@ def test_bad_mappings_say_what_is_expected(tmp_path: Path, mapping: list[str], w
         (["position_V"], [None]),
         (["tau_ref [N m]", "tau_cmd", "q"], ["reference_1", None, "link_position"]),
         (["tau_cmd [N m]", "q_cmd", "tau [N m]"], [None, "reference_1", "link_torque"]),
-        (["tau_d [N·m]", "torque [N-m]", "ref (N m)"], ["link_torque", None, "reference_1"]),
+        (["tau_d [N·m]", "torque [N-m]", "ref (N m)"], [None, "link_torque", "reference_1"]),
     ],
 )  # fmt: skip
 def test_guesses_by_name(tmp_path: Path, names: list[str], expected: list[str | None]) -> None:

@@ -47,6 +47,14 @@ def cells(*values: object) -> np.ndarray:
     return array
 
 
+def dspace(*signals: tuple[str, str, np.ndarray]) -> np.ndarray:
+    """Signals of a capture by dSPACE: name, unit and data; the first rate has half of the samples of the second."""
+    structs = np.zeros((1, len(signals)), dtype=[(key, object) for key in ("Name", "Unit", "Data", "XIndex")])
+    for i, (name, unit, data) in enumerate(signals):
+        structs[0, i] = (name, unit, data[None], 2 if len(data) == COUNT else 1)
+    return structs
+
+
 RECORD = np.rec.fromarrays([TIME, A, B], names="t,q1,q2")
 UNDERSTOOD: dict[str, tuple[str, bytes]] = {
     "LabVIEW with units": ("a.lvm", table(DEG, sep="\t", before=LVM)),
@@ -140,6 +148,23 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
     "stamps of messages in vectors": (
         "a.mat", matlab_file(log={"header_stamp_secs": 1.7e9 + ORDER // 100, "header_stamp_nsecs": ORDER % 100 * 1e7,
                                   "q1_in_deg": A * DEGREES, "q2_in_deg": B * DEGREES}),
+    ),
+    "a degree sign behind the name": ("a.csv", table(DEG, before="t,q1°,q2°\n")),
+    "a degree sign in the wrong encoding": ("a.csv", table(DEG, before="t,q1 [Â°],q2 [Â°]\n")),
+    "four bytes a sign": ("a.csv", table(ABQ, before="t,q1,q2\n", encoding="utf-32")),
+    "minutes and seconds": (
+        "a.csv", table([[f"{int(t // 60)}:{t % 60:06.3f}" for t in TIME + 58], A, B], before="time [min:s],q1,q2\n"),
+    ),
+    "a year of two digits behind its month": (
+        "a.csv", table([texts(TIME, "05/06/24 02:00:%06.3f PM"), A, B], before="Timestamp,q1,q2\n"),
+    ),
+    "dSPACE's paths and rates": (
+        "a.mat", matlab_file(lab={
+            "X": dspace(("", "", TIME[::2]), ("", "s", TIME + 1)),
+            "Y": dspace(("Model Root/Joint1/Position/Out1", "deg", A * DEGREES),
+                        ("Model Root/Joint2/Position/Out1", "deg", B * DEGREES), ("Model Root/Mode/Out1", "", A[::2])),
+            "Description": {"DateTime": "x"},
+        }),
     ),
     "another name of the time": ("a.mat", matlab_file(epoch_ms=1.7e12 + TIME * 1e3, q1=A, q2=B)),
     "numpy's dates": ("a.npz", numpy_file(time=np.datetime64("2024-05-06") + ORDER * np.timedelta64(10, "ms"), q1=A, q2=B)),
@@ -256,6 +281,48 @@ def test_an_angle_is_unwrapped_on_request(tmp_path: Path) -> None:
     np.testing.assert_allclose(column.values, 7 * (A - A[0]), atol=1e-6)
     assert "unwrapped" in column.conversion
     assert not [one for one in recording.findings if one.code == "wrapped"]
+
+
+OTHER = (
+    "min max lim limit offset bias zero home init noise fft gain kp ki kd norm rms sum sin cos std raw integral valid code "
+    "gravity friction"
+)
+"""Words beside a q that is none, or not the joint's."""
+NEAR = "sim model predicted est prev smooth ff delayed trial"
+"""Words beside a q that is one, if there is no other."""
+
+
+@pytest.mark.parametrize("pattern", ["q1_{}", "{}_q1", "{}Q1"])
+def test_words_that_make_another_quantity(tmp_path: Path, pattern: str) -> None:
+    names = [pattern.format(word) for word in OTHER.split()]
+    recording = read(tmp_path, "lab.csv", table([TIME, *[A] * len(names), B], before=f"t,{','.join(names)},q2\n"))
+    assert {name: recording.channels[name].quantity for name in names} == dict.fromkeys(names)
+    assert recording.quantities("joint_2") == ("link_position",)
+
+
+@pytest.mark.parametrize("pattern", ["q1_{}", "{}_q1 [rad]", "{}Q1"])
+def test_of_two_columns_of_a_quantity_the_plainest_name_is_taken(tmp_path: Path, pattern: str) -> None:
+    names = [pattern.format(word) for word in NEAR.split()]
+    content = table([TIME, *[B] * len(names), A * DEGREES], before=f"t,{','.join(names)},q1 [deg]\n")
+    recording = read(tmp_path, "lab.csv", content)
+    assert recording.column("joint_1", "link_position").source == "q1 [deg]"
+    assert [one.code for one in recording.findings if one.code == "second-column"]
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [("dQ1", "link_velocity"), ("dTheta1", "link_velocity"), ("ddQ1", None), ("ddtheta1", None), ("d_q1", None),
+     ("link1 Roll", None), ("link1_yaw [deg]", None), ("link1 angle", "link_position")],
+)  # fmt: skip
+def test_rates_and_angles_of_bodies_are_no_positions(tmp_path: Path, name: str, quantity: str | None) -> None:
+    recording = read(tmp_path, "lab.csv", table([TIME, A], before=f"t,{name}\n"))
+    assert recording.quantities("joint_1") == ((quantity,) if quantity else ())
+
+
+@pytest.mark.parametrize("name", ["dt [ms]", "dt", "period_us", "latency [s]"])
+def test_what_takes_time_is_no_time(tmp_path: Path, name: str) -> None:
+    with pytest.raises(RecordingError, match="no time column found"):
+        read(tmp_path, "lab.csv", table([10 + np.sin(17 * TIME), A, B], before=f"{name},q1,q2\n"))
 
 
 @pytest.mark.parametrize("name", ["qd1", "q_r1", "motor1_link_angle_x"])

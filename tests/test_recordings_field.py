@@ -487,6 +487,22 @@ def test_a_time_that_stays_behind_is_another_recording(tmp_path: Path, share: fl
         assert f"{behind} time stamps that go backward" in said(read(tmp_path, content).findings, "backward-time")
 
 
+@pytest.mark.parametrize("end", [0, -1])
+@pytest.mark.parametrize("stamp", [0.0, 1e3, 3e9])
+def test_an_end_that_is_of_another_clock_is_left_out(tmp_path: Path, end: int, stamp: float) -> None:
+    time = 1.7e9 + TIME
+    time[end] = stamp
+    (tmp_path / "lab.csv").write_bytes(table([time, A, B], before="t,q1,q2\n", number="%.14g"))
+    recording = read_recording(tmp_path / "lab.csv", joints=["joint_1", "joint_2"])
+    column = recording.column("joint_1", "link_position")
+    kept = slice(1, None) if end == 0 else slice(None, -1)
+    assert column.values == pytest.approx(A[kept])
+    np.testing.assert_allclose(column.time - column.time[0], TIME[:-1], atol=1e-6)
+    assert column.time[0] == 0.0
+    assert recording.epoch == pytest.approx(1.7e9 + TIME[kept][0])
+    assert [one.code for one in recording.findings] == ["stray-time"]
+
+
 @pytest.mark.parametrize(("place", "stamp"), [(0, 500.0), (120, 9.0), (120, 1e7), (120, -3.0), (296, 50.0)])
 def test_one_bad_stamp_refuses_no_file(tmp_path: Path, place: int, stamp: float) -> None:
     time = TIME.copy()

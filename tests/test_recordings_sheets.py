@@ -121,6 +121,8 @@ def test_one_array_of_numpy(tmp_path: Path):
         ("lab.xls", b"\xd0\xcf\x11\xe0", "is an old Excel workbook"), ("lab.csv", b"PK\x03\x04", "is a zip archive"),
         ("lab.xlsx", b"PK\x03\x04", "is a zip archive"), ("lab.parquet", b"PAR1", "cannot be read"),
         ("lab.feather", b"ARROW1", "cannot be read"), ("lab.npy", b"\x93NUMPY\x01", "cannot be read"),
+        ("arm.tdms", b"TDSm", "is a TDMS file"), ("arm.mf4", b"MDF     4.10", "is a measurement file by ASAM"),
+        ("walk.c3d", b"\x02P\x01\x00", "is a C3D file.*Export it as CSV"), ("lab.csv.xz", b"\xfd7zXZ\x00", "Unpack it: unxz /"),
     ],
 )  # fmt: skip
 def test_what_is_not_read_says_what_it_is_and_what_to_do(tmp_path: Path, name: str, start: bytes, words: str):

@@ -142,13 +142,14 @@ class Session:
         began = clock.perf_counter()
         with ExitStack() as stack, self._priority, quiet_collector():
             stack.callback(self.simulation.close)
-            self.episode.open(self._folder, overwrite=self._overwrite)
-            stack.callback(self.episode.abandon)
+            # First what may fail: an earlier run's log is not given up for a port that is taken.
             for name in self.settings.transports:
                 transport = TRANSPORTS.get(name).make(self.interface, self.settings.access)
                 stack.callback(transport.close)
                 self.transports.append(transport)
                 self._tell(f"{name}: {transport.where}")
+            self.episode.open(self._folder, overwrite=self._overwrite)
+            stack.callback(self.episode.abandon)
             error = None
             self.pace.start()
             looked = clock.perf_counter()

@@ -14,9 +14,9 @@ from asrsim.recordings.columns import KNOWN, columns_of
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, Recording
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.names import find_column, stated_unit
+from asrsim.recordings.names import VOCABULARY, find_column, stated_unit, tokens_of
 from asrsim.recordings.oddities import oddities
-from asrsim.recordings.units import fits, unknown_unit
+from asrsim.recordings.units import fits, split_header, unknown_unit
 from asrsim.recordings.unstated import unstated
 
 _NAMED = 12
@@ -111,12 +111,19 @@ def _shown(names: Sequence[str]) -> tuple[str, ...]:
     return (*names[:_NAMED], f"and {len(names) - _NAMED} more") if len(names) > _NAMED + 1 else tuple(names)
 
 
+def _spare(name: str) -> list[str]:
+    """Words of a column's name beside those of quantities."""
+    return [word for word in tokens_of(split_header(name)[0]) if not word.isdigit() and word not in VOCABULARY]
+
+
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
-    """One column a quantity: what was said wins over what the file names, and that over a guess; then the first."""
+    """One column a quantity: what was said wins over what the file names, and that over a guess; then the plainest name, q1
+    before q1_simulated; then the first."""
     rank = {"command line": 0, "map file": 0, "named in the file": 1}
     # A position that was told stands before the torque that a controller made of it.
     torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
-    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], i))
+    spare = [len(_spare(column.source)) if column.origin.startswith("guessed") else 0 for column in columns]
+    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], spare[i], i))
     owner: dict[tuple[str | None, str], int] = {}
     problems: list[Problem] = []
     result = list(columns)

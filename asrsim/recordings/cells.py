@@ -14,8 +14,8 @@ _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
 _GROUPED = re.compile(r"[-+]?\d{1,3}(?P<mark>[.,' ])\d{3}(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
 """Marks between thousands, beside a decimal mark that tells them apart."""
 _STAMP = re.compile(
-    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?\.\d\d?\.\d\d(?= \d\d?:)|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])"
-    r"|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.,/-]|$)"
+    r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?(?P<mark>[./])\d\d?(?P=mark)\d\d(?= \d\d?:)"
+    r"|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.,/-]|$)"
 )
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
@@ -106,7 +106,7 @@ def stamp_ns(cell: str) -> int | None:
     if days:  # pandas' time since the start
         text = text[days.end() :]
     elif re.fullmatch(r"\d\d?:\d\d\.\d+", text):  # Excel shows minutes and seconds
-        text = f"00:{text}"
+        text = f"00:{text:0>{len(text) + (text[1] == ':')}}"
     fraction = re.search(r"(:\d\d|[T ]\d{6})\.(\d+)", text)
     digits = fraction[2] if fraction else ""
     whole = text if fraction is None else text[: fraction.start(2) - 1] + text[fraction.end(2) :]
@@ -147,7 +147,7 @@ def _moment(text: str) -> datetime:
         parts = [_MONTHS.index(part.lower()) + 1 if part.isalpha() else int(part) for part in re.split(r"[./-]", date)]
         # 2024/5/6 is year first; 6.5.2024 and 6-May-2024 day first; 5/6/2024 month first.
         swapped = "/" not in date
-        parts = [*parts[:2], parts[2] + 2000] if swapped and max(parts) < 100 else parts  # 6.5.24
+        parts = [*parts[:2], parts[2] + 2000] if max(parts) < 100 else parts  # 6.5.24, 5/6/24
         year, month, day = parts if parts[0] > 31 else (parts[2], parts[1], parts[0]) if swapped else (parts[2], *parts[:2])
         clock = clock.strip() or "00:00:00"
         return datetime.fromisoformat(f"{year:04d}-{month:02d}-{day:02d}T{clock.zfill(len(clock) + (clock[1:2] == ':'))}")

@@ -15,7 +15,7 @@ from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.foreign import from_hdf5
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.matlab_struct import TIME_NAMES, column_names, has_time, label_of, unit_of
+from asrsim.recordings.matlab_struct import TIME_NAMES, captured, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
 from asrsim.recordings.stamps import parts_of
 from asrsim.recordings.time_columns import TIME_WORDS, told_rate
@@ -123,8 +123,14 @@ def _tables(
     for name, value in content.items():
         if name.lower() in TIME_NAMES:
             _add(times, name, value)
-    if isinstance(content.get("X"), Mapping) and "Y" in content:  # dSPACE: X is the time of all in Y
-        _add(table, "time", content["X"].get("Data"))
+    for clock, signals in (capture := captured(content)):
+        columns: dict[str, Array] = {}
+        _add(columns, "time", clock)
+        for name, value in signals.items():
+            _add(columns, name, value)
+        yield prefix, columns
+    if capture:
+        return
     for name, value in content.items():
         if type(value).__name__ in _OBJECTS:
             # Before all others: such a value is an array of objects, too.

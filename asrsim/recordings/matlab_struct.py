@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,6 +20,28 @@ def label_of(item: Mapping[str, Any]) -> str:
         if isinstance(item.get(key), str) and item[key]:
             return str(item[key]).rpartition("/")[2]
     return ""
+
+
+def captured(content: Mapping[str, Any]) -> list[tuple[Any, dict[str, Any]]]:
+    """What dSPACE captured: of each of its rates the times in X, and the signals in Y by what tells their paths apart."""
+    clocks, signals = _structs(content.get("X")), _structs(content.get("Y"))
+    if not clocks or not signals:
+        return []
+    paths = [re.sub(r"/(?:In|Out)\d*$", "", str(one.get("Name", "")).replace('"', "")).split("/") for one in signals]
+    while len(paths) > 1 and all(len(path) > 1 for path in paths) and len({path[0] for path in paths}) == 1:
+        paths = [path[1:] for path in paths]
+    tables: list[tuple[Any, dict[str, Any]]] = [(clock["Data"], {}) for clock in clocks]
+    for path, signal in zip(paths, signals, strict=True):
+        rate = signal.get("XIndex", 1)
+        place = int(rate) - 1 if isinstance(rate, int) and 0 < rate <= len(tables) else 0
+        tables[place][1]["/".join(path) + unit_of(signal, "Data")] = signal["Data"]
+    return tables
+
+
+def _structs(value: Any) -> list[Mapping[str, Any]]:
+    """A struct, or those of an array, if each holds data."""
+    found = [value] if isinstance(value, Mapping) else [*value] if isinstance(value, list | np.ndarray) else []
+    return found if all(isinstance(one, Mapping) and "Data" in one for one in found) else []
 
 
 def has_time(item: Mapping[str, Any]) -> bool:

@@ -37,8 +37,14 @@ _FOREIGN = {
     "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
     "temperature", "status", "index", "acc", "acceleration",
     "ddq", "qdd", "qacc", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance",
-    "std", "covariance", "id", "seq", "flag", "strain", "gauge",
+    "std", "covariance", "id", "seq", "flag", "strain", "gauge", "ddtheta", "dd", "sin", "cos", "tan", "min", "max", "lim",
+    "limit", "limits", "offset", "bias", "zero", "home", "init", "initial", "noise", "fft", "psd", "gain", "kp", "ki", "kd",
+    "norm", "rms", "sum", "integral", "derivative", "counter", "valid", "ok", "code", "resolution", "damping", "friction",
+    "fric", "gravity", "grav", "coriolis", "inertia",
 }  # fmt: skip
+"""Words beside which a position, velocity or torque is not the joint's: what it is measured in, bounds, parts, statistics."""
+_TURNED = {"roll", "pitch", "yaw"}
+"""Angles of a body: a link's are those of no joint."""
 _ELECTRIC = {*(f"motor_{i}_{what}" for i in (1, 2) for what in ("voltage", "current")), "reference_1", "reference_2"}
 """What is in V or A only where a column is called so to the letter: drives record voltages and currents of many kinds."""
 VOCABULARY = {
@@ -67,7 +73,8 @@ class Guess:
 
 def tokens_of(name: str) -> list[str]:
     """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    text = re.sub(r"(?<![A-Za-z])dd?(?:Q|Theta)(?![a-z])", lambda match: match[0].lower(), name)  # dQ1 is a velocity
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     words: list[str] = []
     for word in re.findall(r"[A-Za-zÀ-ÿ]+|\d+", text):
         lower = word.lower()
@@ -192,7 +199,7 @@ def _quantity(
 ) -> tuple[str | None, int | None]:
     """Quantity of the words, and the number that belongs to it (motor_2, reference_1, el1)."""
     found = set(plain)
-    if found & _FOREIGN:
+    if found & _FOREIGN or (found & _TURNED and found & _POSITION == {"link"}):
         return None, None
     velocity, torque, reference = bool(found & _VELOCITY), bool(found & _TORQUE), bool(found & _REFERENCE)
     reference = reference or ("set" in found and bool(found & _POSITION))
@@ -204,7 +211,8 @@ def _quantity(
             return None, None
         reference = True
     if found & _POSITION and not reference:
-        if "r" in found:  # a reference, or the right one
+        # A reference, or the right one; d_q is a velocity to some, desired to others.
+        if "r" in found or any(one == "d" and other in _POSITION for one, other in pairwise(words)):
             return None, None
         reference = "d" in found
     if found & {"deflection", "defl"}:

@@ -71,6 +71,8 @@ def encoding_of(path: Path) -> str:
         start = stream.read(65536)
     if not start.strip(b"\xef\xbb\xbf \t\r\n"):
         raise RecordingError("the file is empty", file=path, code="empty", hint="Expected a header and rows of numbers")
+    if start.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return "utf-32"
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     refuse_foreign(path, start)

@@ -57,7 +57,8 @@ _WHOLE = 0.9
 """Share of rows that must have a stamp for all rows to be of one kind of message."""
 _COUNTERS = {"tick", "ticks", "count", "counts", "counter", "cycle", "cycles", "sample", "samples", "frame", "frames", "index"}
 """Words of what rises evenly and is no time, for want of what one of it takes."""
-_MEASURED = {"at", "rise", "delay", "sample", "step", "constant"}
+_MEASURED = {"at", "rise", "delay", "sample", "step", "constant", "dt", "delta", "period", "interval", "latency", "jitter"}
+"""Words of what takes time and tells none."""
 
 
 def time_columns(

@@ -91,7 +91,9 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
                         key=name, hint=f"If these are ms: --map '{name}=time [ms]'", code="time-unit-assumed")
             )  # fmt: skip
     if size * factor > EPOCH:
-        zero = float(finite[0])
+        # The first alone may be of another clock: a message from before this one was set.
+        far = np.abs(finite - np.median(finite)) * factor > EPOCH
+        zero = float(finite[1 if far[0] and far.sum() == 1 else 0])
         # A float of 1.7e9 s resolves 2.4e-7 s: rounded to what was written, a sample at 0.2 s is at 0.2 s again.
         digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
         return np.round((values - zero) * factor, digits), zero * factor, findings
@@ -169,6 +171,7 @@ def clean_time(
         raise RecordingError(
             f"{len(t)} samples with a valid time; at least 2 are needed", file=path, key=name, code="too-short"
         )
+    t, w = _without_end(t, w, valid, findings, path=path, name=name, noun=noun)
     _one_base(t, w, path=path, name=name, noun=noun)
     top = np.maximum.accumulate(t)
     fresh = np.concatenate(([True], t[1:] > top[:-1] + NEAREST))
@@ -207,14 +210,37 @@ def clean_time(
     return keep, findings
 
 
-def _one_base(t: Array, where: NDArray[np.int64], *, path: Path, name: str, noun: str) -> None:
-    """Raise where one step dwarfs all the others: a clock that was set, or two clocks in one column."""
+def _without_end(
+    t: Array, where: NDArray[np.int64], valid: NDArray[np.bool_], findings: list[Problem], *, path: Path, name: str, noun: str
+) -> tuple[Array, NDArray[np.int64]]:
+    """Times and their lines without a first or last stamp that is of another clock than all the others: a robot's first message
+    before its clock was set, a line that was cut. `valid` follows."""
+    jump = _jump(t)
+    if jump not in (0, len(t) - 2):
+        return t, where
+    end = 0 if jump == 0 else len(t) - 1
+    findings.append(
+        Problem(f"the {'first' if end == 0 else 'last'} time stamp is {abs(t[jump + 1] - t[jump]):g} s off, of another clock "
+                f"than all the others, dropped: {noun} {where[end]}", file=path,
+                line=int(where[end]) if noun == "line" else None, key=name, code="stray-time")
+    )  # fmt: skip
+    valid[np.flatnonzero(valid)[end]] = False
+    return np.delete(t, end), np.delete(where, end)
+
+
+def _jump(t: Array) -> int | None:
+    """The step that dwarfs all the others, None where none does."""
     steps = np.abs(np.diff(t))
     if len(steps) < 3:
-        return
+        return None
     worst = int(np.argmax(steps))
     rest = float(np.sum(np.delete(steps, worst))) or float(np.median(steps))
-    if steps[worst] > max(1e3 * rest, 3600.0) and rest > 0:
+    return worst if steps[worst] > max(1e3 * rest, 3600.0) and rest > 0 else None
+
+
+def _one_base(t: Array, where: NDArray[np.int64], *, path: Path, name: str, noun: str) -> None:
+    """Raise where one step dwarfs all the others: a clock that was set, or two clocks in one column."""
+    if (worst := _jump(t)) is not None:
         raise RecordingError(
             f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s at {noun} {where[worst + 1]}: two time bases", file=path,
             line=int(where[worst + 1]) if noun == "line" else None, key=name,

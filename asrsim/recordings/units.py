@@ -96,6 +96,7 @@ _LOWER["nm"] = UNITS["Nm"]
 _LOWER["hz"] = UNITS["Hz"]
 
 _SIGNS = (
+    ("Â", ""),  # what UTF-8 read as Latin-1 puts before a degree sign
     ("²", "^2"),
     ("⁻¹", "^-1"),
     ("\u2212", "-"),
@@ -120,6 +121,8 @@ _DASH = re.compile(r"(?<=[\w\])])[-.]")
 _SLASH = re.compile(r"^.*?\S(?P<sign>\s+(?:/|in)\s+)(?=\S)")
 _TIGHT = re.compile(r"^(?:[^/\[(<{]|[\[(<{]\w*[\])>}])*(?<!\s)/(?=[^/]+(?:/s)?$)")
 _PLACE = re.compile(r"(?P<array>.*\S)(?P<place>[\[(]\d+[\])])")
+_SIGN = re.compile(r"(?P<name>.*[\w\])])(?P<unit>[°º˚](?:/s(?:ec)?)?)")
+"""`q1°`."""
 _SINGLE = re.compile("[A-Za-z]")
 _AMONG = re.compile(
     r"(?:(?<![A-Za-z])|(?<=[a-z])(?=[A-Z]))"
@@ -206,6 +209,8 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         return behind
     if (match := _TIGHT.match(text)) and (unit := find_unit(text[match.end() :])) is not None:
         return text[: match.end() - 1], unit
+    if (match := _SIGN.fullmatch(text)) and (unit := find_unit(match["unit"])) is not None:
+        return match["name"], unit
     if (among := _AMONG.search(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
         rest = (text[: among.start()] + " " + text[among.end() :]).strip(" _-.")
         return (rest, found) if rest else (text, None)

@@ -83,7 +83,9 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(CELL[0] * columns + 1.0, CELL[1] * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    figure.suptitle(str(table.manifest["name"]), x=0.01, ha="left")
+    every = len(told(table))
+    left = f" · {len(names)} of {every} results (others: --result)" if len(names) == MOST < every else ""
+    figure.suptitle(f"{table.manifest['name']}{left}", x=0.01, ha="left")
     for axis, name in zip(axes, names, strict=False):
         # Points and bars are not cut in half by the edge of a panel.
         axis.margins(0.03, 0.06)
