@@ -13,6 +13,9 @@ STOP_SHARE = 0.2
 """Share of a joint's way beyond its stop that one step takes back, as PyBullet does."""
 SINGLE_AFTER = 12
 """Rounds of pivoting after which only one joint changes at a time, which cannot go in circles."""
+FULL, FACTORS = -2, -1
+"""Places in `known`, behind the joints: of the mass matrix, and of its factors, which are not needed where most joints
+are held."""
 SLACK = 1e-12
 """Relative excess of an impulse over its bound that rounding may give."""
 
@@ -21,13 +24,14 @@ def _unbound(*arguments: Any) -> None:
     raise NotImplementedError("bound by asrsim.engines.mujoco_library")
 
 
-mj_solveM = mj_fullM = _unbound  # noqa: N816  (the library's names)
+mj_makeM = mj_factorM = mj_solveM = mj_fullM = _unbound  # noqa: N816  (the library's names)
 
 
 def settle(world: Any, kick: float) -> None:
     """Change of velocity under the impulses, with friction and stops: each keeps its joint at `target` or gives its bound."""
+    mj_makeM(world.model, world.data)
     active = 0
-    world.known[len(world.friction)] = 0
+    world.known[FULL] = world.known[FACTORS] = 0
     for j in range(len(world.friction)):
         most = world.friction[j] * kick
         low, high, target = -most, most, 0.0
@@ -45,12 +49,20 @@ def settle(world: Any, kick: float) -> None:
             if (world.held[j] > 0 and high == inf) or (world.held[j] < 0 and low == -inf):
                 world.held[j] = 0
     if not active:
-        mj_solveM(world.model, world.data, world.at_change, world.at_impulse, 1)
+        _give(world, world.at_change, world.at_impulse)
         return
     for attempt in range(3 * len(world.friction) + 4 * SINGLE_AFTER):
         _try(world)
         if not _swap(world, attempt >= SINGLE_AFTER):
             break
+
+
+def _give(world: Any, at_velocities: int, at_impulses: int) -> None:
+    """The velocities that impulses give free joints, at their addresses."""
+    if not world.known[FACTORS]:
+        mj_factorM(world.model, world.data)
+        world.known[FACTORS] = 1
+    mj_solveM(world.model, world.data, at_velocities, at_impulses, 1)
 
 
 def _try(world: Any) -> None:
@@ -75,14 +87,14 @@ def _hold(world: Any, count: int) -> None:
     """Impulses of the `count` held joints from what a unit impulse at each gives the others."""
     size = len(world.qvel)
     square = world.square
-    mj_solveM(world.model, world.data, world.at_change, world.at_push, 1)
+    _give(world, world.at_change, world.at_push)
     for a in range(count):
         j = world.pick[a]
         if not world.known[j]:
             for i in range(size):
                 world.push[i] = 0.0
             world.push[world.joint_v[j]] = 1.0
-            mj_solveM(world.model, world.data, world.at_columns + 8 * size * int(j), world.at_push, 1)
+            _give(world, world.at_columns + 8 * size * int(j), world.at_push)
             world.known[j] = 1
     for a in range(count):
         for b in range(a, count):
@@ -99,9 +111,9 @@ def _move_others(world: Any, count: int) -> None:
     """The same where most are held: first the change of what is not, then what it takes to hold the `count` others."""
     size = len(world.qvel)
     mass, change, loose, square = world.mass, world.change, world.loose, world.square
-    if not world.known[len(world.friction)]:
+    if not world.known[FULL]:
         mj_fullM(world.model, world.data, world.at_mass)
-        world.known[len(world.friction)] = 1
+        world.known[FULL] = 1
     for i in range(size):
         loose[i] = i
         change[i] = 0.0

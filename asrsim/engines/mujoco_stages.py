@@ -17,8 +17,8 @@ def _unbound(*arguments: Any) -> None:
     raise NotImplementedError("bound by asrsim.engines.mujoco")
 
 
-mj_kinematics = mj_comPos = mj_makeM = mj_factorM = mj_comVel = _unbound  # noqa: N816  (the library's names)
-mj_rne = mj_solveM = mj_integratePos = mj_applyFT = _unbound  # noqa: N816
+mj_kinematics = mj_comPos = mj_comVel = _unbound  # noqa: N816  (the library's names)
+mj_rne = mj_integratePos = mj_applyFT = _unbound  # noqa: N816
 
 ROUTINES = {
     "mj_kinematics": "mm", "mj_comPos": "mm", "mj_makeM": "mm", "mj_factorM": "mm", "mj_comVel": "mm", "mj_rne": "mmim",
@@ -44,9 +44,6 @@ def stage(world: World, number: int) -> None:
             _put_joints(world)
         mj_kinematics(world.model, world.data)
         mj_comPos(world.model, world.data)
-        if number != CORRECT:
-            mj_makeM(world.model, world.data)
-            mj_factorM(world.model, world.data)
         if number == LOOK:
             _read_joints(world)
             return

@@ -59,9 +59,9 @@ class World(NamedTuple):
     columns: Numbers
     """(n, v) velocities that a unit impulse at a joint gives, where `known` is 1."""
     mass: Numbers
-    """(v, v) kg m^2, where the last of `known` is 1."""
+    """(v, v) kg m^2, where `known` says so."""
     known: Numbers
-    """(n + 1,)"""
+    """(n + 2,) integers."""
     pick: Numbers
     loose: Numbers
     """(v,) integers, and numbers: work space for what no friction holds."""
@@ -122,7 +122,7 @@ def make_world(
     addresses = {f"at_{name}": array.ctypes.data for name, array in arrays.items() if f"at_{name}" in World._fields}
     arrays |= {name: np.zeros(n) for name in ("positions", "velocities", "forces", "low", "high", "target")}
     arrays |= {name: np.zeros(n, dtype=np.int64) for name in ("held", "pick")}
-    arrays |= {"known": np.zeros(n + 1, dtype=np.int64), "loose": np.zeros(size, dtype=np.int64)}
+    arrays |= {"known": np.zeros(n + 2, dtype=np.int64), "loose": np.zeros(size, dtype=np.int64)}
     return World(
         model=model._address, data=data._address, scheme=np.array([1e-3, 1.5, -0.5, 1.0]),
         qpos=data.qpos, qvel=data.qvel, joint_q=at_q, joint_v=at_v, free=int(free),

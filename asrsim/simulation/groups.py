@@ -31,11 +31,11 @@ class Group:
     @property
     def elastic(self) -> tuple[Any, ...]:
         """Parameters of the springs, for laws on arrays: numbers, or columns (joints, 1) where the joints differ."""
-        return tuple(map(_column, zip(*(drive.elastic for drive in self.drives), strict=True)))
+        return tuple(map(column, zip(*(drive.elastic for drive in self.drives), strict=True)))
 
     def value(self, name: str) -> Any:
         """A parameter of all joints, likewise."""
-        return _column([drive.values[name] for drive in self.drives])
+        return column([drive.values[name] for drive in self.drives])
 
     def electricity(self, raw: Array) -> dict[str, Array]:
         """Currents in A and voltages in V of the motors, (joints, n), of raw records (columns, joints, n); NaN where a motor is
@@ -62,5 +62,6 @@ def spring_groups(drives: Sequence[SteppedJoint]) -> tuple[Group, ...]:
     )
 
 
-def _column(values: Sequence[float]) -> Any:
+def column(values: Sequence[float]) -> Any:
+    """A parameter of all joints, for arrays (joints, n): a number, or (joints, 1) where the joints differ."""
     return values[0] if len(set(values)) == 1 else np.array(values, dtype=float)[:, None]

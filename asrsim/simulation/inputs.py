@@ -145,8 +145,8 @@ class Inputs:
 
     def _goals(self, inputs: Array, columns: int = READINGS) -> Array:
         """What the joints take, (columns, joints, n): inputs (3, joints, n) through the reference map, and room for sensors."""
-        goals = np.zeros((columns, *inputs.shape[1:]))
-        goals[:READINGS] = inputs
+        goals = np.empty((columns, *inputs.shape[1:]))
+        goals[:READINGS], goals[READINGS:] = inputs, 0.0
         for rows, law in self._maps:
             goals[0, rows], goals[1, rows] = law(inputs[0, rows], inputs[1, rows])
         return goals

@@ -17,7 +17,7 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import ENERGIES, EnergyMeter
-from asrsim.simulation.groups import Group, spring_groups
+from asrsim.simulation.groups import Group, column, spring_groups
 from asrsim.simulation.inputs import grid
 from asrsim.simulation.spring_meter import within
 from asrsim.simulation.steppings import Stepping
@@ -117,9 +117,9 @@ class Recorder:
         self._limits = [_limits_of(group) for group in groups]
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
-        self._efforts = np.array([[drive.joint.most_effort] for drive in drives])
-        self._lowest, self._highest = np.array([drive.joint.stops for drive in drives]).T[:, :, None]
-        self._fastest = np.array([[drive.joint.velocity or np.inf] for drive in drives])
+        self._efforts = column([drive.joint.most_effort for drive in drives])
+        self._lowest, self._highest = map(column, zip(*(drive.joint.stops for drive in drives), strict=True))
+        self._fastest = column([drive.joint.velocity or np.inf for drive in drives])
 
     def __deepcopy__(self, memo: Any) -> Recorder:
         """A recorder that goes on from here: what never changes is shared."""

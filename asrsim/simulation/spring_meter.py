@@ -37,8 +37,9 @@ def change(values: Array) -> Array:
 
 def within(values: Array, low: Any, high: Any) -> bool:
     """Whether all of (joints, n) are between their limits, numbers or (joints, 1): what is asked often is seldom otherwise."""
-    largest, smallest = values.max(axis=1, keepdims=True), values.min(axis=1, keepdims=True)
-    return bool(((largest < high) & (smallest > low)).all())
+    if isinstance(low, float) and isinstance(high, float):
+        return bool(values.max() < high and values.min() > low)
+    return bool(((values.max(axis=1, keepdims=True) < high) & (values.min(axis=1, keepdims=True) > low)).all())
 
 
 class SpringMeter:
