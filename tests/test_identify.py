@@ -32,6 +32,7 @@ from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
 from asrsim.identification.solver import cost_of
+from asrsim.identification.task import task_of
 from asrsim.identification.write import as_dict, torn_numbers, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot, with_overrides
@@ -431,14 +432,39 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     assert checked.exit_code == 0, checked.output
     assert "only looked" in checked.output
     assert identify(str(path), check=True).status == "checked"
-    refused = CliRunner().invoke(app, ["identify", str(path), "--hold-out", "0", "--loss", "linear"])
-    assert refused.exit_code == 1
     with pytest.raises(InputError, match="without it: experiments"):
         identify(path, [lab / "a.csv"])
+    with pytest.raises(InputError, match="is no loss"):
+        identify(path, loss="none")
     path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
     with pytest.raises(InputError) as found:
         read_task(path)
     assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+
+
+def test_what_is_said_beside_a_fit_file_is_added_to_it_or_stands_in_its_place(lab, tmp_path):
+    path, default = tmp_path / "fit.yaml", make_task(lab / "lab.yaml", [lab / "a.csv"])
+    path.write_text(
+        f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nstarts: 3\nloss: linear\n"
+        "free:\n  joint_1.damping: 0.1\n  joint_1.spring_stiffness: 3\nties: {joint_1.friction: 0.5 * joint_1.damping}\n"
+    )
+    said = [
+        "--free",
+        "link_1.izz=0.01",
+        "--free",
+        "joint_1.damping=0.2",
+        "--tie",
+        "joint_1.friction=joint_1.damping",
+        "--check",
+    ]
+    more = ["--validate", str(lab / "b.csv"), "--loss", default.loss, "--json"]
+    checked = CliRunner().invoke(app, ["identify", str(path), *said, *more])
+    assert checked.exit_code == 0, checked.output
+    told = {one["key"]: one["start"] for one in json.loads(checked.output)["estimates"]}
+    assert told == {"joint_1.damping": 0.2, "joint_1.spring_stiffness": 3.0, "link_1.izz": 0.01}
+    task = task_of(path, [], ties=["joint_1.friction=joint_1.damping"], own=["joint_1.damping"], loss=default.loss, seed=7)
+    assert (task.starts, task.loss, task.seed, task.hold_out) == (3, default.loss, 7, default.hold_out)
+    assert (task.ties, task.free["joint_1.damping"].own) == ((Tie(key="joint_1.friction", to="joint_1.damping"),), True)
 
 
 def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):

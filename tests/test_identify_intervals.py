@@ -18,6 +18,7 @@ from asrsim.identification.layout import make_layout
 from asrsim.identification.limits import BITES, REACHED, RELEASES, _starts
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.nulls import combinations
+from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Residuals
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -112,6 +113,24 @@ def test_what_is_at_its_bound_leaves_others_as_open_as_it_is_itself(met: bool):
     found = uncertainty(_Linear(slopes), np.zeros(2), [met, False], foreseen=True)
     assert found.deviation[1] == pytest.approx(np.sqrt(np.linalg.inv(slopes.T @ slopes)[1, 1]), rel=1e-3)
     assert found.deviation[1] > 2.0 / np.linalg.norm(slopes[:, 1])
+
+
+@pytest.mark.parametrize("bent", [0.0, 3e3])
+def test_a_profile_whose_others_follow_is_never_above_that_whose_others_stay(bent: float):
+    """Though blocks widen the deviations, one more than another, or slopes hold only near the estimate."""
+    slopes = np.random.default_rng(0).normal(size=(200, 3)) @ [[1.0, 0.9, 0.5], [0.0, 0.4, -0.3], [0.0, 0.0, 0.2]]
+    found = uncertainty(_Linear(slopes), np.zeros(3), [False] * 3, foreseen=True)
+    found = found.with_deviation(found.deviation * [1.0, 8.0, 3.0], found.quantile)
+
+    class Bent(_Linear):
+        def __call__(self, x):
+            return super().__call__(x) + bent * (x @ [1.0, 2.0, -1.0]) ** 2 * np.cos(np.arange(200))
+
+    residuals = Bent(slopes)
+    residuals.layout.entries = [SimpleNamespace(value=lambda place: place)] * 3
+    for one in profiles(residuals, np.zeros(3), found):
+        there, followed = one.followed
+        assert np.all(followed <= np.interp(there, *one.alone) * (1.0 + 1e-9) + 1e-9)
 
 
 @pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.2, True), (3.0, False)])

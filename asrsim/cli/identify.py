@@ -55,11 +55,20 @@ def identify(
     variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
     overrides: Overrides = None,
     hold_out: Annotated[
-        float, typer.Option(min=0.0, max=0.9, help="Share at the end of each recording that is only predicted.")
-    ] = 0.25,
-    loss: Annotated[str, typer.Option(help="huber (outliers count little) or linear.")] = "huber",
-    starts: Annotated[int, typer.Option(min=1, help="Starts that are tried, at most, until one fits.")] = 6,
-    seed: Annotated[int, typer.Option(min=0, help="Of scattered starts.")] = 0,
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=0.9,
+            help="Share at the end of each recording that is only predicted.",
+            show_default="0.25",
+        ),
+    ] = None,
+    loss: Annotated[str | None, typer.Option(help="huber (outliers count little) or linear.", show_default="huber")] = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(min=1, help="Starts that are tried, at most, until one fits.", show_default="6"),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of scattered starts.", show_default="0")] = None,
     search: Annotated[bool, typer.Option("--global", help="Search globally first (slow).")] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
@@ -88,15 +97,17 @@ def identify(
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
     A file of all of it, from a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
+    What is said beside a fit file is added to it, or stands in place of what it says.
     """
     from asrsim.cli.console import json_errors
     from asrsim.identification.task import task_of
 
-    given: dict[str, Any] = {
-        "validate": validate or [], "free": free or [], "ties": tie or [], "own": own or [], "compare": tuple(compare or ()),
-        "mapping": mapping or [], "rate": rate, "variant": variant, "overrides": overrides or [], "hold_out": hold_out,
-        "loss": loss, "starts": starts, "seed": seed, "search": search, "plugins": plugin or [],
+    options: dict[str, Any] = {
+        "validate": validate, "free": free, "ties": tie, "own": own, "compare": tuple(compare or ()), "mapping": mapping,
+        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "loss": loss, "starts": starts,
+        "seed": seed, "search": search or None, "plugins": plugin,
     }  # fmt: skip
+    given = {name: value for name, value in options.items() if value not in (None, [], ())}
     with json_errors(json):
         load_plugins(plugin)
         task = task_of(scenario, experiment or [], **given)

@@ -27,9 +27,9 @@ class Profile:
     """Of one parameter; misfits are chi squared above the best, if residuals are white."""
 
     alone: tuple[Array, Array]
-    """Values in its unit, and misfit where the others stay, by slopes."""
+    """Values in its unit, and misfit where the others stay: by slopes, or simulated where these do not hold."""
     followed: tuple[Array, Array] | None
-    """The same where the others follow by their correlation, simulated; None where nothing is known of them."""
+    """The same where the others follow as is best, simulated, and never above; None where nothing is known of them."""
 
 
 def profiles(residuals: Residuals, x: Array, found: Uncertainty) -> Iterator[Profile]:
@@ -41,20 +41,31 @@ def profiles(residuals: Residuals, x: Array, found: Uncertainty) -> Iterator[Pro
         left = residuals(there)
         return min((float(left @ left) - least) / unit, 1e6)
 
+    lower, upper = residuals.layout.bounds
     for i, entry in enumerate(residuals.layout.entries):
         variance = float(found.covariance[i, i])
         width = min(HALF * float(np.sqrt(variance)), WIDEST) if variance > 0.0 else UNTOLD
         moves = np.linspace(-width, width, 2 * FINE + 1)
         slope = found.jacobian[:, i]
         alone = _values(entry, x[i] + moves), moves**2 * float(slope @ slope) / unit
-        follow = found.covariance[i] / variance if variance > 0.0 else None
+        # The misfit's own valley: deviations, which the spread of blocks may widen, one more than another, lead out of it.
+        follow = found.inverse[i] / found.inverse[i, i] if variance > 0.0 else None
         if follow is None or width * np.abs(follow).max() > TURN:
             yield Profile(alone, None)
             continue
-        few = np.linspace(-width, width, 2 * HALF + 1)
-        yield Profile(
-            alone, (_values(entry, x[i] + few), np.array([misfit(x + move * follow) if move else 0.0 for move in few]))
-        )
+        few = np.unique(np.clip(x[i] + np.linspace(-width, width, 2 * HALF + 1), lower[i], upper[i])) - x[i]
+        followed = np.array([misfit(np.clip(x + move * follow, lower, upper)) if move else 0.0 for move in few])
+        if np.any(followed > few**2 * float(slope @ slope) / unit):
+            # The best that others can do is no worse than where they stay: slopes do not tell that here.
+            stay = np.array([misfit(_with(x, i, x[i] + move)) if move else 0.0 for move in few])
+            alone, followed = (_values(entry, x[i] + few), stay), np.minimum(followed, stay)
+        yield Profile(alone, (_values(entry, x[i] + few), followed))
+
+
+def _with(x: Array, i: int, place: float) -> Array:
+    there = x.copy()
+    there[i] = place
+    return there
 
 
 def _values(entry: Entry, places: Array) -> Array:

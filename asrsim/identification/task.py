@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -112,15 +112,23 @@ def is_task(path: Path) -> bool:
 
 
 def task_of(path: Path, experiments: Sequence[str | Path], *, plugins: Sequence[Path | str] = (), **options: Any) -> Task:
-    """That of a fit file, which says all of it, or of a scenario and the rest, as :func:`make_task`. Raises InputError."""
+    """That of a scenario and options, as :func:`make_task`, or of a fit file and what is to be otherwise: free parameters, ties
+    and recordings to validate are added to the file's, the rest stands in place of it. Raises InputError.
+    """
     if not is_task(path):
         return make_task(path, experiments, plugins=plugins, **options)
-    usual = {field.name: field.default for field in fields(Task)}
-    given = {"experiments": list(experiments), **options}
-    said = [name for name, value in given.items() if value not in (None, [], (), {}, usual.get(name))]
-    if said:
-        raise InputError(f"a fit file says itself what is fitted; without it: {', '.join(said)}", file=path, code="fit-file")
-    return read_task(path, plugins)
+    given = {"experiments": experiments, "mapping": options.pop("mapping", ()), "rate": options.pop("rate", None)}
+    if said := [name for name, value in given.items() if value]:
+        message = f"a fit file names its recordings itself, and how they are read; without it: {', '.join(said)}"
+        raise InputError(message, file=path, hint="Write them into it, under `experiments`", code="fit-file")
+    task, free, own = read_task(path, plugins), options.pop("free", ()), options.pop("own", ())
+    ties, more = _ties(options.pop("ties", ())), tuple(map(_experiment, options.pop("validate", ())))
+    _check_loss(options)
+    options["overrides"] = _overrides(options.get("overrides", ()))
+    return replace(
+        task, **options, free=_wishes(free, own, task.free), validate=(*task.validate, *more),
+        ties=(*(one for one in task.ties if one.key not in {tie.key for tie in ties}), *ties),
+    )  # fmt: skip
 
 
 def read_task(path: str | Path, plugins: Sequence[Path | str] = ()) -> Task:
@@ -185,23 +193,47 @@ def make_task(
     read_document(Path(scenario), "scenario")
     if not experiments:
         raise InputError("no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording")
+    _check_loss(options)
+
+    def experiment(one: str | Path | Experiment) -> Experiment:
+        return _experiment(one, mapping, rate)
+
+    return Task(
+        scenario=Path(scenario), experiments=tuple(map(experiment, experiments)), validate=tuple(map(experiment, validate)),
+        free=_wishes(free, own), ties=_ties(ties), overrides=_overrides(overrides),
+        plugins=tuple(map(Path, plugins)), name=options.pop("name", None) or Path(scenario).stem, **options,
+    )  # fmt: skip
+
+
+def _check_loss(options: Mapping[str, Any]) -> None:
     if options.get("loss", LOSSES[0]) not in LOSSES:
         raise InputError("is no loss", key="loss", value=options["loss"], choices=LOSSES, code="loss")
+
+
+def _experiment(one: str | Path | Experiment, mapping: Sequence[str] = (), rate: float | None = None) -> Experiment:
+    return one if isinstance(one, Experiment) else Experiment(file=Path(one), mapping=tuple(mapping), rate=rate)
+
+
+def _wishes(
+    free: Iterable[str] | Mapping[str, Any], own: Iterable[str], before: Mapping[str, Wish] | None = None
+) -> dict[str, Wish]:
+    """before: those of the file, which these are added to."""
     if isinstance(free, Mapping):
         wishes = {key: value if isinstance(value, Wish) else Wish(start=value) for key, value in free.items()}
     else:
         wishes = dict(map(wish_of, free))
+    wishes = {**(before or {}), **wishes}
     for key in own:
         wishes[key] = replace(wishes.get(key, Wish()), own=True)
+    return wishes
+
+
+def _ties(ties: Iterable[str] | Mapping[str, str]) -> tuple[Tie, ...]:
     pairs = ties.items() if isinstance(ties, Mapping) else [text.partition("=")[::2] for text in ties]
+    return tuple(tie_of(*pair) for pair in pairs)
+
+
+def _overrides(overrides: Sequence[str] | Mapping[str, Any]) -> tuple[str, ...]:
     if isinstance(overrides, Mapping):
-        overrides = [f"{key}={json.dumps(value)}" for key, value in overrides.items()]
-
-    def experiment(one: str | Path | Experiment) -> Experiment:
-        return one if isinstance(one, Experiment) else Experiment(file=Path(one), mapping=tuple(mapping), rate=rate)
-
-    return Task(
-        scenario=Path(scenario), experiments=tuple(map(experiment, experiments)), validate=tuple(map(experiment, validate)),
-        free=wishes, ties=tuple(tie_of(*pair) for pair in pairs), overrides=tuple(overrides),
-        plugins=tuple(map(Path, plugins)), name=options.pop("name", None) or Path(scenario).stem, **options,
-    )  # fmt: skip
+        return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())
+    return tuple(overrides)
