@@ -50,7 +50,9 @@ def as_html(result: Result) -> str:
     from asrsim.summary.table import headline, joint_columns
 
     columns = joint_columns(result.summary)
-    head = "".join(f"<th>{html.escape(column.heading)}</th>" for column in columns)
+    # A heading breaks its word where lines are narrow, which they are not here.
+    headings = [column.heading.replace("-\n", "") for column in columns]
+    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
     rows = "".join(
         f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>"
         for cells in zip(*(column.cells for column in columns), strict=True)

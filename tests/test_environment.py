@@ -158,6 +158,20 @@ def test_the_reward_of_the_example_prefers_near_slow_and_there():
     assert paid(0.005, (0.0, 0.0)) == pytest.approx(0.95)
 
 
+def test_a_goal_beside_the_tip_is_in_the_picture(scenario):
+    def red(env, seed=0):
+        env.reset(seed=seed)
+        picture = env.render()
+        return np.argwhere((picture[..., 0] > 150) & (picture[..., 1:].max(axis=2) < 90))
+
+    reach = make_reach(render_mode="rgb_array", size=128)
+    found = [red(reach, seed) for seed in (1, 2)]
+    assert min(map(len, found)) > 10
+    assert np.abs(found[0].mean(axis=0) - found[1].mean(axis=0)).max() > 2
+    assert not len(red(make_env(scenario, render_mode="rgb_array", size=128)))
+    assert not len(red(make_env(scenario, goal={"depth": "uniform(0, 1)"}, render_mode="rgb_array", size=128)))
+
+
 def test_the_picture_moves_with_the_arm(scenario):
     env = make_env(scenario, render_mode="rgb_array", size=96)
     env.reset()

@@ -140,14 +140,15 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         )
 
     def render(self) -> Image | None:
-        """(size, size, 3) of 8 bits, without a display."""
+        """(size, size, 3) of 8 bits, without a display; a goal of x, y and z beside an observed tip is a red ball."""
         if self.render_mode is None:
             return None
-        if self._picture is None:
-            from asrsim.environment.picture import Picture
+        from asrsim.environment.picture import Picture, goal_of
 
-            self._picture = Picture(self.simulation, self._size)
-        return self._picture.image()
+        goal = goal_of(self._readings.read().get("tip"), self._goals)
+        if self._picture is None:
+            self._picture = Picture(self.simulation, self._size, goal)
+        return self._picture.image(goal)
 
     def close(self) -> None:
         """Release the engine."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.recordings.adjust import measured, windowed
+from asrsim.recordings.agreement import disagreements
 from asrsim.recordings.columns import KNOWN, columns_of
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, Recording
@@ -34,6 +35,7 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     base = max(columns, key=lambda column: len(column.time)).time
     findings += oddities(path, columns)
     findings += unstated(path, columns, raw.remarks)
+    findings += disagreements(path, columns)
     # Only what was mapped by hand gets so far.
     findings += [
         Problem(f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
