@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ from test_core_truth import INERTIA, INSTALLED, MASS, NEVER, REACH, joint, links
 
 import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.errors import RobotError
 from asrsim.scenario import scenario_from_data
 from asrsim.scenario.data import Effects
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
@@ -388,3 +390,24 @@ def test_a_step_that_resolves_no_spring_is_told_in_the_released_order_only(omega
     prepared = SimpleNamespace(resolution=resolution, stepping=SimpleNamespace(released=released), drives=[])
     problems = _stiffer_than_foreseen(prepared, SimpleNamespace(stiffest=np.empty(0)))
     assert [problem.code for problem in problems] == (["unresolved-spring"] if released and omega_h >= UNSTABLE else [])
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("between", [1, 2])
+def test_joints_that_move_against_each_other_without_mass_are_named_and_no_others(
+    tmp_path: Path, engine: str, between: int
+) -> None:
+    """On one axis with nothing between them, below an arm that has its own mass."""
+    body = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = ["base", "arm", *(f"thin_{i}" for i in range(between)), "hand"]
+    text = "".join(f'<link name="{name}">{"" if "thin" in name else body}</link>' for name in links)
+    for number, (parent, child) in enumerate(pairwise(links)):
+        text += (
+            f'<joint name="j{number}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{0.3 if number == 1 else 0} 0 0"/><axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint>'
+        )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="r">{text}</robot>')
+    with pytest.raises(RobotError) as fault:
+        prepare(asrsim.make_scenario(tmp_path / "arm.urdf", engine=engine, duration=0.1))
+    named = set(re.findall(r"'(j\d)'", str(fault.value)))
+    assert named == {f"j{number}" for number in range(1, 2 + between)}, str(fault.value)

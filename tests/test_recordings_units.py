@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 
 import pytest
 
+from asrsim.recordings.cells import stamp_ns
 from asrsim.recordings.units import UNITS, find_unit
 
 pytestmark = pytest.mark.once
@@ -63,3 +65,12 @@ def test_spellings_that_differ_in_case_and_signs(text: str) -> None:
 def test_what_is_no_unit_or_another_one_is_not_taken_for_one(text: str) -> None:
     found = find_unit(text)
     assert found is None or text == found.symbol
+
+
+@pytest.mark.parametrize("form", ["{d}.{m}.{y:02d} 10:11:12", "{d:02d}.{m:02d}.{y:02d} 10:11:12"])
+def test_years_of_two_digits_are_of_this_century(form):
+    """Every one of them, the day first, beside days that are as large or larger."""
+    for year in range(100):
+        for day, month in ((1, 2), (12, 11), (31, 12)):
+            text = form.format(d=day, m=month, y=year)
+            assert stamp_ns(text) == int(datetime(2000 + year, month, day, 10, 11, 12, tzinfo=UTC).timestamp()) * 10**9, text
