@@ -402,7 +402,8 @@ def test_joints_without_mass_between_them_are_named_and_no_others(tmp_path: Path
     for number, (parent, child) in enumerate(pairwise(links)):
         text += (
             f'<joint name="j{number}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{0.3 if number == 1 else 0} 0 0" rpy="{0.7 if number == 1 else 0} 0 0"/><axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint>'
+            f'<origin xyz="{0.3 if number == 1 else 0} 0 0" rpy="{0.7 if number == 1 else 0} 0 0"/>'
+            f'<axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint>'
         )
     (tmp_path / "arm.urdf").write_text(f'<robot name="r">{text}</robot>')
     with pytest.raises(RobotError) as fault:
