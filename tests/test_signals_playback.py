@@ -210,3 +210,14 @@ def test_a_curve_goes_through_every_sample_and_a_short_piece_between_jumps_holds
     last, ahead = time[count - 1], np.linspace(0.0, 0.99 * step, 9)
     parabola = before(last) + before.deriv()(last) * ahead + 0.5 * before.deriv(2)(last) * ahead**2
     np.testing.assert_allclose(curve.values(last + ahead), parabola, atol=2e-6)
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize("values", [[0.4], [0.0, 1.0], [0.0, 1.0, 0.5], [0.0, 0.0, 3.0], [2.0, 2.0, 2.0, 2.0]])
+def test_a_curve_of_few_samples_goes_through_them(values, hold):
+    time = 0.1 * np.arange(len(values))
+    curve = curve_through(time, np.array(values), hold=hold)
+    np.testing.assert_allclose(curve.values(time), values, atol=1e-12)
+    inside = curve.values(np.linspace(0.0, time[-1] + 1.0, 57))
+    assert inside[-1] == values[-1]
+    assert np.all(np.isfinite(inside))
