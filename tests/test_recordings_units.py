@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 import pytest
 
 from asrsim.recordings.cells import stamp_ns
+from asrsim.recordings.columns import _joint
 from asrsim.recordings.units import UNITS, find_unit
 
 pytestmark = pytest.mark.once
@@ -74,3 +75,25 @@ def test_years_of_two_digits_are_of_this_century(form):
         for day, month in ((1, 2), (12, 11), (31, 12)):
             text = form.format(d=day, m=month, y=year)
             assert stamp_ns(text) == int(datetime(2000 + year, month, day, 10, 11, 12, tzinfo=UTC).timestamp()) * 10**9, text
+
+
+@pytest.mark.parametrize(
+    ("known", "number", "zero", "joint"),
+    [
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 7, False, "left_wrist_7"),
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 1, False, "left_arm_1"),
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 3, False, "left_wrist_7"),
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 4, False, None),
+        (["the_arm_joint_1", "the_arm_joint_2"], 1, True, "the_arm_joint_2"),
+        (["the_arm_joint_0", "the_arm_joint_1"], 1, True, "the_arm_joint_1"),
+        (["shoulder", "elbow"], 1, True, "elbow"),
+        (["shoulder", "elbow"], 1, False, "shoulder"),
+        (["shoulder", "elbow"], 0, False, None),
+        (["shoulder", "elbow"], None, False, None),
+        (["shoulder"], None, False, "shoulder"),
+        ([], 3, False, "joint_3"),
+        ([], None, False, "joint_1"),
+    ],
+)
+def test_a_number_is_of_the_joint_that_ends_with_it_else_of_the_place(known, number, zero, joint):
+    assert _joint(number, known, [], zero=zero) == joint
