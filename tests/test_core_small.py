@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,13 +16,15 @@ from test_core_truth import INERTIA, INSTALLED, MASS, NEVER, REACH, joint, links
 
 import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.errors import RobotError
+from asrsim.scenario import scenario_from_data
 from asrsim.scenario.data import Effects
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation.certify import certify
 from asrsim.simulation.divergence import FLOOR, SHARE, EnergyGuard
 from asrsim.simulation.effects import through
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.run import simulate
+from asrsim.simulation.run import COARSE, TARGET, UNSTABLE, _stiffer_than_foreseen, simulate
 from asrsim.simulation.simulation import Simulation
 from validation.models import Body, chain, column, run
 
@@ -196,6 +201,32 @@ def test_a_floating_base_rests_on_its_shape_wherever_its_centre_is(tmp_path: Pat
     assert asrsim.run(scenario).bodies["b"][-1, 2] == pytest.approx(height, abs=2e-3)
 
 
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_mesh_of_a_package_carries_what_stands_on_it(tmp_path: Path, engine: str) -> None:
+    """Its folder is named in the scenario, and lies beside neither robot nor scenario."""
+    folder = tmp_path / "far" / "meshes"
+    folder.mkdir(parents=True)
+    corners = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)]
+    faces = ["1 2 4", "1 4 3", "5 7 8", "5 8 6", "1 5 6", "1 6 2", "3 4 8", "3 8 7", "1 3 7", "1 7 5", "2 6 8", "2 8 4"]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
+    (folder / "cube.obj").write_text("\n".join(lines) + "\n")
+    robot = tmp_path / "near" / "robot.urdf"
+    robot.parent.mkdir()
+    robot.write_text(
+        """<robot name="r"><link name="b"><inertial><mass value="1"/>
+        <inertia ixx="1e-2" iyy="1e-2" izz="1e-2" ixy="0" ixz="0" iyz="0"/></inertial><collision>
+        <geometry><mesh filename="package://things/meshes/cube.obj"/></geometry></collision></link>
+        <joint name="j" type="continuous"><parent link="b"/><child link="l"/><axis xyz="0 0 1"/></joint>
+        <link name="l"><inertial><mass value="1e-3"/>
+        <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+    )
+    keys = {"base": {"fixed": False, "position": [0, 0, 0.1]}, "world": {"ground": {}}, "duration": 0.05, "engine": engine}
+    named = {"file": str(robot), "packages": {"things": str(tmp_path / "far")}}
+    scenario = scenario_from_data({"robot": named, "compiled": False, **keys})
+    run = asrsim.run(scenario)
+    assert run.bodies["b"][-1, 2] == pytest.approx(0.1, abs=2e-3)
+
+
 RESTING: dict[str, tuple[dict[str, Any], float]] = {
     "box": ({"shape": "box", "size": [0.1, 0.2, 0.3]}, 0.15),
     "ball": ({"shape": "sphere", "size": 0.1}, 0.1),
@@ -333,3 +364,49 @@ def test_a_jump_of_a_torque_from_outside_counts_from_its_time() -> None:
         external={"joint_1": Step(at=0.0203, after=0.3)},
     )  # fmt: skip
     assert column(result, "link_velocity")[-2] * TOTAL == pytest.approx(0.3 * (0.099 - 0.0203), rel=1e-9)
+
+
+@pytest.mark.parametrize("seen", [1.0, 90.0, 100.0, 110.0, 350.0, 450.0, 4e4])
+def test_a_spring_that_got_stiffer_than_foreseen_is_told_where_the_step_is_coarse_for_it(seen: float) -> None:
+    """By the root of its stiffness; and how many substeps would have done."""
+    resolution = SimpleNamespace(omega_h=0.25, substeps=3, stiffness=[100.0, 0.0])
+    prepared = SimpleNamespace(
+        resolution=resolution, stepping=SimpleNamespace(released=False),
+        drives=[SimpleNamespace(name=name) for name in ("soft", "none")],
+    )  # fmt: skip
+    problems = _stiffer_than_foreseen(prepared, SimpleNamespace(stiffest=np.array([seen, 5.0])))
+    reached = 0.25 * math.sqrt(seen / 100.0)
+    assert [problem.key for problem in problems] == (["soft"] if seen > 100.0 and reached > COARSE else [])
+    for problem in problems:
+        (wanted,) = re.findall(r"Set substeps to (\d+) or more", problem.hint)
+        assert reached * 3 / (int(wanted) - 1) > TARGET >= reached * 3 / int(wanted)
+        assert f"{seen:.4g} N m/rad" in problem.message
+
+
+@pytest.mark.parametrize("omega_h", [0.1, 1.99, 2.0, 2.5])
+@pytest.mark.parametrize("released", [True, False])
+def test_a_step_that_resolves_no_spring_is_told_in_the_released_order_only(omega_h: float, released: bool) -> None:
+    resolution = SimpleNamespace(omega_h=omega_h, substeps=1, stiffness=[])
+    prepared = SimpleNamespace(resolution=resolution, stepping=SimpleNamespace(released=released), drives=[])
+    problems = _stiffer_than_foreseen(prepared, SimpleNamespace(stiffest=np.empty(0)))
+    assert [problem.code for problem in problems] == (["unresolved-spring"] if released and omega_h >= UNSTABLE else [])
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("between", [1, 2])
+def test_joints_without_mass_between_them_are_named_and_no_others(tmp_path: Path, engine: str, between: int) -> None:
+    """On one axis with nothing between them, below an arm that has its own mass."""
+    body = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = ["base", "arm", *(f"thin_{i}" for i in range(between)), "hand"]
+    text = "".join(f'<link name="{name}">{"" if "thin" in name else body}</link>' for name in links)
+    for number, (parent, child) in enumerate(pairwise(links)):
+        text += (
+            f'<joint name="j{number}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{0.3 if number == 1 else 0} 0 0" rpy="{0.7 if number == 1 else 0} 0 0"/>'
+            f'<axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint>'
+        )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="r">{text}</robot>')
+    with pytest.raises(RobotError) as fault:
+        prepare(asrsim.make_scenario(tmp_path / "arm.urdf", engine=engine, duration=0.1))
+    named = set(re.findall(r"'(j\d)'", str(fault.value)))
+    assert named == {f"j{number}" for number in range(1, 2 + between)}, str(fault.value)

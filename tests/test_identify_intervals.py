@@ -321,3 +321,30 @@ def test_intervals_of_coarse_recordings_hold_the_truth(tmp_path: Path, motion: s
         known = [(result.find(key), value) for key, value in zip(free, truth.values(), strict=True)]
         hits += [one.low <= value <= one.high for one, value in known if not math.isnan(one.low)]
     assert np.mean(hits) >= 0.88
+
+
+@pytest.mark.parametrize(("noise", "late", "offset"), [(3e-6, 0.0, 0.0), (1e-7, 0.0051, -40.0)])
+def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, noise: float, late: float, offset: float) -> None:
+    """A motion that is a formula, and the force that it takes: by their balance alone, with noise of places that accelerations
+    magnify, and with a force that acts later than it is recorded, beside an offset."""
+    mass, damping, friction, generator = 360.0, 2200.0, 30.0, np.random.default_rng(0)
+    time = np.arange(0.0, 4.0, 0.002)
+    waves = np.array([[0.03, 2.0 * math.pi * 0.6], [0.01, 2.0 * math.pi * 1.9]])
+    phases = np.outer(time + late, waves[:, 1])
+    speed, rate = np.cos(phases) @ waves.prod(axis=1), -np.sin(phases) @ (waves[:, 0] * waves[:, 1] ** 2)
+    force = mass * rate + damping * speed + friction * np.sign(speed) + offset + generator.normal(size=len(time))
+    place = np.sin(np.outer(time, waves[:, 1])) @ waves[:, 0] + noise * generator.normal(size=len(time))
+    table = np.column_stack([time, force, place])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t [s],F [N],x [m]", comments="", fmt="%.10g")
+    (tmp_path / "axis.urdf").write_text(AXIS)
+    (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 4\nactuators: {motor: {type: sea, mode: 0}}\n")
+    maps = ["F [N]=motor.reference_1 [N]", "x [m]=motor.link_position [m]"]
+    true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
+    true |= {"motor.reference_1.delay": (late, 5e-5), "motor.reference_1.offset": (offset, 0.3)} if late else {}
+    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps, workers=1)
+    assert any("driven by the recorded torque" in remark for remark in found.remarks)
+    for key, (value, near) in true.items():
+        one = found.find(key)
+        assert one.value == pytest.approx(value, abs=near)
+        assert one.verdict == "identified"
+        assert abs(one.value - value) < one.high - one.low

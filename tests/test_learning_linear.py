@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
 from asrsim.learning.arm import learning_model
-from asrsim.learning.contraction import FREQUENCIES, responses, zero_phase_amplitude
+from asrsim.learning.contraction import FREQUENCIES, responses, rows_of, zero_phase_amplitude
 from asrsim.learning.friction import Friction
 from asrsim.learning.linear import spring_slopes
 from asrsim.learning.plant import make_plant
@@ -202,3 +203,11 @@ def test_motors_are_followed_as_their_equation_has_it(count):
     slow, fast = (-decay + root for root in (math.sqrt(decay**2 - natural), -math.sqrt(decay**2 - natural)))
     expected = 0.5 * (1 - (fast * np.exp(slow * time) - slow * np.exp(fast * time)) / (fast - slow))
     assert found == pytest.approx(expected, abs=2e-3 if count == 201 else 2e-4)
+
+
+@pytest.mark.parametrize("length", [2, 3, 6, 101])
+def test_postures_are_spread_over_all_of_a_motion(length):
+    rows = rows_of(SimpleNamespace(time=np.zeros(length)))
+    assert (rows[0], rows[-1]) == (0, length - 1)
+    assert len(rows) == min(length, 5)
+    assert np.ptp(np.diff(rows)) <= 1

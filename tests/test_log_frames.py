@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from random_robots import random_urdf
 
 import asrsim
 from asrsim.robot.poses import quaternion, rotation_matrix
+from asrsim.simulation.describe import link_frames
 from asrsim.simulation.prepare import prepare
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -107,3 +109,18 @@ def test_quaternions_are_the_rotations_that_they_stand_for(rpy):
         translation = type("V", (), {"x": 0.0, "y": 0.0, "z": 0.0})
 
     np.testing.assert_allclose(matrix(Turn)[:3, :3], rotation_matrix(rpy), atol=1e-12)
+
+
+@pytest.mark.parametrize("root", ["world", "base_link"])
+@pytest.mark.parametrize(
+    "pose", [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.3), (0.0, 0.0, 0.0)), ((0.0,) * 3, (0.1, 0.0, 0.0))]
+)
+@pytest.mark.parametrize("fixed", [True, False])
+def test_the_root_has_a_frame_wherever_it_is_not_the_world_itself(root, pose, fixed):
+    """One that floats is a body; the world that the scenario moves stands in another."""
+    position, rpy = pose
+    scenario = SimpleNamespace(fixed_base=fixed, base_position=position, base_rpy=rpy)
+    frames = link_frames(scenario, SimpleNamespace(joints=(), root=SimpleNamespace(name=root)))
+    told = [(frame.parent, frame.child, frame.position, frame.rotation) for frame in frames]
+    wanted = ("map" if root == "world" else "world", root, position, quaternion(rpy))
+    assert told == ([wanted] if fixed and (root != "world" or any((*position, *rpy))) else [])

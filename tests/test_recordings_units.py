@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 
 import pytest
 
+from asrsim.recordings.cells import stamp_ns
+from asrsim.recordings.columns import _joint
 from asrsim.recordings.units import UNITS, find_unit
 
 pytestmark = pytest.mark.once
@@ -63,3 +66,34 @@ def test_spellings_that_differ_in_case_and_signs(text: str) -> None:
 def test_what_is_no_unit_or_another_one_is_not_taken_for_one(text: str) -> None:
     found = find_unit(text)
     assert found is None or text == found.symbol
+
+
+@pytest.mark.parametrize("form", ["{d}.{m}.{y:02d} 10:11:12", "{d:02d}.{m:02d}.{y:02d} 10:11:12"])
+def test_years_of_two_digits_are_of_this_century(form):
+    """Every one of them, the day first, beside days that are as large or larger."""
+    for year in range(100):
+        for day, month in ((1, 2), (12, 11), (31, 12)):
+            text = form.format(d=day, m=month, y=year)
+            assert stamp_ns(text) == int(datetime(2000 + year, month, day, 10, 11, 12, tzinfo=UTC).timestamp()) * 10**9, text
+
+
+@pytest.mark.parametrize(
+    ("known", "number", "zero", "joint"),
+    [
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 7, False, "left_wrist_7"),
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 1, False, "left_arm_1"),
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 3, False, "left_wrist_7"),
+        (["left_arm_2", "left_arm_1", "left_wrist_7"], 4, False, None),
+        (["the_arm_joint_1", "the_arm_joint_2"], 1, True, "the_arm_joint_2"),
+        (["the_arm_joint_0", "the_arm_joint_1"], 1, True, "the_arm_joint_1"),
+        (["shoulder", "elbow"], 1, True, "elbow"),
+        (["shoulder", "elbow"], 1, False, "shoulder"),
+        (["shoulder", "elbow"], 0, False, None),
+        (["shoulder", "elbow"], None, False, None),
+        (["shoulder"], None, False, "shoulder"),
+        ([], 3, False, "joint_3"),
+        ([], None, False, "joint_1"),
+    ],
+)
+def test_a_number_is_of_the_joint_that_ends_with_it_else_of_the_place(known, number, zero, joint):
+    assert _joint(number, known, [], zero=zero) == joint

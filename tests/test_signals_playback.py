@@ -193,14 +193,31 @@ def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path,
 
 @pytest.mark.parametrize("alone", [2, 3])
 def test_a_curve_goes_through_every_sample_and_a_short_piece_between_jumps_holds(alone):
-    """Pieces of any length between jumps, after a motion that has a slope where it ends."""
-    before, after = 0.5 * np.arange(8), 9.0 + 0.2 * np.arange(8)
-    values = np.concatenate([before, np.full(alone, -5.0), after])
-    time = 0.1 * np.arange(len(values))
+    """Pieces of any length between jumps, after a motion that has slope and curvature where it ends."""
+    count, step = 40, 0.02
+    time = step * np.arange(2 * count + alone)
+    before = np.polynomial.Polynomial([0.0, 4.0, 3.0, -2.0])
+    values = np.where(np.arange(len(time)) < count, before(time), 9.0 + 2.0 * time)
+    values[count : count + alone] = -5.0
     curve = curve_through(time, values)
     np.testing.assert_allclose(curve.values(time), values, atol=1e-12)
-    np.testing.assert_allclose(curve.jumps, [0.8, 0.8 + 0.1 * alone])
-    between = np.linspace(0.8, 0.8 + 0.1 * alone, 50, endpoint=False)
-    np.testing.assert_allclose(curve.values(between), -5.0, atol=1e-9)
+    np.testing.assert_allclose(curve.jumps, time[[count, count + alone]])
+    held = np.linspace(time[count], time[count + alone], 50, endpoint=False)
+    np.testing.assert_allclose(curve.values(held), -5.0, atol=1e-9)
     # Both motions go on as they were.
-    np.testing.assert_allclose(curve.values(np.array([0.75, 1.05 + 0.1 * alone])), [3.75, 9.5], atol=1e-9)
+    inside = np.array([0.3, 1.0 + 0.5 * step, time[-1] - 0.5 * step])
+    np.testing.assert_allclose(curve.values(inside), [before(0.3), 9.0 + 2.0 * inside[1], 9.0 + 2.0 * inside[2]], atol=1e-6)
+    last, ahead = time[count - 1], np.linspace(0.0, 0.99 * step, 9)
+    parabola = before(last) + before.deriv()(last) * ahead + 0.5 * before.deriv(2)(last) * ahead**2
+    np.testing.assert_allclose(curve.values(last + ahead), parabola, atol=2e-6)
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize("values", [[0.4], [0.0, 1.0], [0.0, 1.0, 0.5], [0.0, 0.0, 3.0], [2.0, 2.0, 2.0, 2.0]])
+def test_a_curve_of_few_samples_goes_through_them(values, hold):
+    time = 0.1 * np.arange(len(values))
+    curve = curve_through(time, np.array(values), hold=hold)
+    np.testing.assert_allclose(curve.values(time), values, atol=1e-12)
+    inside = curve.values(np.linspace(0.0, time[-1] + 1.0, 57))
+    assert inside[-1] == values[-1]
+    assert np.all(np.isfinite(inside))

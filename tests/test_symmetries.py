@@ -150,7 +150,7 @@ def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
             for joint, one in joints.items()
         },
         external_torques={
-            joint: {"sinusoid": {"amplitude": a, "angular_frequency": 60.0, "offset": b}}
+            joint: {"pulse_train": {"low": a, "high": b, "period": 0.0231, "width": 0.0107, "start": 0.0043}}
             for joint, (a, b, _) in ((joint, one["push"]) for joint, one in joints.items())
         },
     )  # fmt: skip

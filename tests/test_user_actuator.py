@@ -341,3 +341,16 @@ def test_a_spring_is_one_if_it_pulls_anywhere_up_to_its_limit(play: float, most:
     ACTUATORS.add("slack", Slack)
     block = SimpleNamespace(actuator="slack", values=lambda: {"play": play, "max_deflection": most})
     assert has_spring(block) == (play < most)
+
+
+def test_no_parameter_takes_a_name_that_every_actuator_has(tmp_path: Path) -> None:
+    """Each of motor, controller, limit and hysteresis; two motors have twice as many."""
+    for motors, name in ((1, "sea"), (2, "qbmove")):
+        law = ACTUATORS.get(name)
+        common = [parameter.name for parameter in law.all_parameters()[len(law.parameters) :]]
+        assert len(common) > 15 * motors
+        for taken in common:
+            text = DECLARATION.replace("motors = 1", f"motors = {motors}").replace('name="k"', f'name="{taken}"') + LAWS
+            with pytest.raises(ActuatorError, match="this parameter name is taken") as fault:
+                load_plugin_file(write(tmp_path, text))
+            assert fault.value.problems[0].key == f"Mine.parameters.{taken}"

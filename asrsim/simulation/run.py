@@ -45,11 +45,6 @@ class Run:
     compiled: bool
     """Whether the loop ran compiled."""
 
-    @property
-    def speed(self) -> float:
-        """Simulated seconds per second."""
-        return self.simulated_time / self.wall_time if self.wall_time > 0 else float("inf")
-
 
 def simulate(
     scenario: Scenario | Prepared,
