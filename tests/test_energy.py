@@ -169,7 +169,7 @@ def test_a_blow_shorter_than_a_substep_gives_its_energy() -> None:
 
 
 def test_what_was_handed_on_stays_as_it_is() -> None:
-    """Of the limit's loss nothing flows in the first chunks, and something in a later one: sums of the first are not of the last."""
+    """Nothing of the limit's loss flows in the first chunks, and something in a later one: their sums are their own."""
     body = replace(BODY, actuator="sea", limits='<limit lower="-3" upper="3" effort="1" velocity="100"/>')
     result = run(
         chain(body), mode=3, duration=2.2, gravity=0.0, compiled=False, parameters={"spring_stiffness": 20.0},
