@@ -166,3 +166,15 @@ def test_a_blow_shorter_than_a_substep_gives_its_energy() -> None:
     assert np.max(np.abs(column(result, "external_torque"))) == 0.0
     assert np.max(np.abs(column(result, "link_velocity"))) > 10.0
     assert result.status == "complete"
+
+
+def test_what_was_handed_on_stays_as_it_is() -> None:
+    """Nothing of the limit's loss flows in the first chunks, and something in a later one: their sums are their own."""
+    body = replace(BODY, actuator="sea", limits='<limit lower="-3" upper="3" effort="1" velocity="100"/>')
+    result = run(
+        chain(body), mode=3, duration=2.2, gravity=0.0, compiled=False, parameters={"spring_stiffness": 20.0},
+        references={"equilibrium_position": Step(at=2.1, after=0.8)},
+    )  # fmt: skip
+    lost = column(result, "limit_loss")
+    assert not lost[:2000].any()
+    assert lost[-1] > 0.01
