@@ -343,6 +343,18 @@ def test_counts_of_clocks_that_began_long_ago(tmp_path: Path, name: str, start: 
     assert 1.7e9 < recording.epoch < 1.71e9
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["/forward_position_controller/commands/data[0]", "/arm_controller/joint_trajectory/points[joint_1].positions[0]",
+     "position_commands.q1", "q1_setpoints", "joint_1/targets/position"],
+)  # fmt: skip
+def test_commands_of_controllers_are_no_positions(tmp_path: Path, name: str) -> None:
+    content = table([*ABQ, 2 * A], before=f"t,q1,q2,{name}\n")
+    recording = read(tmp_path, "lab.csv", content)
+    assert recording.column("joint_1", "reference_1").source == name
+    assert recording.column("joint_1", "link_position").source == "q1"
+
+
 def test_a_file_with_its_newest_sample_first_is_told_so(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"the newest sample stands first.*Sort the file"):
         read(tmp_path, "lab.csv", table([column[::-1] for column in ABQ], before="t,q1,q2\n"))

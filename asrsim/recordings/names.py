@@ -12,6 +12,7 @@ from asrsim.recordings.units import Unit, find_unit, fits, split_header
 
 _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
+    "references", "cmds", "commands", "targets", "setpoints", "goals",
     "soll", "sollwert", "consigne", "riferimento", "referencia", "consigna",
 }  # fmt: skip
 _MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
@@ -210,7 +211,7 @@ def _quantity(
     if found & _FOREIGN or (found & _TURNED and found & _POSITION == {"link"}):
         return None, None
     velocity, torque, reference = bool(found & _VELOCITY), bool(found & _TORQUE), bool(found & _REFERENCE)
-    reference = reference or ("set" in found and bool(found & _POSITION))
+    reference = reference or ("set" in found and bool(found & _POSITION)) or ("joint", "trajectory") in pairwise(words)
     si = unit.si if unit is not None else ""
     velocity = velocity or si in ("rad/s", "m/s")
     torque = torque or si in ("N m", "N")
