@@ -158,6 +158,14 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
     "a year of two digits behind its month": (
         "a.csv", table([texts(TIME, "05/06/24 02:00:%06.3f PM"), A, B], before="Timestamp,q1,q2\n"),
     ),
+    "Windows' ticks of 100 ns": (
+        "a.csv", table([[str(133521637 * 10**9 + round(t * 1e7)) for t in TIME], A, B], before="time,q1,q2\n"),
+    ),
+    "hundredths of a second": ("a.csv", table([TIME * 1e2, A, B], before="time_cs,q1,q2\n")),
+    "a date that stays, beside a time": ("a.csv", table([["2024-05-06"] * COUNT, *ABQ], before="date,t,q1,q2\n")),
+    "units in German words": ("a.csv", table(DEG, sep=";", dec=",", before="Zeit;q1;q2\nSekunden;Grad;Grad\n")),
+    "letters of formulas": ("a.csv", table([*ABQ, A, B], before="t,θ₁ [rad],θ₂ [rad],θ̇₁,θ̇₂\n")),
+    "slopes by their sign": ("a.csv", table([TIME, B, A, A, B], before="t,q2',q1',q1,q2\n")),
     "dSPACE's paths and rates": (
         "a.mat", matlab_file(lab={
             "X": dspace(("", "", TIME[::2]), ("", "s", TIME + 1)),
@@ -210,6 +218,7 @@ def test_what_holds_all_columns_hides_no_joint(tmp_path: Path, names: str, first
         ("v[0]/dps", "v[0]", "dps"), ("time_min", "time", "min"),
         ("elapsed_h", "elapsed", "h"), ("q_1_in_deg", "q_1", "deg"), ("Torque:N m", "Torque", "Nm"),
         ("M1 in newton-metres", "M1", "Nm"), ("tau (ozf.in)", "tau", "ozin"), ("effort[0]:kNm", "effort[0]", "kNm"),
+        ("torque1 [kgf·cm]", "torque1", "kgfcm"),
     ],
 )  # fmt: skip
 def test_where_a_unit_stands(header: str, name: str, unit: str) -> None:
@@ -235,6 +244,8 @@ def test_where_a_unit_stands(header: str, name: str, unit: str) -> None:
         "q[1]",
         "a:b",
         "value[joint_1]",
+        "q1 [steps of 0.1 deg]",
+        "q1 [deg per count]",
     ],
 )
 def test_what_is_no_unit_stays_with_the_name(header: str) -> None:
@@ -317,6 +328,36 @@ def test_of_two_columns_of_a_quantity_the_plainest_name_is_taken(tmp_path: Path,
 def test_rates_and_angles_of_bodies_are_no_positions(tmp_path: Path, name: str, quantity: str | None) -> None:
     recording = read(tmp_path, "lab.csv", table([TIME, A], before=f"t,{name}\n"))
     assert recording.quantities("joint_1") == ((quantity,) if quantity else ())
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "unit", "off"),
+    [("Timestamp", 638432e12, 1e-7, 2e-5), ("time", 133521637e9, 1e-7, 2e-6), ("JD", 2460352.1, 86400, 5e-5)],
+)
+def test_counts_of_clocks_that_began_long_ago(tmp_path: Path, name: str, start: float, unit: float, off: float) -> None:
+    """To what a float of them resolves."""
+    content = table([start + TIME / unit, A, B], number="%.17g", before=f"{name},q1,q2\n")
+    recording = read(tmp_path, "lab.csv", content)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").time, TIME, atol=off)
+    assert recording.epoch is not None
+    assert 1.7e9 < recording.epoch < 1.71e9
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["/forward_position_controller/commands/data[0]", "/arm_controller/joint_trajectory/points[joint_1].positions[0]",
+     "position_commands.q1", "q1_setpoints", "joint_1/targets/position"],
+)  # fmt: skip
+def test_commands_of_controllers_are_no_positions(tmp_path: Path, name: str) -> None:
+    content = table([*ABQ, 2 * A], before=f"t,q1,q2,{name}\n")
+    recording = read(tmp_path, "lab.csv", content)
+    assert recording.column("joint_1", "reference_1").source == name
+    assert recording.column("joint_1", "link_position").source == "q1"
+
+
+def test_a_file_with_its_newest_sample_first_is_told_so(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"the newest sample stands first.*Sort the file"):
+        read(tmp_path, "lab.csv", table([column[::-1] for column in ABQ], before="t,q1,q2\n"))
 
 
 @pytest.mark.parametrize("name", ["dt [ms]", "dt", "period_us", "latency [s]"])

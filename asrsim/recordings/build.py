@@ -124,7 +124,7 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
     rank = {"command line": 0, "map file": 0, "named in the file": 1}
     # A position that was told stands before the torque that a controller made of it.
     torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
-    spare = [len(_spare(column.source)) if column.origin.startswith("guessed") else 0 for column in columns]
+    spare = [0 if column.origin in ("command line", "map file") else len(_spare(column.source)) for column in columns]
     order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], spare[i], i))
     owner: dict[tuple[str | None, str], int] = {}
     problems: list[Problem] = []

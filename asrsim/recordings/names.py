@@ -12,6 +12,7 @@ from asrsim.recordings.units import Unit, find_unit, fits, split_header
 
 _REFERENCE = {
     "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
+    "references", "cmds", "commands", "targets", "setpoints", "goals",
     "soll", "sollwert", "consigne", "riferimento", "referencia", "consigna",
 }  # fmt: skip
 _MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
@@ -40,7 +41,7 @@ _FOREIGN = {
     "std", "covariance", "id", "seq", "flag", "strain", "gauge", "ddtheta", "dd", "sin", "cos", "tan", "min", "max", "lim",
     "limit", "limits", "offset", "bias", "zero", "home", "init", "initial", "noise", "fft", "psd", "gain", "kp", "ki", "kd",
     "norm", "rms", "sum", "integral", "derivative", "counter", "valid", "ok", "code", "resolution", "damping", "friction",
-    "fric", "gravity", "grav", "coriolis", "inertia",
+    "prime", "fric", "gravity", "grav", "coriolis", "inertia",
 }  # fmt: skip
 """Words beside which a position, velocity or torque is not the joint's: what it is measured in, bounds, parts, statistics."""
 _TURNED = {"roll", "pitch", "yaw"}
@@ -71,8 +72,16 @@ class Guess:
     reason: str = ""
 
 
+_LETTERS = str.maketrans({
+    "θ": "theta", "ϑ": "theta", "τ": "tau", "ω": "omega", "φ": "phi", "ϕ": "phi", "\u0307": "dot", "\u0308": "ddot",
+    **{sign: str(number) for number, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")},
+})  # fmt: skip
+"""Letters of formulas as words: Greek ones, dots above, lowered numbers."""
+
+
 def tokens_of(name: str) -> list[str]:
-    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
+    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos; `θ̇₁` thetadot, 1."""
+    name = re.sub(r"(?<=\w)'(?!\w)", " prime", name.translate(_LETTERS))
     text = re.sub(r"(?<![A-Za-z])dd?(?:Q|Theta)(?![a-z])", lambda match: match[0].lower(), name)  # dQ1 is a velocity
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     words: list[str] = []
@@ -202,7 +211,7 @@ def _quantity(
     if found & _FOREIGN or (found & _TURNED and found & _POSITION == {"link"}):
         return None, None
     velocity, torque, reference = bool(found & _VELOCITY), bool(found & _TORQUE), bool(found & _REFERENCE)
-    reference = reference or ("set" in found and bool(found & _POSITION))
+    reference = reference or ("set" in found and bool(found & _POSITION)) or ("joint", "trajectory") in pairwise(words)
     si = unit.si if unit is not None else ""
     velocity = velocity or si in ("rad/s", "m/s")
     torque = torque or si in ("N m", "N")

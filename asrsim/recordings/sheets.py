@@ -77,9 +77,10 @@ def _workbook(path: Path) -> Lines:
     full = [name for name, rows in tables.items() if sum(any(map(_is_number, row)) for row in rows) > 1]
     if not full:
         raise RecordingError("has no sheet with rows of numbers", file=path, code="no-numbers")
-    # Blank cells at a row's end are not in the file.
+    # Blank cells at a row's end are not in the file; a title in one cell is no row of the table.
     width = max(map(len, tables[full[0]]))
-    filled = (row + [""] * (width - len(row)) if any(map(_is_number, row)) else row for row in tables[full[0]])
+    tabled = ((row, any(map(_is_number, row)) or sum(map(bool, row)) > 1) for row in tables[full[0]])
+    filled = (row + [""] * (width - len(row)) if whole else row for row, whole in tabled)
     text = "".join(map(_line, filled))
     message = f"has {len(full)} sheets with numbers, of which the first is read"
     return text.encode(), (Problem(message, file=path, code="several-sheets"),) if len(full) > 1 else ()
@@ -96,7 +97,7 @@ def _number(name: str) -> int:
 
 
 def _is_number(cell: str) -> bool:
-    return re.fullmatch(r"[-+.\d]+([eE][-+]?\d+)?", cell) is not None
+    return re.fullmatch(r"[-+]?\d*[.,]?\d+([eE][-+]?\d+)?", cell) is not None
 
 
 def _parts(archive: zipfile.ZipFile, name: str, tag: str) -> Iterator[Any]:

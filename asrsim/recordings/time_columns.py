@@ -97,7 +97,7 @@ def _named(path: Path, table: Table, named: list[int], findings: list[Problem]) 
         for i in blank
     ]
     named = [i for i in named if i not in blank]
-    return [i for i in named if i in table.layout.stamps or _goes_on(table.values[:, i])] or named
+    return [i for i in named if _goes_on(table.values[:, i])] or named
 
 
 def _sent(path: Path, table: Table, named: Sequence[int], findings: list[Problem]) -> int | None:

@@ -8,22 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.calendars import FASTEST, SLOWEST, calendar_of
 from asrsim.samples import Array
 
 EPOCH = 1e8
 """Seconds above which a time is taken as absolute (1973 and later); a run of three years is no run."""
 _LISTED = 8
 """Lines that a problem of many names."""
-_SLOWEST, _FASTEST = 0.5, 3e-5
-"""s between samples that are not suspected."""
 _REST = 60.0
 """s between samples from where on a time is no Unix time."""
 _SLOW, _LONG = 0.04, 300.0
 """s between samples, and of a whole recording, that are rather ms."""
-_DAY = 86400.0
-"""s in a day."""
-_COUNTED_DAYS = {"MATLAB": (719529.0, 690_000.0, 780_000.0), "Excel": (25569.0, 20_000.0, 70_000.0)}
-"""Programs that count days: the number of 1970-01-01, and of dates that recordings have."""
 _OVERFLOWS = (2.0**16, 2.0**32, 2.0**32 * 1e-3, 2.0**32 * 1e-6)
 """Where counters of a microcontroller begin anew, also those that are written in s."""
 _MISSED = 20.0
@@ -62,13 +57,12 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
     size = abs(float(np.median(finite)))
-    by = next((by for by, (_, low, high) in _COUNTED_DAYS.items() if low < size < high), None)
-    if factor is None and by is not None and step < _FASTEST and _FASTEST <= step * _DAY <= _SLOWEST:
+    if factor is None and (calendar := calendar_of(size, step)) is not None:
         findings.append(
-            Problem(f"is read as days, as {by} counts dates", file=path, key=name, code="time-unit-assumed",
+            Problem(f"is read as {calendar.counts}", file=path, key=name, code="time-unit-assumed",
                     hint=f"Say otherwise with --map '{name}=time [s]'")
         )  # fmt: skip
-        return (values - finite[0]) * _DAY, (float(finite[0]) - _COUNTED_DAYS[by][0]) * _DAY, findings
+        return (values - finite[0]) * calendar.unit, (float(finite[0]) - calendar.zero) * calendar.unit, findings
     if factor is None:
         # Unix time: s ~ 1.7e9, ms ~ 1.7e12, us ~ 1.7e15, ns ~ 1.7e18.
         factor = next(f for f, top in ((1.0, 1e11), (1e-3, 1e14), (1e-6, 1e17), (1e-9, np.inf)) if size < top)
@@ -122,9 +116,9 @@ def suspect_time(values: Array, factor: float, *, path: Path, name: str) -> list
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
-    if not step or _SLOWEST >= step * factor >= _FASTEST:
+    if not step or SLOWEST >= step * factor >= FASTEST:
         return []
-    others = [unit for unit, other in _SECONDS.items() if _FASTEST <= step * other <= 0.2]
+    others = [unit for unit, other in _SECONDS.items() if FASTEST <= step * other <= 0.2]
     if not others:
         return []
     return [
@@ -178,6 +172,11 @@ def clean_time(
     duplicate = ~fresh & (t == top)
     backward = ~fresh & ~duplicate
     # A repeat of an older stamp within a backward stretch counts as backward, which it is.
+    if np.mean(np.diff(t) < 0) > 0.9:
+        raise RecordingError(
+            f"time falls from {t[0]:g} s to {t[-1]:g} s: the newest sample stands first", file=path, key=name,
+            hint="Sort the file by its time", code="backward-time",
+        )  # fmt: skip
     if backward.sum() > 0.1 * len(t):
         first = int(np.flatnonzero(backward)[0])
         raise RecordingError(

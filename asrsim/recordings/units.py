@@ -64,8 +64,10 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("m/s", 1e-2, ("cm/s", "cm_s")),
     ("m/s", 1e-3, ("mm/s", "mm_s")),
     ("m/s^2", 1.0, ("m/s^2", "m/s2", "m_s2")),
-    ("s", 1.0, ("s", "sec", "secs", "second", "seconds", "sek")),
-    ("s", 1e-3, ("ms", "msec", "millis", "millisecond", "milliseconds")),
+    ("s", 1.0, ("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes",
+        "secondi", "segundos")),
+    ("s", 1e-3, ("ms", "msec", "millis", "millisecond", "milliseconds", "millisekunden")),
+    ("s", 1e-2, ("cs", "csec", "centiseconds")),
     ("s", 1e-6, ("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds")),
     ("s", 1e-9, ("ns", "nsec", "nanos", "nanosecond", "nanoseconds")),
     ("s", 60.0, ("min", "minutes")),
@@ -112,7 +114,7 @@ _WORDS = {"degree": "deg", "radian": "rad", "meter": "m", "metre": "m"}
 # Last tokens that look like a unit but are part of the name: theta_m is a motor's angle, q_s no second.
 _SYMBOLS = {"theta", "tau", "q", "dq", "qd", "torque", "omega", "phi", "i", "u", "v", "w", "k", "x", "y", "z"}
 _CLOCKS = {"t", "time", "timestamp", "elapsed", "zeit", "temps", "tempo", "tiempo", "tijd", "duration"}
-"""Words behind which `min` and `h` are units."""
+"""Words behind which `min`, `h` and `cs` are units."""
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$")
 _BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
 _COLON = re.compile(r"(?<=[\w\])])\s*[:,]\s*")
@@ -139,7 +141,7 @@ def find_unit(text: str) -> Unit | None:
         if (unit := UNITS.get(written) or _LOWER.get(written.lower())) is not None:
             return unit
     # lbf-ft, ozf.in, newton-metres: a force times a length, however it is joined.
-    joined = _LOWER.get(re.sub(r"[-.*]", "", plain).lower())
+    joined = _LOWER.get(re.sub(r"[-.*·⋅∙•\u00d7]", "", plain).lower())
     return joined if joined is not None and joined.si == "N m" else None
 
 
@@ -200,7 +202,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         found = find_unit(tail)
         if found is None or found.si == "counts" or tail in ("1", "-") or tail[-1] in "])}>":
             continue
-        if tail in ("min", "h") and re.split("[./]", tokens[-count - 1].lower())[-1] not in _CLOCKS:
+        if tail in ("min", "h", "cs") and re.split("[./]", tokens[-count - 1].lower())[-1] not in _CLOCKS:
             continue  # q_min is the least q, t_min a time in minutes
         if len(tail) == 1 and tail != "V" and re.sub(r"\d+$", "", tokens[-count - 1].lower()) in _SYMBOLS:
             continue
@@ -211,10 +213,15 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         return text[: match.end() - 1], unit
     if (match := _SIGN.fullmatch(text)) and (unit := find_unit(match["unit"])) is not None:
         return match["name"], unit
-    if (among := _AMONG.search(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
+    if (among := _outside(text)) and (found := find_unit(among["unit"] + ("/s" if among["rate"] else ""))) is not None:
         rest = (text[: among.start()] + " " + text[among.end() :]).strip(" _-.")
         return (rest, found) if rest else (text, None)
     return text, None
+
+
+def _outside(text: str) -> re.Match[str] | None:
+    """A unit among the words of a name, outside of brackets: what is in them is a unit as a whole, or none."""
+    return next((one for one in _AMONG.finditer(text) if not re.search(r"[\[(<{][^\])>}]*$", text[: one.start()])), None)
 
 
 def _behind(text: str, sign: re.Pattern[str]) -> tuple[str, Unit] | None:
