@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -82,6 +83,12 @@ def test_the_table_of_parameters() -> None:
     assert table["estimate"][0] == ["2", "1.23457e+06", "2", "0.0002"]
     assert table["95 % interval"][0] == ["2 .. 2", "-", "-1000 .. 1000", "-0.001 .. 0.001"]
     assert table["+-"][0] == ["0.0005 %", "-", "-", "500 %"]
+
+
+def test_a_place_has_its_interval_in_its_unit_not_as_a_share_of_a_zero() -> None:
+    rows = (replace(estimate("j.offset", low=-1e-3, high=3e-3, value=v), is_place=True) for v in (0.0, 1e-9, 2.0))
+    table = {name: cells for name, cells, _ in show.columns(result(estimates=tuple(rows)))}
+    assert table["+-"] == ["0.002 N m"] * 3
 
 
 def test_the_table_of_errors() -> None:

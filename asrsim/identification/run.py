@@ -14,15 +14,23 @@ from asrsim.errors import SimulationError
 from asrsim.identification.between import ASKED, time_jumps_of_predicted, timed
 from asrsim.identification.causes import missing_causes
 from asrsim.identification.fit import Best, Stopped, globally, search
-from asrsim.identification.intervals import correlations, uncertainty
+from asrsim.identification.intervals import Uncertainty, correlations, uncertainty
 from asrsim.identification.inverse import unbiased
-from asrsim.identification.judge import HELD, channel_fits, coarse_joints, foreign, still_joints, verdict, with_unsure
-from asrsim.identification.keys import JUMP
-from asrsim.identification.layout import Layout
+from asrsim.identification.judge import (
+    HELD,
+    ChannelFit,
+    channel_fits,
+    coarse_joints,
+    foreign,
+    still_joints,
+    verdict,
+    with_unsure,
+)
 from asrsim.identification.nulls import settled
 from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
 from asrsim.identification.quanta import with_played, with_quanta
+from asrsim.identification.remarks import remarks_of
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
 from asrsim.identification.settling import bristled, settle, widened
@@ -172,82 +180,96 @@ def _unless_stopped(teller: Teller, found: Callable[[], Iterable[Any]]) -> tuple
         teller.deaf = True
 
 
-def _remarks(setup: Setup, best: Best, layout: Layout, finer: str) -> list[str]:
-    """What is said beside the tables; finer: of substeps."""
-    remarks = [f"{one.name}: {text}" for one in (track.data for track in setup.tracks) for text in one.remarks]
-    if count := best.substeps.get("substeps"):
-        remarks.append(f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise")
-    remarks += [finer] if finer else []
-    asked = {parameter.key for parameter in setup.free}
-    remarks += [
-        f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
-        for entry in layout.entries if entry.parameter.key.endswith("friction_stiffness") and entry.parameter.key not in asked
-    ]  # fmt: skip
-    if any(f".{JUMP}" in entry.parameter.key for entry in layout.entries):
-        remarks.append("jumps of commands are estimated, too: they came between samples, so long before those that show them")
-    if held := setup.fitted[0].held:
-        remarks.append(
-            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
-            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
-        )
-    remarks += [
-        f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, in motion, or "
-        "where a sensor said"
-        for track in setup.tracks for key in track.uncertain if any(key == one.parameter.key for one in layout.entries)
-    ]  # fmt: skip
-    return remarks
-
-
 def _judged(
     setup: Setup, residuals: Residuals, best: Best, start: Array, before: Sequence[Any], status: str, teller: Teller,
     *, profiled: bool,
 ) -> Result:  # fmt: skip
     teller.stage("judgement")
-    layout, trained, counter = setup.layout, best.x, residuals.counter
-    if status != "complete":
+    layout, trained, complete = setup.layout, best.x, status == "complete"
+    if not complete:
         residuals.weights = [[Weights(w.noise) for w in channel] for channel in residuals.weights]
     after = [residuals_of(setup, trained, track) for track in range(len(setup.tracks))]
-    shaken = [track.shaken(layout.table(trained, i)) for i, track in enumerate(setup.tracks)]
-    fits = channel_fits(setup.tracks, setup.ends, before, after, shaken)
-    misfit = verdict(fits) if status == "complete" else []
-    if any(HELD in text for text in misfit):
-        roughly = uncertainty(residuals, trained, bounds_met(layout, trained)).covariance
-        fits = with_unsure(
-            fits, setup.tracks, setup.ends, lambda x, track: residuals_of(setup, x, track), trained, roughly
-        )  # fmt: skip
-        misfit = verdict(fits)
-    plain = Residuals(setup.fitted, layout, [[Weights(c.noise) for c in t.channels] for t in setup.tracks], setup.ends, counter)
-    if misfit:
-        teller.stage("what may be missing")
-    causes = [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, trained, start))] if misfit else []
-    x = unbiased(residuals, _whole(setup, residuals, trained)) if status == "complete" else trained
-    # What is only looked at may begin at a bound, as a delay of 0: it has not ended there.
-    met = [status != "checked" and one for one in bounds_met(layout, x)]
-    found, finer = uncertainty(residuals, x, met, foreseen=status == "checked"), ""
-    if status == "complete":
-        there = settled(residuals, x, start, found, [i for i, one in enumerate(met) if not one])
-        if there is not x:
-            x, met = there, bounds_met(layout, there)
-            found = uncertainty(residuals, x, met)
-        found, finer = with_substeps(residuals, x, with_quanta(residuals, x, with_played(residuals, x, found)))
+    fits = _channels(setup, residuals, trained, before, after, doubted=complete)
+    misfit = verdict(fits) if complete else []
+    causes = _causes(setup, residuals, trained, start, fits, teller) if misfit else []
+    x, found, met, finer = _final(setup, residuals, trained, start, status)
     told, combined = estimates(residuals, x, found, met, still_joints(setup.fitted), coarse_joints(setup.fitted))
-    known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     whole = residuals.ends is not setup.ends
-    if (
-        status == "complete"
-        and not whole
-        and not all(one.explained_whole for one in fits)
-        and any(0.0 < e < t.data.duration for t, e in zip(setup.tracks, setup.ends, strict=True))
-    ):
+    if complete and not whole and _held_any(setup) and not all(one.explained_whole for one in fits):
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
+    known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     if moved := _moved(residuals, setup, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
-    remarks = _remarks(setup, best, layout, finer)
-    held = setup.fitted[0].held
     teller.stage("profiles")
-    wanted = profiled and status == "complete"
-    shapes = _unless_stopped(teller, lambda: profiles(residuals, x, found)) if wanted else ()
-    series = tuple(
+    shapes = _unless_stopped(teller, lambda: profiles(residuals, x, found)) if profiled and complete else ()
+    held = setup.fitted[0].held
+    return Result(
+        task=setup.task, estimates=tuple(told), combinations=tuple(combined), correlation=correlations(found.covariance),
+        covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
+        remarks=tuple(remarks_of(setup, best, layout, finer)), evaluations=residuals.counter.evaluations,
+        seconds=clock.perf_counter() - teller.began, how=best.how, attempts=best.attempts, successes=best.successes,
+        status=status, x=x, layout=layout, ends=tuple(setup.ends), series=_series(setup, before, after),
+        scenario=setup.scenario, robot=setup.robot, whole=whole,
+        played={
+            c.source: "hold" if c.hold or c.key in held else "smooth" for track in setup.tracks for c in track.data.commands
+        },
+        substeps=best.substeps, profiles=shapes,
+    )  # fmt: skip
+
+
+def _channels(
+    setup: Setup, residuals: Residuals, x: Array, before: Sequence[Any], after: Sequence[Any], *, doubted: bool
+) -> list[ChannelFit]:
+    """Errors of each channel; doubted: with what the estimates' uncertainty makes of them, where they are large unseen."""
+    tracks, ends = setup.tracks, setup.ends
+    fits = channel_fits(
+        tracks, ends, before, after, [track.shaken(setup.layout.table(x, i)) for i, track in enumerate(tracks)]
+    )  # fmt: skip
+    if not doubted or not any(HELD in text for text in verdict(fits)):
+        return fits
+    roughly = uncertainty(residuals, x, bounds_met(setup.layout, x)).covariance
+    return with_unsure(fits, tracks, ends, lambda there, track: residuals_of(setup, there, track), x, roughly)
+
+
+def _causes(
+    setup: Setup, residuals: Residuals, x: Array, start: Array, fits: Sequence[ChannelFit], teller: Teller
+) -> list[str]:
+    """What may be missing where the model does not fit."""
+    teller.stage("what may be missing")
+    noise = [[Weights(channel.noise) for channel in track.channels] for track in setup.tracks]
+    plain = Residuals(setup.fitted, setup.layout, noise, setup.ends, residuals.counter)
+    return [*foreign(fits), *_unless_stopped(teller, lambda: missing_causes(plain, x, start))]
+
+
+def _final(
+    setup: Setup, residuals: Residuals, trained: Array, start: Array, status: str
+) -> tuple[Array, Uncertainty, list[bool], str]:
+    """The estimate of a complete fit from whole recordings, how sure it is, which entries are at bounds, and what is said of
+    finer substeps; else what there is.
+    """
+    if status != "complete":
+        # What is only looked at may begin at a bound, as a delay of 0: it has not ended there.
+        met = [status != "checked" and one for one in bounds_met(setup.layout, trained)]
+        return trained, uncertainty(residuals, trained, met, foreseen=status == "checked"), met, ""
+    x = unbiased(residuals, _whole(setup, residuals, trained))
+    met = bounds_met(setup.layout, x)
+    found = uncertainty(residuals, x, met)
+    there = settled(residuals, x, start, found, [i for i, one in enumerate(met) if not one])
+    if there is not x:
+        x, met = there, bounds_met(setup.layout, there)
+        found = uncertainty(residuals, x, met)
+    found, finer = with_substeps(residuals, x, with_quanta(residuals, x, with_played(residuals, x, found)))
+    return x, found, met, finer
+
+
+def _held_any(setup: Setup) -> bool:
+    """Whether a part of a recording was held out."""
+    return any(0.0 < end < track.data.duration for track, end in zip(setup.tracks, setup.ends, strict=True))
+
+
+def _series(setup: Setup, before: Sequence[Any], after: Sequence[Any]) -> tuple[tuple[dict[str, Any], ...], ...]:
+    """Of each recording and channel, for pictures."""
+    return tuple(
         tuple(
             {
                 "key": channel.key, "unit": channel.unit, "time": channel.time, "recorded": channel.values,
@@ -257,15 +279,4 @@ def _judged(
             for i, channel in enumerate(track.channels)
         )
         for track, old, new in zip(setup.tracks, before, after, strict=True)
-    )  # fmt: skip
-    return Result(
-        task=setup.task, estimates=tuple(told), combinations=tuple(combined), correlation=correlations(found.covariance),
-        covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes), remarks=tuple(remarks),
-        evaluations=counter.evaluations, seconds=clock.perf_counter() - teller.began, how=best.how, attempts=best.attempts,
-        successes=best.successes, status=status, x=x, layout=layout, ends=tuple(setup.ends), series=series,
-        scenario=setup.scenario, robot=setup.robot, whole=whole,
-        played={
-            c.source: "hold" if c.hold or c.key in held else "smooth" for track in setup.tracks for c in track.data.commands
-        },
-        substeps=best.substeps, profiles=shapes,
     )  # fmt: skip

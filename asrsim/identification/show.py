@@ -135,7 +135,11 @@ def _interval(one: Estimate) -> str:
 
 
 def _margin(one: Estimate) -> str:
-    return "-" if math.isnan(one.low) or not one.margin < HOPELESS else percent(one.margin)
+    if math.isnan(one.low):
+        return "-"
+    if one.is_place:
+        return f"{0.5 * (one.high - one.low):.2g} {one.unit}".rstrip()
+    return percent(one.margin) if one.margin < HOPELESS else "-"
 
 
 def _number(value: float) -> str:

@@ -49,6 +49,8 @@ class Estimate:
     reason: str = ""
     combinations: tuple[str, ...] = ()
     track: int | None = None
+    is_place: bool = False
+    """Whether it is a place, a zero or a delay, of which a share of itself says nothing."""
 
     @property
     def margin(self) -> float:
@@ -100,6 +102,8 @@ def estimates(
         listed: tuple[str, ...] = ()
         reason, verdict = "", IDENTIFIED
         if met[i]:
+            edges = entry.parameter.low, entry.parameter.high
+            value = edges[abs(edges[1] - value) < abs(edges[0] - value)]
             as_far = f"{value:.4g} {entry.parameter.unit}".rstrip() + " is as far as it may go"
             verdict, reason = AT_BOUND, (_vanished(entry, value) if without[i] else "") or as_far
             low = high = math.nan
@@ -125,6 +129,7 @@ def estimates(
             Estimate(
                 key=entry.parameter.key, name=entry.name, unit=entry.parameter.unit, start=entry.start, value=value, low=low,
                 high=high, verdict=verdict, reason=reason, combinations=listed, track=entry.track,
+                is_place=place,
             )
         )  # fmt: skip
     return result, known

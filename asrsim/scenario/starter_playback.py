@@ -17,6 +17,7 @@ from asrsim.recordings.matching import match_joints
 from asrsim.recordings.unstated import beyond_stops
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
 from asrsim.robot.mounting import reference_names
+from asrsim.scenario.starter_commands import named_otherwise
 from asrsim.signals.playback import Playback, since
 
 LATEST = 1.0
@@ -93,7 +94,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
-    columns |= _named_as_references(robot, columns, remarks)
+    columns |= named_otherwise(robot, columns, remarks)
     if not any(problem.code == "unstated-unit" for problem in recording.findings):
         remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
     lag, end = _span(columns)
@@ -132,21 +133,6 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
         initial=_initial(changed, columns, played, remarks), remarks=tuple(remarks),
     )  # fmt: skip
-
-
-def _named_as_references(
-    robot: Robot, columns: dict[tuple[str, str], Column], remarks: list[str]
-) -> dict[tuple[str, str], Column]:
-    """Commands that go by the name of the mode's reference, which a measured quantity has too: beside a stiffness preset it is
-    the command. Taken out of `columns`."""
-    found = {}
-    for block in robot.actuators:
-        name = (block.joint, "equilibrium_position")
-        others = (block.joint, "reference_1") not in columns and (block.joint, "reference_2") in columns
-        if MODES[block.mode].mapped and others and name in columns:
-            found[block.joint, "reference_1"] = replace(columns.pop(name), quantity="reference_1")
-            remarks.append(f"{block.joint}: the recorded equilibrium_position, beside a stiffness preset, is its command")
-    return found
 
 
 def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
