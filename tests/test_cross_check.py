@@ -13,6 +13,7 @@ from asrsim.engines import ENGINES
 from asrsim.engines import mujoco as mujoco_engine
 from asrsim.engines.base import EngineEntry
 from asrsim.errors import SimulationError
+from asrsim.robot import load_robot
 from asrsim.simulation.crosscheck import LIMIT, other_engine
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "scenarios"
@@ -126,3 +127,16 @@ def test_without_another_engine_the_check_is_refused_and_certify_goes_without(mo
     assert not asrsim.run(scenario, certify=True).summary.cross_check
     with pytest.raises(SimulationError, match="needs 'no_such_module_here', which is not installed; here are: bullet"):
         asrsim.run(replace(scenario, engine="mujoco"))
+
+
+@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize("asked", [{"cross_check": True}, {"certify": True}], ids=str)
+def test_a_robot_that_was_given_is_the_one_that_both_engines_and_finer_steps_run(tiny, tmp_path, asked, kept) -> None:
+    """Three times as heavy as the scenario's file says: another robot's motion would be far off."""
+    robot = load_robot(tiny.robot)
+    heavy = replace(robot, links=tuple(replace(link, mass=3.0 * link.mass) if link.mass else link for link in robot.links))
+    overrides = ["engine=mujoco", "compiled=false", "duration=0.2"]
+    result = asrsim.run(tiny.scenario, robot=heavy, overrides=overrides, out=tmp_path / "o" if kept else None, **asked)
+    errors = [one["position_max"] for one in (result.summary.certificate or {"joints": {}})["joints"].values()]
+    assert all(error < 1e-4 for error in errors)
+    assert result.summary.cross_check["agrees"]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
+DESCRIPTORS = Path("/proc/self/fd")
 PRINTING = """
 import ctypes, sys, threading
 from asrsim.engines.foreign import crashes, quiet
@@ -35,3 +38,29 @@ def test_nothing_of_theirs_comes_out() -> None:
 def test_a_closed_stream_is_no_trouble() -> None:
     code = "from asrsim.engines.foreign import quiet\nwith quiet(): pass\n"
     subprocess.run(f"{sys.executable} -c '{code}' >&-", shell=True, timeout=60, check=True)
+
+
+def test_streams_are_what_they_were_once_the_last_has_left(capfd) -> None:
+    """Nothing of what is written inside comes out, however deep; all before and after it does."""
+    from asrsim.engines.foreign import quiet
+
+    def write(text: str) -> None:
+        for number in (1, 2):
+            os.write(number, text.encode())
+
+    def opened() -> int:
+        """Descriptors of the process, where the system tells."""
+        return len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.is_dir() else 0
+
+    open_before = opened()
+    for turn in range(2):
+        write(f"before {turn};")
+        with quiet():
+            write("one")
+            with quiet():
+                write("two")
+            write("three")
+        write(f"after {turn};")
+    said = "before 0;after 0;before 1;after 1;"
+    assert capfd.readouterr() == (said, said)
+    assert opened() == open_before

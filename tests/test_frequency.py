@@ -385,3 +385,15 @@ def test_the_lines_of_a_multisine_are_those_that_were_put_in() -> None:
     assert period_of(u) == 1000
     assert lines_of(u, 1000, 0.001, None).tolist() == [2, 7, 31]
     assert lines_of(u, 1000, 0.001, (7.0, 31.0)).tolist() == [7, 31]
+
+
+@pytest.mark.parametrize(("low", "high"), [(2.0, 6.0), (6.0, 12.0), (11.0, 30.0), (2.0, 30.0)])
+def test_averaged_spectra_keep_to_the_band_that_is_asked_for(low: float, high: float) -> None:
+    """Lines at 1, 3, 9, 20 and 40 Hz of one strength: those between the ends, and all of them, at gains of their own."""
+    step, lines = 2e-3, np.array([1.0, 3.0, 9.0, 20.0, 40.0])
+    waves = np.sin(2.0 * np.pi * np.outer(np.arange(20_000) * step, lines) + np.arange(5))
+    gains = np.array([5.0, 4.0, 3.0, 2.0, 1.0])
+    found = welch(waves.sum(axis=1), waves @ gains, step, low, high)
+    inside = (lines > low) & (lines < high)
+    np.testing.assert_allclose(found.frequency, lines[inside], rtol=1e-2)
+    np.testing.assert_allclose(np.abs(found.response), gains[inside], rtol=1e-2)

@@ -12,14 +12,16 @@ import pytest
 from identify_files import CHIRP, SEA, record, write
 
 from asrsim import identify
+from asrsim.identification.bristles import _stiffnesses
 from asrsim.identification.intervals import uncertainty, with_faint_directions
 from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import make_layout
+from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.limits import BITES, REACHED, RELEASES, _starts
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.nulls import combinations
 from asrsim.identification.profiles import profiles
 from asrsim.identification.residuals import Residuals
+from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
 
@@ -348,3 +350,22 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
         assert one.value == pytest.approx(value, abs=near)
         assert one.verdict == "identified"
         assert abs(one.value - value) < one.high - one.low
+
+
+@pytest.mark.parametrize("tied", range(4))
+def test_motors_whose_friction_is_one_number_have_bristles_of_one_stiffness(tied: int) -> None:
+    """Over as many ties as it takes; what is free, or was given, is left alone."""
+    robot = load_robot(Path(__file__).parents[1] / "examples/urdf/dof2_horizontal.urdf")
+    motors = [f"joint_{j}.motor_{i}" for j in (1, 2) for i in (1, 2)]
+    # Each is tied to the one before it.
+    ties = [Tie(key=f"{motors[n + 1]}_friction_torque", to=f"{motors[n]}_friction_torque") for n in range(tied)]
+    found = list(_stiffnesses(make_layout([], ties, ["lab"], [{}]), robot))
+    assert [one.key for one, _ in found] == [f"{motors[n]}_friction_stiffness" for n in (0, *range(tied + 1, 4))]
+    assert [(tie.key, tie.to) for tie in found[0][1]] == [
+        (f"{motors[n + 1]}_friction_stiffness", f"{motors[0]}_friction_stiffness") for n in range(tied)
+    ]
+    assert not any(more for _, more in found[1:])
+    given = with_overrides(robot, parameters={"joint_1": {"motor_1_friction_stiffness": 800.0}})
+    free = Parameter(key="joint_2.motor_2_friction_stiffness", unit="N m/rad", start=900.0, logarithmic=True)
+    rest = [one.key for one, _ in _stiffnesses(make_layout([free], (), ["lab"], [{}]), given)]
+    assert rest == [f"{motor}_friction_stiffness" for motor in motors[1:3]]

@@ -272,6 +272,7 @@ def test_every_file_that_the_plant_depends_on_counts(tmp_path):
     assert identity_of(plant(external_torques=torque)) != before
 
 
+@pytest.mark.restless
 def test_what_a_plant_is_does_not_hang_on_how_it_is_written(tmp_path):
     """Another order of keys, and what may change between resumptions, leave it the plant that it was."""
     wave = {"amplitude": 0.01, "angular_frequency": 1.0}
@@ -281,6 +282,7 @@ def test_what_a_plant_is_does_not_hang_on_how_it_is_written(tmp_path):
     assert identity_of(one) == identity_of(other)
 
 
+@pytest.mark.restless
 def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
     """The robot's text under the same path, any number of the scenario, the contents of files that are exchanged."""
     robot, files = tmp_path / "arm.urdf", [tmp_path / name for name in ("a.csv", "b.csv")]
