@@ -64,7 +64,8 @@ bit, since both loops run the same source. A run that stays plain where compilin
   cannot, `auto` stays plain, and `true` says what is in the way. A power with a whole exponent (`x ** 3`) is a product when
   compiled, and may differ in the last bit: write `x * x * x`, and `sqrt(x)` for `x ** 0.5`.
 - Kernels are kept in `$XDG_CACHE_HOME/asrsim/kernels` (`~/.cache/asrsim/kernels`), by a hash of all code that goes into them:
-  a law that changes, or a helper that it calls, gets a kernel of its own, and parameters need none. Where the folder cannot be
+  a law that changes, or a helper that it calls, gets a kernel of its own, and parameters need none.
+  A robot of another kind costs 2 s once, an installation's first 8 s: all share the engine's part. Where the folder cannot be
   written, nothing is kept. It may be deleted at any time.
 
 ## How cost grows

@@ -17,7 +17,8 @@ SECONDS_SAVED = 6e-6
 """What the compiled loop saves for a joint and motor substep, s: measured 4 to 30, 2 for each further substep of the motors;
 what matters is the order of magnitude."""
 SECONDS_TO_LOAD = 0.6
-"""Import of Numba and a kept kernel, s; a kernel that is not kept yet costs 2 s more once."""
+"""Import of Numba and a kept kernel, s; a kernel that is not kept yet costs 2 s more once, and an installation's
+first one another 6 s: the engine's own part, which all robots share."""
 SECONDS_WHEN_LOADED = 0.05
 """The same where Numba is imported already."""
 
