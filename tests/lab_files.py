@@ -66,6 +66,22 @@ def texts(values: Any, pattern: str) -> list[str]:
 ABQ = [TIME, A, B]
 DEG = [TIME, A * DEGREES, B * DEGREES]
 GERMAN = {"sep": ";", "dec": ","}
+
+
+def echoed(stamp: str, names: str, *, lists: bool, before: str = "") -> bytes:
+    """A joint state after the other as `rostopic echo` prints them; `lists`: an entry a line, as ROS 2 does."""
+    order = (B, A) if names.startswith("elbow") else (A, B)
+    entries = names.split()
+    text = before
+    for time, *values in zip(TIME, *order, strict=True):
+        text += f"header:\n  stamp:\n    {stamp % divmod(round(1.7e9 * 1000 + time * 1000), 1000)}000000\n  frame_id: ''\n"
+        for key, cells in ("name", entries), ("position", [f"{value:.9g}" for value in values]), ("effort", []):
+            block = "".join(f"\n- {cell}" for cell in cells) or " []"
+            text += f"{key}:{block if lists else ' [' + ', '.join(cells) + ']'}\n"
+        text += "---\n"
+    return text.encode()
+
+
 READ: dict[str, bytes] = {
     "german excel": table(DEG, **GERMAN, before="\ufeffZeit [s];Winkel1 [°];Winkel2 [°]\n"),
     "german latin-1": table(DEG, **GERMAN, before="Zeit (s);Winkel 1 (°);Winkel 2 (°)\n", encoding="latin-1"),
@@ -146,6 +162,9 @@ READ: dict[str, bytes] = {
     "records by their index": json.dumps(
         {i: {"t": row[0], "q1": row[1], "q2": row[2]} for i, row in enumerate(zip(*ABQ, strict=True))}
     ).encode(),
+    "rostopic echo in YAML": echoed("secs: %d\n    nsecs: %d", "shoulder elbow", lists=False),
+    "ros2 topic echo": echoed("sec: %d\n    nanosec: %d", "elbow shoulder", lists=True),
+    "an echo that was cut off": echoed("secs: %d\n    nsecs: %d", "shoulder elbow", lists=True)[:-40],
     "two clocks": table([TIME, A, TIME + 0.003, elbow(TIME + 0.003)], before="t,q1,time_2,q2\n"),
 }  # fmt: skip
 """Name -> file whose motion must come out right with nothing said about it."""
@@ -176,7 +195,10 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         table([[f"{t * 1e6:,.0f}" for t in TIME], A, B], sep=";", before="t_us;q1;q2\n"),
         "marks between their thousands: 1,000,000",
     ),
-    "what ros2 prints": (b"".join(b"data: %d\n---\n" % i for i in range(9)), "ros2 topic echo"),
+    "an echo without stamps": (b"".join(b"data: %d\n---\n" % i for i in range(9)), "no time column found among data.*--rate"),
+    "a bomb in an echo": (b"a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]\n---\n" * 9, "rostopic echo.*has 0 messages"),
+    "InfluxDB": (b"arm,lab=1 q1=0.5,q2=0.3 1700000000000000000\n" * 9, "InfluxDB.*Export it as CSV"),
+    "a CAN bus": (b"(1700000000.000000) can0 123#0000012C\n" * 9, "CAN bus.*Decode it"),
     "words only": (b"a,b\nx,y\nx,y\n", "no row of numbers"),
     "excel": (b"PK\x03\x04" + bytes(50), "zip archive.*Unpack"),
     "gzip": (b"\x1f\x8b\x08" + bytes(50), "compressed"),

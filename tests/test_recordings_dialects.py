@@ -56,6 +56,34 @@ def dspace(*signals: tuple[str, str, np.ndarray]) -> np.ndarray:
 
 
 RECORD = np.rec.fromarrays([TIME, A, B], names="t,q1,q2")
+LINES = {
+    "ROS 1": "[ INFO] [{unix:.9f}]: q1: {a:.9f}, q2: {b:.9f}",
+    "ROS 1 with simulated time, in colours": "\x1b[0m[ INFO] [{late:.9f}, {t:.9f}]: q1 = {a:.9f}, q2 = {b:.9f}\x1b[0m",
+    "ROS 2": "[INFO] [{unix:.9f}] [arm_node]: q1: {a:.9f} q2: {b:.9f}",
+    "roslaunch, with units": "[arm-1] [INFO] [{unix:.9f}] [arm]: q1: {deg_a:.9f} deg, q2: {deg_b:.9f} deg",
+    "the journal": "May 06 10:00:{t:09.6f} lab arm[123]: q1={a:.9f} q2={b:.9f}",
+    "the journal, dates": "2024-05-06T10:00:{t:09.6f}+0200 lab arm[123]: q1={a:.9f} q2={b:.9f}",
+    "Python": "2024-05-06 10:00:{comma} - arm - INFO - q1={a:.9f} q2={b:.9f}",
+    "Python, short": "2024-05-06 10:00:{comma} INFO q1={a:.9f}, q2={b:.9f}",
+    "loguru": "2024-05-06 10:00:{t:06.3f} | INFO     | arm:loop:42 - q1={a:.9f} q2={b:.9f}",
+    "spdlog": "[2024-05-06 10:00:{t:06.3f}] [info] q1={a:.9f} q2={b:.9f}",
+    "glog": "I0506 10:00:{t:09.6f} 1234 arm.cc:42] q1={a:.9f} q2={b:.9f}",
+    "an ESP32": "I ({ms}) arm: q1={a:.9f} q2={b:.9f}",
+    "seconds since 1970": "{unix:.6f} q1={a:.9f} q2={b:.9f}",
+    "seconds in brackets": "[{t:.3f}] q1={a:.9f} q2={b:.9f}",
+}
+"""Name -> what a logger writes a sample."""
+
+
+def logged(line: str) -> bytes:
+    values = ({"t": t, "a": a, "b": b} for t, a, b in zip(*ABQ, strict=True))
+    return "".join(
+        line.format(**v, unix=1.7e9 + v["t"], late=1.7e9 + 1.5 * v["t"], comma=f"{v['t']:06.3f}".replace(".", ","),
+                    ms=round(v["t"] * 1e3), deg_a=v["a"] * DEGREES, deg_b=v["b"] * DEGREES) + "\n"
+        for v in values
+    ).encode()  # fmt: skip
+
+
 UNDERSTOOD: dict[str, tuple[str, bytes]] = {
     "LabVIEW with units": ("a.lvm", table(DEG, sep="\t", before=LVM)),
     "TwinCAT's scope": (
@@ -104,6 +132,7 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
                         [f"q2:{b:.9f}" for b in B]], sep="\t"),
     ),
     "names and equals": ("a.log", table([[f"t={t:.2f} q1={a:.9f} q2={b:.9f}" for t, a, b in zip(*ABQ, strict=True)]])),
+    **{f"a logger's line: {name}": ("a.log", logged(line)) for name, line in LINES.items()},
     "units in the cells": (
         "a.csv", table([texts(TIME * 1e3, "%.0f ms"), texts(A * DEGREES, "%.9fdeg"), texts(B * DEGREES, "%.9f °")],
                        before="time,q1,q2\n"),

@@ -1,4 +1,8 @@
-"""Numbers that carry their name (`q1:0.5,q2:0.3`, as Arduino's plotter takes them) or their unit (`0.5deg`) in every line."""
+"""Numbers that carry their name (`q1:0.5,q2:0.3`, as Arduino's plotter takes them) or their unit (`0.5deg`) in every line.
+
+Lines with names may have a head: the time at which a terminal, a logger or ROS's console wrote them, and what these say beside
+it (`[INFO] [1700000000.25] [arm]: q1: 0.5 deg`).
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,22 @@ from asrsim.recordings.units import find_unit
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _PLAIN_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|nan|inf"
-_PAIR = re.compile(rf"(?P<name>[^\W\d][^:=,;\t|]*?)\s*[:=]\s*(?P<number>{_PLAIN_NUMBER})(?:\s*[,;\t|]\s*|\s+|$)", re.IGNORECASE)
-_WHEN = re.compile(r"\s*(\d\d:\d\d:\d\d(?:[.,]\d+)?)[\t;,| ]")
-"""The time that a terminal writes before a line."""
+_PAIR = re.compile(
+    rf"(?P<name>[^\W\d][^:=,;\t|]*?)\s*[:=]\s*(?P<number>{_PLAIN_NUMBER})(?:\s*(?P<unit>(?:°|[^\W\d_])[^\s,;|:=]*)(?!\s*[:=]))?"
+    r"(?:\s*[,;\t|]\s*|\s+|$)",
+    re.IGNORECASE,
+)
+_TIME = (
+    r"(?P<day>\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[-+]\d\d:?\d\d)?)|(?P<clock>\d\d:\d\d:\d\d(?:[.,]\d+)?)|"
+    r"(?P<unix>\b\d{9,10}\.\d+)(?:, (?P<simulated>\d+\.\d+)(?=\]))?|[\[(](?P<since>\d+(?:\.\d+)?)[\])]"
+)
+_WHEN = re.compile(_TIME)
+"""The time in a head: a date, the time of day, seconds since 1970 (with the time of a simulation, as ROS 1 writes it), a count
+in brackets."""
+_HEAD_END = re.compile(
+    rf"(?:{_TIME}|[\])}}>]:?|:|-|\b(?:DEBUG|INFO|NOTICE|WARN(?:ING)?|ERROR|TRACE))(?:[,;|]\s*|\s+)", re.IGNORECASE
+)
+_COLOURS = re.compile(r"\x1b\[[\d;]*m")
 _UNIT = re.compile(rf'\s*"?\s*({_NUMBER})\s*([^\W\d_][^\s"]*|°[^\s"]*|%)\s*"?\s*')
 _MOST = 0.8
 """Share of the lines that must be so."""
@@ -59,17 +76,31 @@ def dressed(lines: Sequence[str]) -> Dress | None:
 
 
 def _pairs(line: str) -> tuple[tuple[str, ...], list[str]] | None:
-    """Names and numbers of a line of nothing else, but when it came."""
+    """Names and numbers of a line that has nothing else behind its head."""
+    line = _COLOURS.sub("", line).strip()
+    best: tuple[tuple[str, ...], list[str]] | None = None
+    head = 0
+    for end in (0, *(match.end() for match in _HEAD_END.finditer(line))):
+        # As much as possible is head, or what a logger writes before the first name would belong to it.
+        if (found := _chain(line, end)) is not None and (best is None or len(found[0]) >= len(best[0])):
+            best, head = found, end
+    if best is None or (when := _WHEN.search(line, 0, head)) is None:
+        return best
+    time = when["simulated"] or next(text for text in when.groups() if text)
+    return ("time", *best[0]), [time, *best[1]]
+
+
+def _chain(line: str, place: int) -> tuple[tuple[str, ...], list[str]] | None:
+    """Names and numbers of the line from there on, if there is nothing else."""
     names: list[str] = []
     numbers: list[str] = []
-    if (when := _WHEN.match(line)) is not None:
-        names, numbers = ["time"], [when[1]]
-    place = when.end() if when is not None else len(line) - len(line.lstrip())
-    end = len(line.rstrip())
-    while place < end:
-        if (match := _PAIR.match(line, place, end)) is None:
+    while place < len(line):
+        if (match := _PAIR.match(line, place)) is None:
             return None
-        names.append(match["name"])
+        unit = match["unit"]
+        if unit and find_unit(unit) is None:
+            return None
+        names.append(f"{match['name']} [{unit}]" if unit else match["name"])
         numbers.append(match["number"])
         place = match.end()
     return (tuple(names), numbers) if len(set(names)) == len(names) > 1 else None

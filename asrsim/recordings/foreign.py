@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from pathlib import Path
 
@@ -31,6 +32,20 @@ _FOREIGN = (
     (b"SQLite format 3", "a database; ROS 2 bags end in .db3", ""),
 )  # fmt: skip
 """First bytes, what has them, and what to do: a line of Python with the file, and the .npz or .csv that comes of it."""
+
+_LINES = (
+    (r"\S+ \S+=\S+ \d{10,19}", "the line protocol of InfluxDB", "Export it as CSV: influx query --raw"),
+    (r"\(\d+\.\d+\) \S+ [0-9A-Fa-f]+##?[0-9A-Fa-f.]*.*", "a log of a CAN bus (candump)",
+     "Decode it to CSV with the bus's .dbc file, for example by python-can and cantools"),
+)  # fmt: skip
+"""Lines of text that hold numbers but no table, what has them, and what to do."""
+
+
+def refuse_foreign_line(path: Path, line: int, text: str) -> None:
+    """Raises RecordingError for a line that is known and not read."""
+    for pattern, what, cure in _LINES:
+        if re.fullmatch(pattern, text.strip()):
+            raise RecordingError(f"is {what}, which is not read here", file=path, line=line, code="foreign-format", hint=cure)
 
 
 def refuse_foreign(path: Path, start: bytes) -> None:

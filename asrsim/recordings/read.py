@@ -22,6 +22,7 @@ from asrsim.recordings.mapping import ColumnMap, resolve_mapping
 from asrsim.recordings.matlab import read_mat
 from asrsim.recordings.names import find_column
 from asrsim.recordings.read_csv import read_text, series_of
+from asrsim.recordings.read_echo import is_echo, read_echo
 from asrsim.recordings.read_json import is_json, read_json
 from asrsim.recordings.sheets import SheetReader, sheet_reader
 
@@ -93,7 +94,7 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
         if (reader := sheet_reader(path)) is not None:
             form, table = "sheet", _sheet(path, reader, maps)
         else:
-            form, table = ("json", read_json(path)) if is_json(path) else ("csv", read_text(path, maps))
+            form, table = _text(path, maps)
         if partly:
             here = [one for one in maps if one.role != "time" or find_column(one.column, table.layout.names) is not None]
             maps = here
@@ -106,6 +107,15 @@ def _raw(path: Path, maps: Sequence[ColumnMap], rate: float | None, *, partly: b
         raise RecordingError([other]) from None
     except OSError as error:
         raise RecordingError(f"cannot be read: {error.strerror or error}", file=path, code="no-file") from None
+
+
+def _text(path: Path, maps: Sequence[ColumnMap]) -> tuple[str, Table]:
+    """What kind of text it is, and its table."""
+    if is_json(path):
+        return "json", read_json(path)
+    if is_echo(path):
+        return "echo", read_echo(path)
+    return "csv", read_text(path, maps)
 
 
 def _sheet(path: Path, reader: SheetReader, maps: Sequence[ColumnMap]) -> Table:

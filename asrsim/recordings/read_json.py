@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,9 @@ from asrsim.recordings.sniff import Layout, encoding_of
 _LONGEST = 64
 """Entries of a list in a record; longer ones are pictures or scans."""
 
+_LIST = re.compile(rb"\[\s*(?:\{|\[\s*[\[{\"\-\d]|\"|-?\d[\d.eE+-]*\s*,)")
+"""How a list of objects, lists, texts or numbers begins; `[0.25] q1=0.5` is none."""
+
 Record = dict[str, str]
 """Label -> cell, as a text file would hold it."""
 
@@ -26,9 +30,8 @@ Record = dict[str, str]
 def is_json(path: Path) -> bool:
     """Whether the file begins as JSON does: with an object, or a list of objects, lists or numbers."""
     with path.open("rb") as stream:
-        start = stream.read(4096).removeprefix(b"\xef\xbb\xbf").split()
-    text = b"".join(start[:4])
-    return text.startswith(b"{") or (text.startswith(b"[") and text[1:2] in b'{["-0123456789' and text[1:2] != b"")
+        text = stream.read(4096).removeprefix(b"\xef\xbb\xbf").lstrip()
+    return text.startswith(b"{") or _LIST.match(text) is not None
 
 
 def read_json(path: Path) -> Table:
@@ -36,21 +39,27 @@ def read_json(path: Path) -> Table:
     text = path.read_text(encoding=encoding_of(path), errors="replace")
     whole = _whole(text)
     records, bad = _records(text, whole, path) if isinstance(whole, ValueError | RecursionError) else (_of(whole), [])
-    labels = list(dict.fromkeys(label for record in records for label in record))
     units = dict(_units_of(whole, "")) if isinstance(whole, Mapping) else {}
-    if len(records) < 2 or not labels:
+    if len(records) < 2 or not any(records):
         raise RecordingError(
             f"is JSON with {len(records)} records; at least 2 are needed", file=path, code="no-numbers",
             hint="Expected records with a time and signals: one a line, a list of them, or lists by name",
         )  # fmt: skip
+    return table_of(path, records, bad, units=units, remarks="\n".join(_remarks(whole)) if isinstance(whole, Mapping) else "")
+
+
+def table_of(
+    path: Path, records: list[Record], bad: list[int], *, units: Mapping[str, str] | None = None, remarks: str = ""
+) -> Table:
+    """Records as rows, under all labels that they have. bad: lines that were no records; units: of labels."""
+    labels = list(dict.fromkeys(label for record in records for label in record))
     columns = [[record.get(label, "") for record in records] for label in labels]
     kinds = [kind_of(cells, ".") for cells in columns]
     layout = Layout(
         encoding="utf-8", separator=None, decimal=".", quoted=False, header_line=1, first_line=1, skipped=(),
-        names=unique([_with_unit(label, units) for label in labels]), units=("",) * len(labels),
+        names=unique([_with_unit(label, units or {}) for label in labels]), units=("",) * len(labels),
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
-        text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
-        remarks="\n".join(_remarks(whole)) if isinstance(whole, Mapping) else "",
+        text=tuple(i for i, kind in enumerate(kinds) if kind == "text"), remarks=remarks,
     )  # fmt: skip
     faults, zeros = Faults(ragged=bad, lengths={0} if bad else set()), dict[int, int]()
     stamps, words = set(layout.stamps), set(layout.text)
@@ -81,7 +90,7 @@ def _records(text: str, whole: Exception, path: Path) -> tuple[list[Record], lis
         if not line.strip():
             continue
         try:
-            records.append(_flat(json.loads(line.strip().rstrip(","))))
+            records.append(flat(json.loads(line.strip().rstrip(","))))
         except (ValueError, RecursionError):
             bad.append(count)
     if len(records) < 2 or len(bad) > max(1, 0.1 * len(records)):
@@ -98,15 +107,15 @@ def _of(data: Any) -> list[Record]:
         names = [str(name) for name in data["columns"]]
         data = [dict(zip(names, row, strict=False)) for row in data["data"] if isinstance(row, list)]
     if isinstance(data, list):
-        return [_flat(one) for one in data if isinstance(one, Mapping | list)]
+        return [flat(one) for one in data if isinstance(one, Mapping | list)]
     if not isinstance(data, Mapping):
         return []
     if len(data) > 1 and all(str(name).isdigit() and isinstance(one, Mapping) for name, one in data.items()):
-        return [_flat(one) for one in data.values()]  # pandas writes records by their index
+        return [flat(one) for one in data.values()]  # pandas writes records by their index
     tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     if tables:
         shared = {key: data[key] for key in NAME_FIELDS if isinstance(data.get(key), list)}
-        return [_flat({**shared, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
+        return [flat({**shared, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
     columns = _of_pairs(dict(_columns(data, "")))
     length = max((len(column) for column in columns.values()), default=0)
     return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]
@@ -169,19 +178,19 @@ def _columns(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, list[A
             yield f"{prefix}{key}", value
 
 
-def _flat(data: Any, prefix: str = "") -> Record:
+def flat(data: Any, prefix: str = "") -> Record:
     """A record's numbers and words by their path: `header.stamp.sec`, `position[0]`."""
     if isinstance(data, Mapping):
         found: Record = {}
         for key, value in data.items():
-            found |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
+            found |= flat(value, f"{prefix}.{key}" if prefix else str(key))
         return found
     if isinstance(data, list):
         if len(data) > _LONGEST:
             return {}
         found = {}
         for i, value in enumerate(data):
-            found |= _flat(value, f"{prefix}[{i}]" if prefix else f"column_{i + 1}")
+            found |= flat(value, f"{prefix}[{i}]" if prefix else f"column_{i + 1}")
         return found
     return {prefix: _cell(data)} if prefix else {}
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from asrsim.errors import RecordingError
 from asrsim.recordings.cells import COMMENTS, entries, glue, grouped, kind_of, printable, share_of_numbers, split, spread
 from asrsim.recordings.dressed import Dress, dressed
-from asrsim.recordings.foreign import READ, refuse_foreign
+from asrsim.recordings.foreign import READ, refuse_foreign, refuse_foreign_line
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
 
 _SAMPLE = 200
@@ -86,11 +86,6 @@ def encoding_of(path: Path) -> str:
             "is not a text file (it holds zero bytes)", file=path, code="binary",
             hint=f"Expected {READ}; the ending of its name says which",
         )  # fmt: skip
-    if start.count(b"\n---\n") > 1 and b": " in start[:4096]:
-        raise RecordingError(
-            "is what `ros2 topic echo` prints (YAML), which is not read here", file=path, code="foreign-format",
-            hint="Print it with --csv, or record a bag",
-        )  # fmt: skip
     try:
         start.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -137,6 +132,7 @@ def sniff(path: Path) -> Layout:
     followed = zip(share, [*share[1:], 1.0], strict=True)
     first = next((i for i, (own, after) in enumerate(followed) if own >= 0.5 and max(own, after) >= usual), None)
     if first is None:
+        refuse_foreign_line(path, *lines[0])
         raise RecordingError(
             "no row of numbers found", file=path, line=lines[0][0], value=lines[0][1][:60], code="no-numbers",
             hint="Expected columns separated by comma, semicolon, tab or spaces, with at most a header above",
