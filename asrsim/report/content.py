@@ -46,6 +46,9 @@ _SUMMARY_SHAPE: Shape = {
     "expect": [{"text": str, "holds": bool}],
     "warnings?": [{"message?": str, "file?": (str, None), "line?": (int, None), "key?": (str, None), "hint?": (str, None)}],
     "certificate?": {"joints?": {"*": {"*": _NUMBER}}, "warnings?": [str], "step?": _NUMBER, "scheme_order?": int},
+    "cross_check?": {
+        "engine?": str, "other?": str, "joints?": {"*": {"*": _NUMBER}}, **dict.fromkeys(("finding?", "note?"), (str, None)),
+    },
 }  # fmt: skip
 """What the page takes of a `summary.json`; one of another shape was edited, and is worked out anew."""
 _METRICS_SHAPE: Shape = {
