@@ -207,6 +207,13 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"initial": {"elbow": [0.1]}}, "initial.elbow: the robot has no moving joint"),
         ({"initial": {"joint_1": "uniform(1, 3)"}}, "initial.joint_1: lies outside the limits"),
         ({"render_mode": "human"}, "no render mode"),
+        ({"reward": 3, "terminated": "never"}, "(?s)reward: must be a function.*terminated: must be a function"),
+        ({"control_rate": "fast", "observe": 3}, "(?s)control_rate: must be a number.*observe: must be a name"),
+        ({"act": [3], "randomise": 3}, "(?s)act: must be a name.*randomise: must be a mapping"),
+        ({"initial": ["joint_1"], "goal": {3: 1}}, "(?s)initial: must be a mapping.*goal: must be a mapping"),
+        ({"tip": ("link_2",)}, "tip: must be a link's name and a point"),
+        ({"overrides": 3}, "overrides are a mapping, or key=value texts"),
+        ({"variant": 3}, "no variant '3'"),
     ],
 )
 def test_wrong_arguments_are_refused(scenario, options, message):

@@ -64,3 +64,49 @@ def test_streams_are_what_they_were_once_the_last_has_left(capfd) -> None:
     said = "before 0;after 0;before 1;after 1;"
     assert capfd.readouterr() == (said, said)
     assert opened() == open_before
+
+
+INTERRUPTED = """
+import os, sys
+from asrsim.engines import foreign
+
+real, nested = {name: getattr(os, name) for name in ("dup", "dup2", "open", "close")}, False
+
+def wrapped(call):
+    def among(*values):
+        global nested
+        if not nested:
+            nested = True
+            with foreign.quiet():
+                pass
+            nested = False
+        return call(*values)
+    return among
+
+flush = foreign._flush
+for name, call in real.items():
+    setattr(os, name, wrapped(call))
+foreign._flush = wrapped(flush)
+with foreign.quiet():
+    os.write(1, b"unheard")
+os.write(1, b"heard;")
+
+def interrupted():
+    raise KeyboardInterrupt
+
+try:
+    with foreign.quiet():
+        foreign._flush = interrupted
+except KeyboardInterrupt:
+    os.write(1, b"told")
+foreign._flush = flush
+with foreign.quiet():
+    os.write(1, b"unheard")
+os.write(1, b" again")
+"""
+
+
+def test_an_engine_may_end_and_a_user_interrupt_at_any_moment() -> None:
+    """The collector ends what nobody holds any more, in the middle of anything: that waits for nobody, and no word is lost."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=20, check=True)
+    assert done.stdout == "heard;told again"

@@ -13,35 +13,56 @@ from contextlib import contextmanager, suppress
 @contextmanager
 def quiet() -> Iterator[None]:
     """Bullet writes to the C streams; keep them out of the user's terminal. Threads may be in it at the same time."""
-    with _silence:
-        if not _silence.depth:
-            _flush()
-            _silence.saved = [(number, os.dup(number)) for number in (1, 2) if _is_open(number)]
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            for number, _ in _silence.saved:
-                os.dup2(nowhere, number)
-            os.close(nowhere)
-        _silence.depth += 1
+    inside = False
     try:
+        with _silence:
+            if not _silence.depth:
+                _flush()
+            # Before the streams are touched: who comes in between is inside, and leaves them as they are.
+            inside = True
+            _silence.depth += 1
+            if _silence.depth == 1:
+                _silence.redirect()
         yield
     finally:
-        with _silence:
-            _silence.depth -= 1
-            if not _silence.depth:
-                # What C has printed to a pipe or a file waits in its buffer until then.
-                _flush()
-                for number, copy in _silence.saved:
-                    os.dup2(copy, number)
-                    os.close(copy)
+        # A Ctrl-C may come at any line; what is said of it must not be lost too.
+        if inside:
+            with _silence:
+                try:
+                    # What C has printed to a pipe or a file waits in its buffer until then.
+                    if _silence.depth == 1:
+                        _flush()
+                finally:
+                    if _silence.depth == 1:
+                        _silence.restore()
+                    _silence.depth -= 1
 
 
 class _Silence:
-    """The streams' state while somebody is in :func:`quiet`; entered to look at it or to change it."""
+    """The streams' state while somebody is in :func:`quiet`; entered to look at it or to change it.
+
+    A thread may be in it twice: the collector may end an engine that nobody holds any more at any moment, which is quiet too.
+    """
 
     def __init__(self) -> None:
         self.depth = 0
         self.saved: list[tuple[int, int]] = []
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
+
+    def redirect(self) -> None:
+        """The C streams lead nowhere."""
+        self.saved = [(number, os.dup(number)) for number in (1, 2) if _is_open(number)]
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for number, _ in self.saved:
+            os.dup2(nowhere, number)
+        os.close(nowhere)
+
+    def restore(self) -> None:
+        """And where they led before."""
+        while self.saved:
+            number, copy = self.saved.pop()
+            os.dup2(copy, number)
+            os.close(copy)
 
     def __enter__(self) -> None:
         self._lock.acquire()

@@ -56,12 +56,15 @@ def make_env(
     """
     library("gymnasium", "gym")
     from asrsim.environment.env import SoftRobotEnv
+    from asrsim.environment.options import check_options
 
-    return SoftRobotEnv(
-        scenario, variant=variant, overrides=overrides, control_rate=control_rate, observe=observe, act=act, reward=reward,
-        terminated=terminated, randomise=randomise or {}, initial=initial or {}, goal=goal or {}, tip=tip,
-        render_mode=render_mode, size=size,
-    )  # fmt: skip
+    options: dict[str, Any] = {
+        "control_rate": control_rate, "observe": observe, "act": act, "reward": reward, "terminated": terminated,
+        "randomise": {} if randomise is None else randomise, "initial": {} if initial is None else initial,
+        "goal": {} if goal is None else goal, "tip": tip,
+    }  # fmt: skip
+    check_options(options)
+    return SoftRobotEnv(scenario, variant=variant, overrides=overrides, render_mode=render_mode, size=size, **options)
 
 
 def register() -> None:

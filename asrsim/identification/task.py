@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from asrsim.document.file import read_document, read_file
 from asrsim.document.kinds import NUMBER, Boolean, Choice, File, Integer, Number, Optional, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.errors import InputError
+from asrsim.scenario.overrides import override_texts
 
 LOSSES = ("huber", "linear")
 _TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
@@ -124,7 +124,7 @@ def task_of(path: Path, experiments: Sequence[str | Path], *, plugins: Sequence[
     task, free, own = read_task(path, plugins), options.pop("free", ()), options.pop("own", ())
     ties, more = _ties(options.pop("ties", ())), tuple(map(_experiment, options.pop("validate", ())))
     _check_loss(options)
-    options["overrides"] = _overrides(options.get("overrides", ()))
+    options["overrides"] = override_texts(options.get("overrides", ()))
     return replace(
         task, **options, free=_wishes(free, own, task.free), validate=(*task.validate, *more),
         ties=(*(one for one in task.ties if one.key not in {tie.key for tie in ties}), *ties),
@@ -200,7 +200,7 @@ def make_task(
 
     return Task(
         scenario=Path(scenario), experiments=tuple(map(experiment, experiments)), validate=tuple(map(experiment, validate)),
-        free=_wishes(free, own), ties=_ties(ties), overrides=_overrides(overrides),
+        free=_wishes(free, own), ties=_ties(ties), overrides=override_texts(overrides),
         plugins=tuple(map(Path, plugins)), name=options.pop("name", None) or Path(scenario).stem, **options,
     )  # fmt: skip
 
@@ -231,9 +231,3 @@ def _wishes(
 def _ties(ties: Iterable[str] | Mapping[str, str]) -> tuple[Tie, ...]:
     pairs = ties.items() if isinstance(ties, Mapping) else [text.partition("=")[::2] for text in ties]
     return tuple(tie_of(*pair) for pair in pairs)
-
-
-def _overrides(overrides: Sequence[str] | Mapping[str, Any]) -> tuple[str, ...]:
-    if isinstance(overrides, Mapping):
-        return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())
-    return tuple(overrides)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
@@ -34,15 +35,26 @@ Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
 
 def apply_overrides(root: Node, overrides: Overrides) -> Node:
     """The document with every override set, in order; a value of nothing takes the key away. Raises ScenarioError."""
-    overrides = [overrides] if isinstance(overrides, str) else overrides
-    for item in overrides.items() if isinstance(overrides, Mapping) else overrides:
-        if isinstance(item, str):
-            root = apply_override(root, item)
-        else:
-            key, value = str(item[0]).strip(), item[1]
+    if isinstance(overrides, Mapping):
+        for name, value in overrides.items():
+            key = str(name).strip()
             _check_key(key)
             root = _set(root, split_path(key), node_from_data(value), key)
+        return root
+    for text in override_texts(overrides):
+        root = apply_override(root, text)
     return root
+
+
+def override_texts(overrides: Overrides) -> tuple[str, ...]:
+    """The `key=value` texts of overrides. Raises ScenarioError where they are neither a mapping nor texts."""
+    if isinstance(overrides, Mapping):
+        return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())
+    texts = (overrides,) if isinstance(overrides, str) else overrides
+    if not (isinstance(texts, Sequence) and all(isinstance(text, str) for text in texts)):
+        hint = "Give {'duration': 2}, or ['duration=2']"
+        raise ScenarioError("overrides are a mapping, or key=value texts", value=overrides, hint=hint, code="override")
+    return tuple(texts)
 
 
 def apply_override(root: Node, override: str) -> Node:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import InputError, Problem
 from asrsim.scenario.claim_keys import AnyData
+from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import Joint, read_fit
 from asrsim.sweeps.laws import FORMS, Distribution, law_of
 from asrsim.sweeps.study import DESIGNS, MOST_RUNS, Axis, Study, axis_of
@@ -102,7 +102,7 @@ def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
             found.scenario,
             found.over,
             variants=found.variants,
-            overrides=[f"{key}={json.dumps(value)}" for key, value in found.overrides.items()],
+            overrides=found.overrides,
             design=found.design,
             samples=found.samples,
             seed=found.seed,
@@ -175,8 +175,6 @@ def make_study(
         problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
-    if isinstance(overrides, Mapping):
-        overrides = [f"{key}={json.dumps(value)}" for key, value in overrides.items()]
     count = (samples or SAMPLES) if drawn else 0
     if design == "saltelli":
         # Sobol's sequence is balanced at powers of two only, and the indices need that.
@@ -186,7 +184,7 @@ def make_study(
         axes=tuple(axes),
         joint=joint,
         variants=tuple(variants),
-        overrides=tuple(overrides),
+        overrides=override_texts(overrides),
         design=design,
         samples=count,
         seed=seed,
