@@ -207,11 +207,39 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"initial": {"elbow": [0.1]}}, "initial.elbow: the robot has no moving joint"),
         ({"initial": {"joint_1": "uniform(1, 3)"}}, "initial.joint_1: lies outside the limits"),
         ({"render_mode": "human"}, "no render mode"),
+        ({"reward": 3}, "reward: must be a function of the state"),
+        ({"terminated": "late"}, "terminated: must be a function of the state"),
+        ({"observe": {"link_position", "link_velocity"}}, "observe: must be a list of names"),
+        ({"observe": [1]}, "observe: must be a list of names"),
+        ({"act": 5}, "act: must be a list of names"),
+        ({"randomise": [1]}, "randomise: must be a mapping"),
+        ({"initial": 3}, "initial: must be a mapping"),
+        ({"goal": {1: [1, 2]}}, "goal: must be a mapping"),
+        ({"tip": "link_2"}, "tip: must be a link's name"),
+        ({"render_mode": "rgb_array", "size": True}, "from 1 to 8192 pixels"),
+        ({"control_rate": "fast"}, "is a number, in Hz"),
     ],
 )
 def test_wrong_arguments_are_refused(scenario, options, message):
     with pytest.raises(asrsim.InputError, match=message):
         make_env(scenario, **options)
+
+
+@pytest.mark.parametrize("options", [{"overrides": 4}, {"overrides": [3]}, {"variant": 3}])
+def test_what_a_file_is_asked_for_is_of_its_kind(options):
+    """For runs as for environments: both load the scenario."""
+    from asrsim.runs.examples import examples_folder
+
+    file = examples_folder() / "scenarios" / "step_2dof.yaml"
+    with pytest.raises(asrsim.InputError, match=r"key=value|there is no variant '3'"):
+        make_env(file, **{"variant": "soft", **options})
+
+
+def test_a_reward_that_is_no_number_is_refused(scenario):
+    env = make_env(scenario, reward=lambda _: None)
+    env.reset()
+    with pytest.raises(asrsim.InputError, match="reward: must return a number"):
+        env.step(np.zeros(2))
 
 
 @pytest.mark.parametrize("action", [[0.0], [0.0, np.nan], [[0.0, 0.0]]])

@@ -55,9 +55,13 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         terminated: Callable[[State], bool] | None, randomise: Mapping[str, Any], initial: Mapping[str, Any],
         goal: Mapping[str, Any], tip: tuple[str, Sequence[float]] | None, render_mode: str | None, size: int,
     ) -> None:  # fmt: skip
+        _check_kinds(
+            functions={"reward": reward, "terminated": terminated}, names={"observe": observe, "act": act},
+            laws={"randomise": randomise, "initial": initial, "goal": goal}, tip=tip,
+        )  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
-        if not (isinstance(size, int) and 1 <= size <= LARGEST):
+        if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"a picture has from 1 to {LARGEST} pixels an edge", value=size, code="picture-size")
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
@@ -130,7 +134,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         reward = 0.0
         if self._reward is not None or self._terminated is not None:
             state = State(simulation.time, found, self._goals, given)
-            reward = float(self._reward(state)) if self._reward is not None else 0.0
+            reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
             ended = ended or (self._terminated is not None and bool(self._terminated(state)))
         return observation, reward, ended, self._count >= self._last and not ended, info
 
@@ -155,7 +159,38 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         self.simulation.close()
 
 
+def _rewarded(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind") from None
+
+
+def _check_kinds(*, functions: Mapping[str, Any], names: Mapping[str, Any], laws: Mapping[str, Any], tip: Any) -> None:
+    """Raise InputError for options that are of another kind than they must be: not at the first step, long after."""
+    wrong = [
+        (key, value, "a function of the state") for key, value in functions.items() if not (value is None or callable(value))
+    ]
+    wrong += [(key, value, "a list of names") for key, value in names.items() if not _is_names(value)]
+    wrong += [(key, value, "a mapping from keys to laws") for key, value in laws.items() if not _is_table(value)]
+    if tip is not None and not (isinstance(tip, Sequence) and len(tip) == 2 and isinstance(tip[0], str)):
+        wrong.append(("tip", tip, "a link's name and a point on it: ('link_2', (0.1, 0, 0))"))
+    if wrong:
+        raise InputError([Problem(f"must be {what}", key=key, value=value, code="option-kind") for key, value, what in wrong])
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
+
+
+def _is_names(value: Any) -> bool:
+    # The order of a set is another one in every process.
+    return isinstance(value, str) or (isinstance(value, Sequence) and all(isinstance(one, str) for one in value))
+
+
 def _steps(control_rate: float, step: float) -> int:
+    if isinstance(control_rate, bool) or not isinstance(control_rate, int | float | np.number):
+        raise InputError("the control rate is a number, in Hz", value=control_rate, code="control-rate")
     if not (math.isfinite(control_rate) and control_rate > 0):
         raise InputError("the control rate must be above 0 Hz", value=control_rate, code="control-rate")
     count = 1.0 / (control_rate * step)

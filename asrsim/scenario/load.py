@@ -51,7 +51,7 @@ def load_scenario(
     common, variants = _split(root, faults)
     if variant is not None and variant not in variants:
         names = tuple(variants)
-        hint = did_you_mean(variant, names)
+        hint = did_you_mean(str(variant), names)
         message = f"there is no variant '{variant}'"
         faults.append(Problem(message, file=path, choices=names, hint=hint, code="unknown-variant"))
         raise ScenarioError(faults)

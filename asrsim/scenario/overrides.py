@@ -35,6 +35,9 @@ Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
 def apply_overrides(root: Node, overrides: Overrides) -> Node:
     """The document with every override set, in order; a value of nothing takes the key away. Raises ScenarioError."""
     overrides = [overrides] if isinstance(overrides, str) else overrides
+    if not (isinstance(overrides, Mapping) or (isinstance(overrides, Sequence) and all(map(_is_override, overrides)))):
+        message = "overrides are texts key=value, pairs, or a mapping from keys to values"
+        raise ScenarioError(message, value=str(overrides), code="override")
     for item in overrides.items() if isinstance(overrides, Mapping) else overrides:
         if isinstance(item, str):
             root = apply_override(root, item)
@@ -43,6 +46,10 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
             _check_key(key)
             root = _set(root, split_path(key), node_from_data(value), key)
     return root
+
+
+def _is_override(item: object) -> bool:
+    return isinstance(item, str) or (isinstance(item, Sequence) and len(item) == 2)
 
 
 def apply_override(root: Node, override: str) -> Node:
