@@ -295,6 +295,36 @@ def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_an_interruption_that_a_compiler_swallows_ends_the_run_at_the_next_question() -> None:
+    from asrsim.cli.interrupt import Interruption
+
+    with Interruption() as interruption:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert interruption.stop()
+
+
+@pytest.mark.parametrize("place", ["asrsim.cli.app", "asrsim.robot", "asrsim.document.yaml_reader", "at the end"])
+def test_ctrl_c_is_told_of_wherever_it_comes(tiny, place: str) -> None:
+    """While a library is imported, in the command, and behind it, where it is too late; in a process of its own."""
+    code = (
+        "import signal, sys, atexit\n"
+        "class Finder:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {place!r}: sys.meta_path.remove(self); signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+        f"if {place == 'at the end'}: atexit.register(signal.raise_signal, signal.SIGINT)\n"
+        f"sys.argv = ['asrsim', 'check', {str(tiny.scenario)!r}]\n"
+        "from asrsim.__main__ import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
+                          env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])})  # fmt: skip
+    if place == "at the end":
+        assert (done.returncode, done.stderr) == (0, "")
+    else:
+        assert (done.returncode, done.stderr) == (130, "asrsim: aborted\n")
+
+
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_an_import_that_ctrl_c_ends_is_an_interruption(tiny, asrsim_command, monkeypatch, wrapped: bool) -> None:
     """Libraries in C then raise an ImportError, which is neither a fault of theirs nor a missing library."""

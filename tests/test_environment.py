@@ -214,11 +214,30 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"tip": ("link_2",)}, "tip: must be a link's name and a point"),
         ({"overrides": 3}, "overrides are a mapping, or key=value texts"),
         ({"variant": 3}, "no variant '3'"),
+        ({"observe": {"link_position", "link_velocity"}}, "observe: must be a name"),
+        ({"render_mode": "rgb_array", "size": True}, "from 1 to 8192 pixels"),
     ],
 )
 def test_wrong_arguments_are_refused(scenario, options, message):
     with pytest.raises(asrsim.InputError, match=message):
         make_env(scenario, **options)
+
+
+@pytest.mark.parametrize("options", [{"overrides": 4}, {"overrides": [3]}, {"variant": 3}])
+def test_what_a_file_is_asked_for_is_of_its_kind(options):
+    """For runs as for environments: both load the scenario."""
+    from asrsim.runs.examples import examples_folder
+
+    file = examples_folder() / "scenarios" / "step_2dof.yaml"
+    with pytest.raises(asrsim.InputError, match=r"key=value|there is no variant '3'"):
+        make_env(file, **{"variant": "soft", **options})
+
+
+def test_a_reward_that_is_no_number_is_refused(scenario):
+    env = make_env(scenario, reward=lambda _: None)
+    env.reset()
+    with pytest.raises(asrsim.InputError, match="reward: must return a number"):
+        env.step(np.zeros(2))
 
 
 @pytest.mark.parametrize("action", [[0.0], [0.0, np.nan], [[0.0, 0.0]]])

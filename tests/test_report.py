@@ -317,6 +317,27 @@ def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
 
 
+def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path: Path, asrsim_command):
+    for name in ("a", "b", "cut"):
+        (tmp_path / name).mkdir()
+        made_up_log(tmp_path / name / "log.mcap", count=20)
+    good = [tmp_path / "a" / "log.mcap", tmp_path / "b" / "log.mcap"]
+    (tmp_path / "cut" / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "log.mcap").touch()
+    assert find_logs(tmp_path) == good
+    for command in ("plot", "report"):
+        outcome = asrsim_command(command, tmp_path, "-q")
+        assert outcome.code == 0
+        assert "empty/log.mcap: left out: the file is empty" in outcome.err
+        assert "cut/log.mcap: left out" in outcome.err
+    for log in good:
+        log.write_bytes(b"")
+    outcome = asrsim_command("plot", tmp_path)
+    assert outcome.code == 1
+    assert "the file is empty" in outcome.err
+
+
 def test_the_motion_comes_small(page: Path):
     text = page.read_text(encoding="utf-8")
     motion = json.loads(re.search(r'id="motion-data">(.*?)</script>', text, re.DOTALL)[1])

@@ -139,6 +139,9 @@ def _call() -> int:
         with like_an_interruption():
             app()
     except SystemExit as end:
+        # Typer ends a command that was interrupted without a word.
+        if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+            complain("asrsim: aborted")
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except (Exception, KeyboardInterrupt) as error:
         if came_from_interruption(error):

@@ -83,6 +83,8 @@ class Interruption:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.requested or not self._asked:
+            # A compiler that calls back may swallow the exception: then whoever asks first ends.
+            self.requested = True
             raise KeyboardInterrupt
         self.requested = True
         if self._message:

@@ -90,18 +90,19 @@ def plot(
 
     Example: asrsim plot out/lab/default/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
     """  # fmt: skip
-    from asrsim.cli.console import json_errors, say_json
+    from asrsim.cli.console import json_errors, say_json, say_problems
 
     with json_errors(json):
         from asrsim.cli.progress import FractionBar
         from asrsim.plots.job import PlotJob
         from asrsim.plots.job import plot as draw
-        from asrsim.runs.folder import find_logs
+        from asrsim.runs.folder import find_logs, unreadable_logs
 
         load_plugins(plugin)
         check_window(start, end)
         if (given or output) and not bode:
             raise typer.BadParameter("goes with --bode", param_hint="--input" if given else "--output")
+        say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
         logs = [log for place in logs or () for log in find_logs(place)]
         job = PlotJob(
             logs=tuple(logs),

@@ -41,16 +41,17 @@ def render(
 
     Example: asrsim render out/step_2dof/soft --frames 8 --gif
     """
-    from asrsim.cli.console import json_errors, say, say_json
+    from asrsim.cli.console import json_errors, say, say_json, say_problems
 
     with json_errors(json):
         from asrsim.cli.progress import FractionBar
         from asrsim.outfile import make_folder
         from asrsim.render import Film, share_view, write_gif, write_mp4, write_strip
-        from asrsim.runs.folder import find_logs
+        from asrsim.runs.folder import find_logs, unreadable_logs
 
         check_window(start, end)
         logs = find_logs(log)
+        say_problems(unreadable_logs(log), "warning")
         files: list[Path] = []
         rates = {} if fps is None else {"fps": fps}
         with FractionBar(show=not quiet and not json) as progress:

@@ -27,13 +27,15 @@ def report(
 
     Example: asrsim report out/step_2dof
     """
-    from asrsim.cli.console import json_errors, say, say_json
+    from asrsim.cli.console import json_errors, say, say_json, say_problems
 
     with json_errors(json):
         from asrsim.cli.progress import FractionBar
         from asrsim.report import write_report
+        from asrsim.runs.folder import unreadable_logs
 
         load_plugins(plugin)
+        say_problems(unreadable_logs(folder), "warning")
         with FractionBar(show=not quiet and not json) as progress:
             page = write_report(folder, out, film=film, progress=progress.update)
     if json:

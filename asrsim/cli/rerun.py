@@ -37,16 +37,17 @@ def rerun(
 
     Example: asrsim rerun out/step_2dof/soft/log.mcap
     """
-    from asrsim.cli.console import json_errors, say_json
+    from asrsim.cli.console import json_errors, say_json, say_problems
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
 
     with json_errors(json):
         from asrsim.cli.progress import RunBar
         from asrsim.log import open_log
-        from asrsim.runs.folder import find_logs
+        from asrsim.runs.folder import find_logs, unreadable_logs
         from asrsim.runs.repeat import repeat
 
         logs, repetitions = find_logs(log), []
+        say_problems(unreadable_logs(log), "warning")
         with Interruption() as interruption:
             for one in logs:
                 place = out if out is None or len(logs) == 1 else out / one.parent.name

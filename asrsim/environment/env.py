@@ -57,7 +57,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
     ) -> None:  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
-        if not (isinstance(size, int) and 1 <= size <= LARGEST):
+        if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"a picture has from 1 to {LARGEST} pixels an edge", value=size, code="picture-size")
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
@@ -130,7 +130,7 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
         reward = 0.0
         if self._reward is not None or self._terminated is not None:
             state = State(simulation.time, found, self._goals, given)
-            reward = float(self._reward(state)) if self._reward is not None else 0.0
+            reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
             ended = ended or (self._terminated is not None and bool(self._terminated(state)))
         return observation, reward, ended, self._count >= self._last and not ended, info
 
@@ -153,6 +153,13 @@ class SoftRobotEnv(gymnasium.Env[Array, Array]):
     def close(self) -> None:
         """Release the engine."""
         self.simulation.close()
+
+
+def _rewarded(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind") from None
 
 
 def _steps(control_rate: float, step: float) -> int:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from asrsim.errors import InputError, Problem
 
 
 def _is_names(value: Any) -> bool:
+    # A set has another order in every process.
     return isinstance(value, str) or (isinstance(value, Sequence) and all(isinstance(name, str) for name in value))
 
 
@@ -21,7 +24,7 @@ def _is_function(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
 def _is_tip(value: Any) -> bool:

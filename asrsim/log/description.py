@@ -77,7 +77,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     if _RUN not in attachments:
         raise LogError(
             "this MCAP file was not written by asrsim, or ends before its description",
-            hint="A robot's recording is read as a recording (`asrsim compare`)",
+            hint="A robot's recording is read as a recording (`asrsim plot LOG --experiment FILE`)",
             code="foreign-log",
         )
     run = _plain(_RUN, attachments[_RUN], {"format": object, "*": object})

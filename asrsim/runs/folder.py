@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.document.mistaken import mistaken
-from asrsim.errors import AsrsimError, InputError, OutputError, listed
+from asrsim.errors import AsrsimError, InputError, LogError, OutputError, Problem, listed
 from asrsim.outfile import check_output, is_special, remove_ours
 from asrsim.scenario.data import Scenario
 
@@ -71,12 +71,11 @@ def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | Non
 def find_logs(place: Path) -> list[Path]:
     """The log itself, or a folder's logs: its own, else those of its subfolders (variants), in the scenario's order.
 
-    Raises InputError where there is none.
+    Of several those that cannot be read are left out (:func:`unreadable_logs`). Raises InputError where there is none.
     """
     if place.is_file():
         return [place]
-    own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
-    logs = own or sorted(place.glob(f"*/{LOG}"))
+    logs = _logs_in(place)
     if not logs:
         message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
@@ -88,7 +87,28 @@ def find_logs(place: Path) -> list[Path]:
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Folders further down have some: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
+    bad = {problem.file for problem in unreadable_logs(place)}
+    logs = [log for log in logs if log not in bad]
     return sorted(logs, key=_order(logs)) if len(logs) > 1 else logs
+
+
+def unreadable_logs(place: Path) -> list[Problem]:
+    """What is wrong with those of a folder's logs that cannot be read (a run was killed before it began), where others can."""
+    from asrsim.log import open_log
+
+    logs = [] if place.is_file() else _logs_in(place)
+    problems: list[Problem] = []
+    for log in logs if len(logs) > 1 else ():
+        try:
+            open_log(log)
+        except LogError as error:
+            problems.append(Problem(f"left out: {error.problems[0].message}", file=log, code="unreadable-log"))
+    return problems if len(problems) < len(logs) else []
+
+
+def _logs_in(place: Path) -> list[Path]:
+    own = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap"))
+    return own or sorted(place.glob(f"*/{LOG}"))
 
 
 def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
