@@ -52,6 +52,19 @@ def test_the_balance_of_any_actuator_closes_to_second_order(actuator: str, mode:
     assert fine < coarse / 6.0 or fine < 1e-12
 
 
+@pytest.mark.parametrize("mode", [2, 4, 5])
+def test_a_lever_that_jumps_takes_and_gives_what_the_rest_does_not(mode: int) -> None:
+    """The adjuster is where its reference puts it: its work in a jump is what spring, link and a moving motor absorb."""
+    first = {2: "reference_1", 4: "motor_1_torque", 5: "reference_1"}[mode]
+    second = PulseTrain(start=0.02, period=0.08, width=0.04, low=0.01, high=0.025)
+    coarse, fine = shares(
+        chain(replace(BODY, actuator="awas_ii")), mode=mode, duration=0.3,
+        references={first: Sinusoid(amplitude=0.3, frequency=4.0), {4: "motor_2_torque"}.get(mode, "reference_2"): second},
+    )  # fmt: skip
+    assert coarse < 3e-3
+    assert fine < coarse / 6.0
+
+
 @pytest.mark.parametrize(
     "parameters",
     [

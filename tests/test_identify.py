@@ -120,6 +120,44 @@ def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path
     assert not is_driven_by_torque(data, robot, ["joint_1.passive_stiffness"])
 
 
+def test_torques_are_compared_where_a_joint_surely_moves(tmp_path):
+    """Not a period of the filter's cutoff, 0.02 s, around where it stands: friction there is whatever holds it."""
+    numbers = {**SEA, "mode": 0, "friction": 0.3, "damping": 0.5}
+    pulses = "{pulse_train: {high: 2, width: 0.2, period: 0.7, start: 0.3}}"
+    truth, guess = write(tmp_path, "truth", numbers, f"{{link_torque: {pulses}}}"), write(tmp_path, "guess", numbers)
+    recording = record(truth, tmp_path / "r.csv", noise=1e-6)
+    recording.write_text(recording.read_text().replace("joint_1.reference_1", "joint_1.reference_1 [N m]"))
+    with ExitStack() as stack:
+        (track,) = set_up(make_task(guess, [recording], free=["joint_1.damping=0.4", "joint_1.friction=0.2"]), stack).tracks
+    time, _, place = np.loadtxt(recording, delimiter=",", skiprows=1).T
+    moves = np.abs(np.gradient(place, time)) > 0.01
+    starts, ends = (time[np.flatnonzero(np.diff(moves.astype(int)) == way)] for way in (1, -1))
+    compared = track.data.channels[0].time
+    parts = np.split(compared, np.flatnonzero(np.diff(compared) > 0.1) + 1)
+    assert [part[0] for part in parts] == pytest.approx(starts + 0.025, abs=0.008)
+    assert [part[-1] for part in parts[:2]] == pytest.approx(ends[:2] - 0.025, abs=0.015)
+
+
+def test_noise_of_commands_moves_what_is_predicted(tmp_path):
+    truth = write(tmp_path, "truth", {**SEA, "mode": 2}, f"{{reference_1: {CHIRP}}}")
+    guess = write(tmp_path, "guess", {**SEA, "mode": 2})
+    recording = record(truth, tmp_path / "r.csv")
+    table = np.loadtxt(recording, delimiter=",", skiprows=1)
+    for noise in (0.0, 2e-3):
+        table[:, 1] += noise * np.random.default_rng(0).normal(size=len(table))
+        header = recording.read_text().partition("\n")[0]
+        np.savetxt(recording, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        with ExitStack() as stack:
+            (track,) = set_up(make_task(guess, [recording], free=["joint_1.damping"]), stack).tracks
+            before = track.predict({"joint_1.damping": 0.02})
+            moved = track.shaken({"joint_1.damping": 0.02})
+            again = track.predict({"joint_1.damping": 0.02})
+        # The spring passes on of the noise what it does of any command: some of it.
+        size = 0.0 if moved is None else float(np.std(moved[0]))
+        assert 1e-4 < size < 4e-3 if noise else size < 1e-5
+        np.testing.assert_array_equal(before[0], again[0])
+
+
 @pytest.mark.slow
 def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path):
     numbers = {**GUESS, "mode": 6}

@@ -219,6 +219,17 @@ def test_mode_4_takes_the_recorded_torque(tmp_path: Path, header: str, played: s
     assert not any("in the place of" in remark for remark in made.remarks)
 
 
+@pytest.mark.parametrize(("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}),
+                                                ("time,dq1,q1_ref [N m],current", {})])  # fmt: skip
+def test_a_joint_whose_place_is_not_recorded_begins_at_its_command(
+    tmp_path: Path, header: str, begins: dict[str, float]
+) -> None:
+    """Unless that is a torque, which says nothing of a place."""
+    mode = None if begins else 4
+    _, scenario = make(tmp_path, lab(tmp_path, header=header), mode=mode)
+    assert scenario.initial_positions == pytest.approx(begins)
+
+
 @pytest.mark.parametrize(
     ("command", "response", "words"),
     [

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 import pytest
 
 from asrsim.errors import InputError
-from asrsim.live.departed import awake, farewell
+from asrsim.live.departed import awake, dismiss, farewell
 from asrsim.live.fastdds import settings
 from asrsim.live.ros import RosTransport, load_rclpy
 from asrsim.log import open_log
@@ -142,6 +142,27 @@ def test_processes_that_are_stopped_or_gone_are_told_from_those_that_run():
         assert awake(prefix())
         process.kill()
     assert not awake(prefix())
+
+
+def test_only_those_of_this_machine_that_are_gone_are_dismissed(monkeypatch):
+    """A peer of another host cannot be looked at, and is left to its lease."""
+    with subprocess.Popen(["true"]) as dead:
+        pass
+    ours, theirs = bytes((1, 15, 120, 253)), bytes((1, 15, 7, 7))
+
+    def end(host, pid, name):
+        return SimpleNamespace(endpoint_gid=[*host, *(pid % 2**16).to_bytes(2, "little"), *range(18)], node_name=name)
+
+    told = []
+    monkeypatch.setattr("asrsim.live.departed.say_farewell", told.append)
+    node = SimpleNamespace(
+        get_publishers_info_by_topic=lambda topic: [end(theirs, 1, "other"), end(ours, os.getpid(), "asrsim")],
+        get_subscriptions_info_by_topic=lambda topic: [
+            end(ours, dead.pid, "dead"), end(theirs, dead.pid, "far"), end(ours, os.getpid(), "alive"),
+        ],
+    )  # fmt: skip
+    assert dismiss(node, ["/joint_states"]) == ["dead"]
+    assert [prefix[:6] for prefix in told] == [ours + (dead.pid % 2**16).to_bytes(2, "little")]
 
 
 def test_a_farewell_is_what_the_standard_says():

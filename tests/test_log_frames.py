@@ -38,6 +38,8 @@ def transforms(path):
         for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
             if channel.topic in found:
                 frames = {one.child_frame_id: (one.header.frame_id, matrix(one.transform)) for one in decoded.transforms}
+                stamps = {one.header.stamp.sec * 10**9 + one.header.stamp.nanosec for one in decoded.transforms}
+                assert stamps == {message.log_time}
                 found[channel.topic].append((message.log_time * 1e-9, frames))
     return found
 

@@ -15,9 +15,10 @@ from typer.testing import CliRunner
 from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
+from asrsim.plots import style
 from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
-from asrsim.plots.overlay import draw_difference, draw_overlay
+from asrsim.plots.overlay import draw_difference, draw_overlay, side_figure
 from asrsim.plots.pairing import BUDGET, _groups, assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
@@ -71,6 +72,19 @@ def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_pat
     np.testing.assert_allclose(experiment, 0.5 * simulation, atol=1e-3)
     np.testing.assert_allclose(difference, simulation - experiment, atol=1e-12)
     assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
+
+
+def test_side_by_side_one_run_has_the_colours_of_quantities_and_several_have_their_own(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
+    for compared in (result.compared, result.compared * 2):
+        figure = side_figure(result.runs, compared, ["joint_1"], ["link_position"], words="position")
+        left, right = ([line for line in ax.get_lines() if "link_position" in str(line.get_gid())] for ax in figure.axes[:2])
+        several = len(compared) > 1
+        colours = [style.variant_colour(n) if several else style.colour("link_position") for n in range(len(compared))]
+        assert [line.get_color() for line in left] == [line.get_color() for line in right] == colours
+        np.testing.assert_array_equal(left[0].get_ydata(), compared[0].pairs["joint_1", "link_position"].recording.values)
+        np.testing.assert_array_equal(right[0].get_ydata(), compared[0].pairs["joint_1", "link_position"].simulation.values)
 
 
 def test_several_recordings_are_a_band(tmp_path: Path):

@@ -9,7 +9,7 @@ import pytest
 
 from asrsim.recordings.cells import stamp_ns
 from asrsim.recordings.columns import _joint
-from asrsim.recordings.units import UNITS, find_unit
+from asrsim.recordings.units import UNITS, find_unit, split_header
 
 pytestmark = pytest.mark.once
 
@@ -97,3 +97,17 @@ def test_years_of_two_digits_are_of_this_century(form):
 )
 def test_a_number_is_of_the_joint_that_ends_with_it_else_of_the_place(known, number, zero, joint):
     assert _joint(number, known, [], zero=zero) == joint
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("q_deg_1", "q 1", "deg"), ("shoulderDeg", "shoulder", "deg"), ("velDegPerSec1", "vel 1", "deg/s"),
+        ("dq_deg_per_sec_1", "dq 1", "deg/s"), ("speedDegS1", "speed 1", "deg/s"), ("vel_mrad_s_2", "vel 2", "mrad/s"),
+    ],
+)  # fmt: skip
+def test_a_unit_among_words_has_its_rate(header: str, name: str, unit: str) -> None:
+    rest, found = split_header(header)
+    assert found is not None
+    words = " ".join(rest.replace("_", " ").split())
+    assert (words, found.si, found.factor) == (name, UNITS[unit].si, UNITS[unit].factor)

@@ -99,6 +99,7 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
     ):  # fmt: skip
         assert wanted in text, wanted
     assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
+    assert 'id="runs"' in page.read_text(encoding="utf-8")  # names of the variants, to hide their lines
 
 
 def test_series_come_back_with_exact_extremes(page: Path, folder: Path):
@@ -163,6 +164,7 @@ def test_names_cannot_break_the_page(tmp_path: Path):
     text = page.read_text(encoding="utf-8")
     assert "</script><b>x" not in text
     assert page_data(page)["runs"][0]["label"] == "</script><b>x"
+    assert 'id="runs"' not in page.read_text(encoding="utf-8")  # one run has nobody beside it
 
 
 def test_a_comparison_in_the_folder_is_shown(tmp_path: Path):

@@ -149,6 +149,24 @@ def test_a_program_of_operations(tmp_path: Path, engine: str, seed: int) -> None
     run_program(tmp_path, engine, seed)
 
 
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_objects_are_those_of_the_present_run(tmp_path: Path, engine: str) -> None:
+    """A reset with other numbers may need another world, in which the ball falls anew."""
+    run = random_run(31, fixed=True, friction=False, moving=2, duration=0.1)
+    world = {"objects": {"ball": {"shape": "sphere", "size": 0.05, "mass": 0.1, "position": [3, 3, 3]}}}
+    prepared = prepare(asrsim.make_scenario(run.write(tmp_path), engine=engine, **{**run.keys(), "world": world}))
+    heavy = next(link.name for link in prepared.robot.links if link.mass)
+    with Simulation(prepared, record=True) as simulation:
+        simulation.advance(20)
+        for parameters in (None, {heavy: {"mass": 2.0}}, {run.joints[0].name: {"friction": 0.1}}):
+            simulation.reset(parameters=parameters)
+            simulation.advance(50)
+            simulation.flush()
+            samples = simulation.samples
+            fallen = samples.bodies["ball"][:, 2] - 3.0
+            np.testing.assert_allclose(fallen, -0.5 * 9.81 * samples.time**2, atol=3e-5)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 @pytest.mark.parametrize("engine", INSTALLED)
