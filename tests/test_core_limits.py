@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from test_core_truth import INSTALLED
-from validation.models import Body, chain, column, run
 
 from asrsim.signals import Constant, PulseTrain
 from asrsim.simulation.substep import (
@@ -29,6 +28,7 @@ from asrsim.simulation.substep import (
     make_damping,
     make_friction,
 )  # fmt: skip
+from validation.models import Body, chain, column, run
 
 STIFFNESS, INERTIA, FASTEST = 4.0, 0.01, 1.0
 SWINGS = {
