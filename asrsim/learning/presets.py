@@ -70,7 +70,7 @@ def scores(drive: Drive, time: Array, q: Array, v: Array, torque: Array, toleran
         sag = np.nan_to_num(HEAVIER * np.abs(torque) / np.maximum(stiffness, 0.0), nan=0.0, posinf=np.inf) / tolerance
     for demand in demands_of(drive, time, q, torque, item):
         at = int(np.searchsorted(time, demand.time))
-        sag[min(at, len(sag) - 1)] = max(sag[min(at, len(sag) - 1)], demand.score / WITHIN)
+        sag[at] = max(sag[at], demand.score / WITHIN)
     return np.asarray(sag)
 
 
@@ -118,7 +118,9 @@ def _over_time(score: Callable[[Array], Array], constant: Array, tried: Array, s
             held = score(np.full(len(constant), preset)) <= 1.0
             lowest = np.where(held & (lowest <= constant[0]), preset, lowest)
     half = max(round(WINDOW / step), 1)
-    smooth = gaussian_filter1d(maximum_filter1d(lowest, 2 * half + 1, mode="nearest"), 0.4 * half, mode="nearest")
+    # Means over no more than the window, of what is highest within it, are nowhere below the lowest that holds.
+    highest = maximum_filter1d(lowest, 2 * half + 1, mode="nearest")
+    smooth = gaussian_filter1d(highest, 0.4 * half, mode="nearest", radius=half)
     for share in np.linspace(0.0, 1.0, 6):
         values = smooth + share * (constant - smooth)
         reached = float(score(values).max())

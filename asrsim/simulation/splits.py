@@ -81,8 +81,6 @@ class Splits:
         push_links(self.engine, block.wrenches[index])
         length = sum(piece.fraction for piece in pieces)
         velocities = floats(self._now * v + self._before * row[PREVIOUS] for v, row in zip(lagging, joints, strict=False))
-        if k == 0:
-            velocities = floats(lagging)
         states = [floats(memory.load(joints[j])) for j, memory in enumerate(self._memories)]
         for j, measure in enumerate(self._measures):
             if measure is not None:

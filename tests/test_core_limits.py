@@ -1,0 +1,100 @@
+"""Limits of joints: torque beyond the velocity limit, in kicks that are cut, too; a brake beyond the effort limit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_core_truth import INSTALLED
+
+from asrsim.signals import Constant, PulseTrain
+from asrsim.simulation.substep import (
+    BOUND,
+    BRAKE,
+    COULOMB,
+    DAMPING,
+    DAMPING_TORQUE,
+    DRAG,
+    EFFORT,
+    FADE,
+    FORCE,
+    LAST_FORCE,
+    LINK_TORQUE,
+    RAW,
+    SHARE,
+    SPEED,
+    STATE,
+    STRIBECK,
+    TORQUE,
+    make_damping,
+    make_friction,
+)  # fmt: skip
+from validation.models import Body, chain, column, run
+
+STIFFNESS, INERTIA, FASTEST = 4.0, 0.01, 1.0
+SWINGS = {
+    "whole": Constant(value=0.0),
+    # Each kick has a jump, of no size that counts.
+    "cut": PulseTrain(low=0.0, high=1e-12, period=2e-3, width=1e-3, start=2.5e-4),
+}
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("kicks", SWINGS)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_spring_brakes_a_joint_that_is_too_fast_and_drives_it_no_faster(engine: str, kicks: str, sign: float) -> None:
+    """Thrown at twice the limit: stopped as by the spring alone, then driven back up to the limit and not beyond."""
+    limits = f'<limit lower="-30" upper="30" effort="1e6" velocity="{FASTEST}"/>'
+    body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, limits=limits)
+    result = run(
+        chain(body), mode=3, gravity=0.0, duration=0.25, engine=engine, references={"equilibrium_position": SWINGS[kicks]},
+        parameters={"spring_stiffness": STIFFNESS}, velocity_cutoff=True, initial_velocities={"joint_1": 2.0 * sign * FASTEST},
+    )  # fmt: skip
+    q, rate = sign * column(result, "link_position"), (STIFFNESS / INERTIA) ** 0.5
+    speed = np.diff(q) / np.diff(result.samples.time)
+    time = result.samples.time
+    braked = time <= 0.5 * np.pi / rate
+    np.testing.assert_allclose(q[braked], 2.0 * FASTEST / rate * np.sin(rate * time[braked]), atol=2e-4)
+    # One kick may begin below the limit and end beyond it.
+    assert -FASTEST - 1e-3 * rate * 2.0 * FASTEST < speed.min() < -FASTEST
+    crossed = (time[1:] > 0.5 * np.pi / rate) & (q[1:] > 0.0) & (speed < -FASTEST)
+    assert np.ptp(speed[crossed]) < 1e-6
+
+
+@pytest.mark.parametrize("effort", [0.4, 3.0, np.inf])
+@pytest.mark.parametrize("damping", [0.0, 0.7, 40.0])
+@pytest.mark.parametrize("brake", [0.0, 0.5, 30.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_damping_acts_on_the_mean_velocity_that_all_torques_make(
+    effort: float, damping: float, brake: float, seed: int
+) -> None:
+    """mean = speed + response (change of the torque), brake and damping in it; the brake within the effort limit."""
+    generator = np.random.default_rng(seed)
+    speed, torque, outside, last, response = generator.normal(size=5) * [2.0, 2.0, 1.0, 1.0, 0.0] + [0.0, 0.0, 0.0, 0.0, 0.05]
+    row, record = [0.0] * (STATE + 2) + [response, 1.0], [0.0] * len(RAW)
+    row[SPEED], row[TORQUE], row[LAST_FORCE], row[EFFORT] = speed, torque, last, effort
+    row[FORCE] = torque + outside
+    row[DAMPING], row[BRAKE] = damping, brake
+    record[LINK_TORQUE] = torque
+    make_damping(1, coupled=False)(0, None, [row], None, [[record]])
+    mean = speed + response * (row[FORCE] - last)
+    assert row[LAST_FORCE] == row[FORCE] == pytest.approx(torque + outside + row[DRAG])
+    assert record[DAMPING_TORQUE] == pytest.approx(-damping * mean)
+    limited = np.clip(torque - brake * mean, -effort, effort) if brake else torque
+    assert record[LINK_TORQUE] == pytest.approx(limited)
+    assert row[FORCE] == pytest.approx(record[LINK_TORQUE] + outside + record[DAMPING_TORQUE])
+
+
+@pytest.mark.parametrize("given", [-3.0, 0.0, 2.0])
+@pytest.mark.parametrize("speed", [-0.4, 0.0, 0.1])
+def test_friction_grows_with_the_torque_that_the_link_has_of_its_drive(given: float, speed: float) -> None:
+    """After the effort limit, not before; of any number of joints each has its own."""
+    rows, records = [], []
+    for j in range(3):
+        row, record = [0.0] * (STATE + 2), [0.0] * len(RAW)
+        row[SPEED], row[TORQUE], record[LINK_TORQUE] = speed, 7.0 * given, (j + 1) * given
+        row[COULOMB], row[SHARE], row[STRIBECK], row[FADE], row[BOUND] = 0.3, 0.2, 0.5, 1.0 / 0.25, -1.0
+        rows.append(row)
+        records.append(record)
+    make_friction((0, 2))(0, None, rows, None, [records])
+    expected = [0.3 + 0.2 * (j + 1) * abs(given) + 0.5 * np.exp(-((speed / 0.25) ** 2)) for j in range(3)]
+    assert [row[BOUND] for row in rows] == [pytest.approx(expected[0]), -1.0, pytest.approx(expected[2])]

@@ -1,0 +1,262 @@
+"""Parts of `asrsim identify`, each against what it must be: balances of torques, limits that bite, friction's bristles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from identify_files import SEA, record, write
+
+from asrsim.identification import make_task
+from asrsim.identification.bristles import with_bristles
+from asrsim.identification.inverse import InverseTrack
+from asrsim.identification.keys import parameters_of
+from asrsim.identification.layout import make_layout
+from asrsim.identification.limits import limits
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.settling import widened
+from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.solver import cost_of
+from asrsim.scenario import checked_robot, load_scenario
+from asrsim.simulation.prepare import prepare
+
+pytestmark = pytest.mark.once
+
+
+def setup_of(
+    stack: ExitStack, folder: Path, columns: dict[str, np.ndarray], numbers: dict[str, object], free: list[str]
+) -> Setup:
+    """A fit to a table, before it begins."""
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(table[-1, 0]))
+    scenario.write_text(scenario.read_text() + "compiled: false\n")
+    return set_up(make_task(scenario, [folder / "a.csv"], free=free), stack)
+
+
+SWEEP = np.arange(0.0, 3.0005, 1e-3)
+"""s."""
+INERTIA = 0.009
+LAWS = {
+    "damping": {"damping": 0.05},
+    "friction": {"friction": 0.06},
+    "stribeck": {"friction": 0.03, "stribeck_friction": 0.05, "stribeck_velocity": 0.8},
+    "load": {"friction": 0.02, "load_friction": 0.25},
+    "spring": {"passive_stiffness": 0.4, "passive_reference": -0.2},
+    "sensor": {"reference_1.gain": 0.8, "reference_1.offset": 0.03},
+    "late": {"friction": 0.04, "reference_1.delay": 0.02},
+    "pushed": {"damping": 0.02},
+}
+"""What acts on a link of which the torque and the place are recorded."""
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_path: Path) -> None:
+    numbers = {"damping": 0.0, "friction": 0.0, "load_friction": 0.0, "stribeck_friction": 0.0, "stribeck_velocity": 1.0}
+    numbers |= {"passive_stiffness": 0.0, "passive_reference": 0.0, "reference_1.gain": 1.0, "reference_1.offset": 0.0} | LAWS[
+        law
+    ]
+    late = LAWS[law].get("reference_1.delay", 0.0)
+    moments = SWEEP + late
+    phase = 2.0 * np.pi * (0.6 + 0.3 * moments) * moments
+    rate, bend = 2.0 * np.pi * (0.6 + 0.6 * moments), 2.0 * np.pi * 0.6
+    q, v = 0.5 * np.cos(phase), -0.5 * rate * np.sin(phase)
+    a = -0.5 * (rate**2 * np.cos(phase) + bend * np.sin(phase))
+    pushed = 0.1 * np.sin(5.0 * moments) if law == "pushed" else 0.0 * moments
+    rest = INERTIA * a + numbers["damping"] * v + numbers["passive_stiffness"] * (q - numbers["passive_reference"]) - pushed
+    level = numbers["friction"] + numbers["stribeck_friction"] * np.exp(-((v / numbers["stribeck_velocity"]) ** 2))
+    torque = rest
+    for _ in range(60):
+        torque = rest + (level + numbers["load_friction"] * np.abs(torque)) * np.sign(v)
+    told = torque / numbers["reference_1.gain"] + numbers["reference_1.offset"]
+    moments = SWEEP
+    phase = 2.0 * np.pi * (0.6 + 0.3 * moments) * moments
+    columns = {"time [s]": SWEEP, "joint_1.reference_1 [N m]": told, "joint_1.link_position [rad]": 0.5 * np.cos(phase)}
+    if law == "pushed":
+        columns["joint_1.external_torque [N m]"] = pushed
+    with ExitStack() as stack:
+        setup = setup_of(stack, tmp_path, columns, {"mode": 0, "damping": 0.0}, ["joint_1.damping", "joint_1.friction"])
+        (track,) = setup.tracks
+        assert isinstance(track, InverseTrack)
+        (channel,) = track.channels
+        # As often as a filter of 50 Hz lets differ, without what it spoils at both ends.
+        assert np.diff(channel.time).min() == pytest.approx(0.01)
+        assert 0.1 < channel.time[0] < 0.12
+        assert 2.88 < channel.time[-1] < 2.9
+        values = {f"joint_1.{name}": value for name, value in (numbers | LAWS[law]).items()}
+        (found,) = track.predict(values)
+        off = np.abs(found - channel.values) / np.ptp(channel.values)
+        assert np.median(off) < 2e-5
+        # Friction that grows with a torque is as sharp as that where it changes its sign.
+        assert off.max() < (0.015 if law == "load" else 2e-4)
+        (early,) = track.predict(values, 1.0)
+        assert early.tolist() == found[channel.time <= 1.0 + 1e-9].tolist()
+        assert track.shaken(values) is not None
+        assert track.predict(values)[0].tolist() == found.tolist()
+
+
+REACHED = {
+    "torque": (-2.0, 1.5),
+    "velocity": (-3.0, 4.0),
+    "position": (-0.2, 0.6),
+    "current": (0.0, 0.0),
+    "voltage": (0.0, 0.0),
+}
+"""Of what a motor reaches."""
+
+
+@pytest.mark.parametrize(
+    "fixed", [(), ("joint_1.motor_1_max_torque",), ("joint_1.motor_2_max_torque",), ("joint_1.max_deflection",)]
+)
+@pytest.mark.parametrize("second", [2.0, 3.0])
+def test_limits_that_are_tried_are_those_near_what_the_motion_reaches(
+    tmp_path: Path, fixed: tuple[str, ...], second: float
+) -> None:
+    """Those of both motors together where they are one number; none of what is free, or of what does not move."""
+    tags = "<mot_1_tauMax>2.0</mot_1_tauMax><mot_1_minPos>-0.2</mot_1_minPos><mot_1_maxPos>0.9</mot_1_maxPos>"
+    tags += f"<mot_2_tauMax>{second}</mot_2_tauMax>"
+    path = write(tmp_path, "lab", {**SEA, "actuator": "qbmove", "mode": 6, "tags": tags})
+    scenario = load_scenario(path)[0]
+    prepared = prepare(scenario, checked_robot(scenario)[0])
+
+    def series(values: dict[str, float], wanted: list[tuple[int, str]]) -> np.ndarray:
+        found = [np.linspace(*REACHED[name.split("_")[2]], 9) if "motor" in name else np.full(9, 0.1) for _, name in wanted]
+        return np.array(found)[0] if len(found) == 1 else np.array(found)
+
+    track = SimpleNamespace(prepared=prepared, series=series)
+    known = parameters_of(prepared.robot, (), {})
+    layout = make_layout([known[key] for key in fixed], (), ["a"], [{}])
+    found: dict[str, list[tuple[float, bool]]] = {}
+    for text, parameter, ties in limits(SimpleNamespace(tracks=[track]), layout, np.zeros(len(fixed))):
+        what = parameter.key.partition("motor_")[2][2:]
+        assert text == (f"a limit of the motors of joint_1, {what}" if what else "a limit of the deflection of joint_1")
+        assert [(tie.key, tie.to) for tie in ties] == [(f"joint_1.motor_2_{what}", parameter.key)] * len(ties)
+        if "position" in what:
+            assert (parameter.low, parameter.high, parameter.logarithmic) == (-np.inf, np.inf, False)
+        else:
+            assert (parameter.low, parameter.high) == pytest.approx((1e-3 * parameter.start, 1e3 * parameter.start))
+            assert parameter.logarithmic
+        found.setdefault(parameter.key.removeprefix("joint_1."), []).append((parameter.start, bool(ties)))
+    # Shares of the way that it goes, from its other end; and the limit further off, where the motion has run into it.
+    below, above = [0.0, 0.36, 0.52], [0.4, 0.04, -0.12]
+    alike = second == 2.0 and not fixed
+    wanted = {
+        "motor_1_max_torque": [(start, alike) for start in (4.0, 1.5, 0.6, 0.2)],
+        "motor_1_max_velocity": [(start, True) for start in (3.0, 1.2, 0.4)],
+        "motor_1_min_position": [(start, False) for start in (-1.0, *below)],
+        "motor_1_max_position": [(start, False) for start in above],
+        "motor_2_max_torque": [(start, False) for start in ((4.0,) if second == 2.0 else ()) + (1.5, 0.6, 0.2)],
+        "motor_2_min_position": [(start, False) for start in below],
+        "motor_2_max_position": [(start, False) for start in above],
+        "max_deflection": [(start, False) for start in (0.375, 0.15, 0.05)],
+    }
+    if alike or (fixed == ("joint_1.max_deflection",) and second == 2.0):
+        wanted["motor_1_max_torque"] = [(start, True) for start, _ in wanted["motor_1_max_torque"]]
+        del wanted["motor_2_max_torque"]
+    for key in fixed:
+        del wanted[key.removeprefix("joint_1.")]
+    assert found.keys() == wanted.keys()
+    for key, starts in wanted.items():
+        np.testing.assert_allclose(found[key], starts, rtol=1e-9)
+    # A motion that is not sane reaches no limit.
+    track.series = lambda values, wanted: None
+    assert not list(limits(SimpleNamespace(tracks=[track]), layout, np.zeros(len(fixed))))
+
+
+TIME = 0.4
+"""s."""
+STICKS = (
+    "<spring_k>4</spring_k><mot_J>0.01</mot_J><mot_D>0.05</mot_D><mot_tauFric>0.15</mot_tauFric><mot_tauMax>50</mot_tauMax>"
+)
+
+
+@pytest.fixture(scope="module", params=[300.0, 1000.0])
+def sticking(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[float, Setup, Residuals]]:
+    """A motor that sticks, on bristles that the model takes for the law's own of 1000 N m/rad."""
+    folder = tmp_path_factory.mktemp("sticks")
+    drive = f"{{reference_1: {{sinusoid: {{amplitude: 0.25, frequency: {1.0 / TIME}}}}}}}"
+    numbers = {**SEA, "mode": 5, "tags": STICKS}
+    stiffer = {**numbers, "tags": f"{STICKS}<mot_fricStiff>{request.param}</mot_fricStiff>"}
+    true, lab = write(folder, "true", stiffer, drive, TIME), write(folder, "lab", numbers, duration=TIME)
+    for path in (true, lab):
+        path.write_text(path.read_text() + "compiled: false\n")
+    record(true, folder / "a.csv", ("link_position", "motor_1_position"), noise=1e-6)
+    with ExitStack() as stack:
+        setup = set_up(make_task(lab, [folder / "a.csv"], free=["joint_1.damping"]), stack)
+        weights = [[Weights(channel.noise) for channel in setup.tracks[0].channels]]
+        yield request.param, setup, Residuals(setup.tracks, setup.layout, weights, setup.ends, Counter())
+
+
+def test_bristles_are_freed_where_a_recording_asks_for_them(sticking: tuple[float, Setup, Residuals]) -> None:
+    truth, setup, residuals = sticking
+    before = [track.prepared.resolution for track in setup.tracks]
+    layout, x = with_bristles(residuals, np.zeros(1), setup.robot)
+    wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]
+    assert [entry.name for entry in layout.entries] == ["joint_1.damping", *wanted]
+    assert layout.values(x) == pytest.approx([SEA["damping"], truth][: len(x)])
+    assert residuals.layout is setup.layout
+    assert [track.prepared.resolution for track in setup.tracks] == before
+
+
+def test_what_a_recording_asks_for_is_fitted_beside_the_rest(sticking: tuple[float, Setup, Residuals]) -> None:
+    truth, setup, residuals = sticking
+    x = np.zeros(1)
+    best = SimpleNamespace(x=x, cost=cost_of(residuals(x), "huber"))
+    narrow, cost = setup.layout, best.cost
+    try:
+        assert widened(residuals, best, setup) == (truth != 1000.0)
+        assert residuals.layout is setup.layout
+        if truth != 1000.0:
+            assert setup.layout.values(best.x) == pytest.approx([SEA["damping"], truth], rel=0.05)
+            assert best.cost == cost_of(residuals(best.x), "huber") < 0.5 * cost
+        else:
+            assert setup.layout is narrow
+            assert (best.x is x, best.cost) == (True, cost)
+    finally:
+        setup.layout = residuals.layout = narrow
+
+
+def test_residuals_that_take_anothers_state_are_the_same(sticking: tuple[float, Setup, Residuals]) -> None:
+    _, setup, residuals = sticking
+    other = Residuals(setup.tracks, setup.layout, [], [0.0], Counter())
+    resolution = setup.tracks[0].prepared.resolution
+    residuals.share = 0.5
+    told = residuals.state()
+    half = residuals(np.zeros(1))
+    try:
+        setup.tracks[0].resolve(2, 5)
+        assert not np.array_equal(residuals(np.zeros(1)), half)
+        other.take(told)
+        np.testing.assert_array_equal(other(np.zeros(1)), half)
+    finally:
+        residuals.share = 1.0
+        setup.tracks[0].resolve(resolution.substeps, resolution.motor_substeps)
+    assert len(half) < 0.6 * len(residuals(np.zeros(1)))
+
+
+def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path) -> None:
+    time = np.arange(0.0, 0.4, 2e-3)
+    moved = np.sin(10.0 * np.maximum(time - 0.2, 0.0))
+    columns = {"time [s]": time, "joint_1.reference_1 [rad]": moved}
+    noise = 1e-4 * np.random.default_rng(0).normal(size=(2, len(time)))
+    columns |= {
+        "joint_1.link_position [rad]": 0.3 + moved**2 + noise[0],
+        "joint_1.motor_1_position [rad]": 0.2 + moved**3 + noise[1],
+    }
+    for free, link, motors in (
+        ("joint_1.damping", 0.3, {"joint_1": [pytest.approx(0.2, abs=1e-3)]}),
+        ("joint_1.motor_1_position.offset", 0.3, {}),
+        ("joint_1.link_position.offset", 0.0, {"joint_1": [pytest.approx(0.2, abs=1e-3)]}),
+    ):
+        with ExitStack() as stack:
+            setup = setup_of(stack, tmp_path, columns, {"mode": 6}, [free])
+            (track,) = setup.tracks
+            assert track.positions == [pytest.approx(link, abs=1e-3)]
+            assert track.motors == motors
+            assert ("joint_1.initial_position" in [entry.parameter.key for entry in setup.layout.entries]) == (link == 0.3)
