@@ -90,6 +90,12 @@ def test_a_header_of_another_length_is_told(tmp_path: Path, header: str) -> None
         read_recording(tmp_path / "lab.csv")
 
 
+def test_two_names_over_three_columns_are_a_header_of_another_length(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_text("t,q1\n" + "".join(f"{0.01 * i:.2f},{0.1 * i:.3f},{i}.5\n" for i in range(30)))
+    with pytest.raises(RecordingError, match="the header has 2 names, its rows have 3 fields"):
+        read_recording(tmp_path / "lab.csv")
+
+
 @pytest.mark.parametrize("above", ["Laboratory\n", "robot,AlterEgo\n", "operator,Ada\nrobot,arm\n", "serial,12,34,5,6\n"])
 def test_a_title_and_pairs_of_key_and_value_are_no_header(tmp_path: Path, above: str) -> None:
     (tmp_path / "lab.csv").write_text(above + "t,q1,q2,q3\n" + ROWS)
