@@ -82,6 +82,20 @@ def test_blank_cells_of_a_workbook_are_missing_numbers(tmp_path: Path):
     assert np.flatnonzero(np.isnan(recording.channels["q1 [deg]"].values)).tolist() == [6]
 
 
+def test_rows_and_cells_of_a_workbook_may_leave_out_where_they_are(tmp_path: Path):
+    """Each then stands behind the one before it."""
+    plain = workbook(tmp_path / "plain.xlsx", rows())
+    with zipfile.ZipFile(plain) as archive, zipfile.ZipFile(tmp_path / "bare.xlsx", "w") as bare:
+        for name in archive.namelist():
+            text = archive.read(name).decode()
+            bare.writestr(name, re.sub(r' r="[A-Z]*\d+"', "", text) if "sheet1" in name else text)
+    wanted, found = read_recording(plain), read_recording(tmp_path / "bare.xlsx")
+    np.testing.assert_array_equal(found.time, wanted.time)
+    for joint in wanted.joints:
+        own = found.column(joint, "link_position")
+        np.testing.assert_array_equal(own.values, wanted.column(joint, "link_position").values)
+
+
 def test_of_two_sheets_the_first_is_read_and_that_is_said(tmp_path: Path):
     recording = read_recording(workbook(tmp_path / "lab.xlsx", [HEAD, *rows()], [HEAD, *rows()]))
     assert "has 2 sheets with numbers" in str(recording.findings[0])

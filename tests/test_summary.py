@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.samples import Samples
+from asrsim.samples import JointInfo, Samples
 from asrsim.summary import Collector, collect
 from asrsim.summary.table import headline, joint_columns, limit_note, share
 
@@ -125,6 +125,37 @@ def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.Mo
     assert thin != whole
     assert thin.steady_state == pytest.approx(whole.steady_state, abs=1e-3)
     assert thin.settling == pytest.approx(whole.settling, abs=0.01)
+
+
+@pytest.mark.parametrize("kept", [40, 150, 10**6])
+def test_a_summary_does_not_depend_on_the_pieces_in_which_a_run_comes(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(collect, "KEPT", kept)
+    info = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
+    time = np.arange(1001) * 1e-3
+    noise = np.random.default_rng(3).normal(size=(3, 1001, 1))
+    columns = {"link_position": noise[0], "motor_1_position": noise[1], "reference_1": 1.0 + 0.0 * noise[2]}
+    wanted = ((("link_position", "elbow"),), True)
+    found = []
+    for ends in ([1001], [1, 2, 5, 300, 301, 850, 1001], [*list(range(7, 1001, 7)), 1001]):
+        collector = Collector([info], samples=1001, needs=wanted)
+        for a, b in zip([0, *ends], ends, strict=False):
+            tip = np.full((b - a, 7), 0.1) + time[a:b, None]
+            collector.write(
+                Samples(time=time[a:b], joints=("elbow",), values={name: table[a:b] for name, table in columns.items()},
+                        bodies={"tip": tip, "tip_goal": np.zeros((b - a, 7))})
+            )  # fmt: skip
+        found.append(collector.seen())
+        np.testing.assert_array_equal(
+            collector.read(("link_position",), ("elbow",)).values["link_position"], columns["link_position"]
+        )
+    assert found[0] == found[1] == found[2]
+    away = np.sqrt(3.0) * (0.1 + time)
+    assert found[0].tip == pytest.approx(
+        {"largest": away.max(), "rms": np.sqrt(np.mean(away**2)), "last": away[-100:].mean()}, rel=1e-9
+    )
+    if kept > 1001:
+        assert found[0].travels == (np.ptp(noise[0]),)
+        assert found[0].measures[0].peak_deflection == np.abs(noise[1] - noise[0]).max()
 
 
 def test_headline_says_how_far_a_run_came(tiny) -> None:

@@ -56,7 +56,7 @@ def scale_time(values: Array, factor: float | None, *, path: Path, name: str) ->
     steps = np.abs(np.diff(finite))
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
-    size = abs(float(np.median(finite)))
+    size = float(np.median(finite))
     if factor is None and (calendar := calendar_of(size, step)) is not None:
         findings.append(
             Problem(f"is read as {calendar.counts}", file=path, key=name, code="time-unit-assumed",
