@@ -145,7 +145,7 @@ class SpringMeter:
             near = stuck[:, :-2] | stuck[:, 1:-1] | stuck[:, 2:]
             near[:, 1:] |= stuck[:, :-3]
             near[:, :1] |= begun[i]
-            left = (_twice(raw, motor + DRIVE, sides) - _twice(raw, spring, sides)) * half
+            left = _twice(raw, motor + DRIVE, sides) * half - _twice(raw, spring, sides) * half
             left -= change((0.5 * inertia) * (speed * speed))
             total = total + np.where(near, left, (_twice(raw, motor + FRICTION, sides) + limits[0] * half) * half)
             around |= near
