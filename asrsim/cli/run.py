@@ -147,7 +147,9 @@ def _with_files(executed: Executed, **files: Any) -> Executed:
 
 def _drawn(executed: Executed) -> Executed:
     from asrsim.plots import draw_run
+    from asrsim.plots.output import load_undocumented
 
+    load_undocumented()
     return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder, brief=True)))
 
 

@@ -54,7 +54,9 @@ def make_loop(
         try:
             if not available():
                 raise SimulationError("Numba is not installed")
-            return Loop(engine, prepared.drives, prepared.stepping, compiled=True, **options), ""
+            loop = Loop(engine, prepared.drives, prepared.stepping, compiled=True, **options)
+            recording.quicken()
+            return loop, ""
         except SimulationError as error:
             if wanted:
                 raise

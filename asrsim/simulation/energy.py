@@ -8,30 +8,29 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.groups import Group
-from asrsim.simulation.spring_meter import (
-    APPLIED,
+from asrsim.simulation.flows import (
     CUT,
     DAMPED,
-    DAMPING,
     FLOWS,
+    GIVEN,
     HEAT,
     LAGGED,
     LINK,
     LOST,
-    POSITION,
-    TORQUE,
+    MEANS,
+    THROUGH,
+    VANISHED,
     WORK,
-    SpringMeter,
-    change,
-)  # fmt: skip
+    Passes,
+)
+from asrsim.simulation.groups import Group
+from asrsim.simulation.spring_meter import SpringMeter
 
 FLOW_OF = {
     "motor_work": WORK, "friction_loss": LOST, "damping_loss": DAMPED, "link_work": LINK, "limit_loss": CUT,
@@ -44,28 +43,33 @@ ENERGIES = (*FLOW_OF, "spring_energy", "energy_residual")
 class EnergyMeter:
     """Running energies of each joint in J since the start."""
 
-    def __init__(self, drives: Sequence[SteppedJoint], groups: Sequence[Group], substep: float, *, whole: bool) -> None:
-        """groups: of the joints with springs; whole: energies are asked for, not only the balance at the last row."""
+    def __init__(
+        self, joints: int, groups: Sequence[Group], constants: tuple[Array, Array], substep: float, *, whole: bool
+    ) -> None:
+        """groups: of the joints with springs; constants: of :func:`.flows.constants_of`; whole: energies are asked
+        for, not only the balance at the last row."""
         self._whole = whole
-        self._springs = [SpringMeter(group, substep) for group in groups]
-        joints = len(drives)
-        self._stiffness = np.array([[drive.joint.spring_stiffness] for drive in drives])
-        self._rests = np.array([[drive.joint.spring_reference] for drive in drives])
-        self._sprung = np.array([[bool(drive.mode and drive.mode.spring)] for drive in drives])
-        self._totals = np.zeros((FLOWS, joints))
+        self._links, self._motors = constants
+        self._springs = [SpringMeter(group, self._motors[:, group.pick], substep) for group in groups]
+        self._totals = np.zeros((FLOWS if any(springs.rare for springs in self._springs) else HEAT, joints))
         self._start: Array | None = None
-        self.turnover = np.zeros(joints)
-        """J: energy that went through each joint, the scale of a residual."""
         self.residual = np.zeros(joints)
         """J that vanished in each actuator, at the last row; negative where a spring gave more than it held."""
-        self.given = np.zeros(joints)
+
+    @property
+    def turnover(self) -> Array:
+        """J: energy that went through each joint, the scale of a residual."""
+        return np.array(self._totals[THROUGH])
+
+    @property
+    def given(self) -> Array:
         """J: work of actuators and external torques on the links, less what their damping took, up to the last row."""
+        return np.array(self._totals[GIVEN])
 
     def __deepcopy__(self, memo: Any) -> EnergyMeter:
         """A meter that goes on from here: what never changes is shared."""
         twin = copy.copy(self)
-        twin.turnover, twin.residual, twin.given = self.turnover.copy(), self.residual.copy(), self.given.copy()
-        twin._totals = self._totals.copy()
+        twin.residual, twin._totals = self.residual.copy(), self._totals.copy()
         twin._springs = [springs.twin() for springs in self._springs]
         return twin
 
@@ -89,109 +93,55 @@ class EnergyMeter:
             names += ["damping_loss"]
         return tuple(names)
 
-    def add(self, beyond: Array, logged: slice, *, external: Array, sides: Mapping[int, Array]) -> dict[str, Array]:
+    def add(
+        self, beyond: Array, logged: slice, *, external: Array, sides: Mapping[int, Array], held: Array, passes: Passes
+    ) -> dict[str, Array]:
         """Energies (joints, m) at the logged ones of n rows, if they are asked for.
 
         beyond: raw records of those and of two rows beyond, (columns, joints, n + 2); external: torques (joints, n + 1); sides:
         means over the two halves of a kick that an input cuts, by row: what pushes jumps, and the trapezoid rule must not go
-        across.
+        across. held: joints of which a motor is at a limit.
         """
         raw = beyond[:, :, :-1]
         joints, n = raw.shape[1], raw.shape[2] - 1
         asked = range(*logged.indices(n)) if self._whole else range(1)
         # What springs and motors hold counts where it is asked for, and in the balance at the end.
-        ends: Any = slice(None, -1) if len(asked) == n else [*asked, n - 1]
-        cut = np.zeros(n, dtype=bool)
-        for row in sides:
-            cut[max(row - 1, 0) : row + 1] = True
-
-        def twice(values: Array, column: int, pick: Any = slice(None)) -> Array:
-            """Twice the means (joints, n) over the steps between rows of `values` (joints, n + 1), `column` of the sides."""
-            sums = values[:, :-1] + values[:, 1:]
-            for row, (before, after) in sides.items():
-                if row < n:
-                    sums[:, row] += after[pick, column] - values[:, row]
-                if row:
-                    sums[:, row - 1] += before[pick, column] - values[:, row]
-            return sums
-
-        def pushed(pick: Any, column: int) -> Array:
-            return twice(raw[column, pick], column, pick)
-
-        half = change(raw[POSITION])
-        half *= 0.5
-        link = twice(raw[APPLIED], APPLIED)
-        # Only what flows in these rows: most robots have no effort limit in their way, and many no damping.
-        flows: dict[int, Array] = {}
-        halves = list(sides.values())
-        if any((table[TORQUE] != table[APPLIED]).any() for table in (raw, *(half.T for half in halves))):
-            flows[CUT] = (twice(raw[TORQUE], TORQUE) - link) * half
-        link *= half
-        given, pushed_in = link, None
-        if self._stiffness.any() or external.any() or any(half[:, :, -1].any() for half in halves):
-            pushed_in = twice(external, -1)
-            if self._stiffness.any():
-                middle = 0.5 * (raw[POSITION, :, :-1] + raw[POSITION, :, 1:])
-                pushed_in += (2.0 * self._stiffness) * (self._rests - middle)
-            pushed_in *= half
-            given = given + pushed_in
-        if raw[DAMPING].any():
-            flows[DAMPED] = twice(raw[DAMPING], DAMPING) * -half
-            given = given - flows[DAMPED]
-        self.given += given.sum(axis=1)
-        work = link.copy()
-        stored, kinetic = np.zeros((2, joints, raw[0, 0, ends].size))
+        rows = np.arange(n) if len(asked) == n else np.array([*asked, n - 1])
+        ends: Any = slice(None, -1) if len(asked) == n else rows
+        flows = np.empty((len(self._totals), joints, n))
+        flows[HEAT:] = 0.0
+        passes.flow(raw, external, self._links, self._motors, flows)
+        cut = sorted({k for row in sides for k in (row - 1, row) if 0 <= k < n})
+        if cut:
+            flows[:, :, cut] = self._across(cut, raw, external, sides, passes)
+        stored, kinetic = np.zeros((2, joints, len(rows)))
         for springs in self._springs:
             pick = springs.group.pick
-            released = link[pick] + flows[CUT][pick] if CUT in flows else link[pick]
-            work[pick], stored[pick], kinetic[pick], losses = springs.balance(
-                beyond[:, pick], partial(pushed, pick), half[pick], released, cut, ends
-            )
-            if springs.electric:
-                losses[HEAT] = springs.heat(raw)
-            for flow, loss in losses.items():
-                flows.setdefault(flow, np.zeros((joints, n)))[pick] = loss
-        self._turn_over([work, link] if pushed_in is None else [work, link, pushed_in])
-        flows |= {WORK: work, LINK: link}
-        at = [self._sum(flow, flows.get(flow), n, ends) for flow in range(FLOWS)]
+            stored[pick], kinetic[pick] = springs.balance(beyond, flows, sides, cut, ends, held=bool(held[pick].any()))
+        through = np.abs(flows[WORK])
+        through += flows[THROUGH]
+        # What has no number counts nothing.
+        np.fmax(through, 0.0, out=flows[THROUGH])
         if self._start is None:
             self._start = (stored[:, 0] + kinetic[:, 0])[:, None]
-        residual = self._vanished(at, stored + kinetic - self._start)
-        self.residual = residual[:, -1].copy()
-        found = {name: at[flow] for name, flow in FLOW_OF.items()} | {"spring_energy": stored, "energy_residual": residual}
+        at = np.empty((len(flows), joints, len(rows)))
+        passes.add_up(flows, rows, stored + kinetic - self._start, self._totals, at)
+        self.residual = at[VANISHED, :, -1].copy()
+        found = {name: at[flow] for name, flow in FLOW_OF.items() if flow < len(at)}
+        found |= {"spring_energy": stored, "energy_residual": at[VANISHED]}
         return {name: values[:, : len(asked)] for name, values in found.items()}
 
-    def _turn_over(self, flows: Sequence[Array]) -> None:
-        """Flows (joints, n) in J have gone through."""
-        through = np.abs(flows[0])
-        for flow in flows[1:]:
-            through += np.abs(flow)
-        turnover = through.sum(axis=1)
-        self.turnover += np.nansum(through, axis=1) if np.isnan(turnover).any() else turnover
-
-    def _vanished(self, at: Sequence[Array], held: Array) -> Array:
-        """(joints, n) J, of the flows and of what springs and motors hold, both since the start."""
-        residual = at[WORK] - at[LOST]
-        residual -= at[LINK]
-        if self._totals[CUT].any():
-            residual -= self._sprung * at[CUT]
-        if self._totals[LAGGED].any():
-            residual -= at[LAGGED]
-        residual -= held
-        return residual
-
-    def _sum(self, flow: int, values: Array | None, n: int, ends: Any) -> Array:
-        """J since the start at the rows `ends` of n + 1, of what flows from each to the next; None: nothing does."""
-        total = self._totals[flow].copy()
-        if values is None:
-            return np.broadcast_to(total[:, None], (len(total), np.arange(n + 1)[ends].size))
-        if not self._whole:
-            last = total + values[:, :-1].sum(axis=1)
-            self._totals[flow] = last + values[:, -1]
-            return np.asarray(last[:, None])
-        running = np.empty((len(values), values.shape[1] + 1))
-        running[:, 0] = total
-        values[:, 0] += total
-        np.cumsum(values, axis=1, out=running[:, 1:])
-        self._totals[flow] = running[:, -1]
-        return running[:, ends]
+    def _across(self, steps: list[int], raw: Array, external: Array, sides: Mapping[int, Array], passes: Passes) -> Array:
+        """What flows over steps that begin or end with a jump."""
+        around = [row for k in steps for row in (k, k + 1)]
+        pairs, pushes = raw[:, :, around], external[:, around]
+        for place, row in enumerate(around):
+            if row in sides:
+                before, after = sides[row]
+                side = before if place % 2 else after
+                pairs[MEANS, :, place] = side[:, MEANS].T
+                pushes[:, place] = side[:, -1]
+        flows = np.empty((len(self._totals), raw.shape[1], len(around) - 1))
+        flows[HEAT:] = 0.0
+        passes.flow(pairs, pushes, self._links, self._motors, flows)
+        return flows[:, :, ::2]

@@ -38,12 +38,12 @@ class Group:
         return column([drive.values[name] for drive in self.drives])
 
     def electricity(self, raw: Array) -> dict[str, Array]:
-        """Currents in A and voltages in V of the motors, (joints, n), of raw records (columns, joints, n); NaN where a motor is
-        not electric. Both belong to the whole step: the torque is that of the kick at its middle."""
+        """Currents in A and voltages in V of the motors, (joints, n), of their records (columns, joints, n); NaN where a motor
+        is not electric. Both belong to the whole step: the torque is that of the kick at its middle."""
         found = {}
         for i, first in zip(range(1, self.motors + 1), (MOTOR_1, MOTOR_2), strict=False):
             constant = np.asarray(self.value(f"motor_{i}_torque_constant")) * self.value(f"motor_{i}_gear_ratio")
-            velocity, torque = raw[first + 1, self.pick], raw[first + 2, self.pick]
+            velocity, torque = raw[first + 1], raw[first + 2]
             current = torque / np.where(constant > 0.0, constant, np.nan)
             found[f"motor_{i}_current"] = current
             found[f"motor_{i}_voltage"] = self.value(f"motor_{i}_resistance") * current + constant * velocity

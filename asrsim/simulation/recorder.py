@@ -8,7 +8,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,9 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import ENERGIES, EnergyMeter
-from asrsim.simulation.groups import Group, column, spring_groups
+from asrsim.simulation.flows import DEFLECTIONS, EFFORTS, HELD, LIMITS, PLAIN, SATURATIONS, SPEEDS, STOPS, Passes, constants_of
+from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import grid
-from asrsim.simulation.spring_meter import within
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substep import RAW
 
@@ -85,9 +84,10 @@ class Recorder:
 
     def __init__(
         self, drives: Sequence[SteppedJoint], quantities: Sequence[tuple[str, ...]], stepping: Stepping, *, substep: float,
-        every: int, last: int,
+        every: int, last: int, passes: Passes = PLAIN,
     ) -> None:  # fmt: skip
         """quantities: of each joint, all or some of :func:`recorded_quantities`."""
+        self.passes = passes
         self.drives = tuple(drives)
         self.stepping = stepping
         self.substep = substep
@@ -110,16 +110,13 @@ class Recorder:
         self._next = 0
         kinds = dict.fromkeys(quantities)
         names = dict.fromkeys(name for kind in kinds for name in kind)
-        self.meter = EnergyMeter(drives, groups, substep, whole=any(name in ENERGIES for name in names))
+        self._constants = constants_of(drives, groups, substep)
+        self.meter = EnergyMeter(n, groups, self._constants, substep, whole=any(name in ENERGIES for name in names))
         lacking = {kind: [name for name in names if name not in kind] for kind in kinds}
         self._lacking = {name: [j for j in range(n) if name in lacking[quantities[j]]] for name in names}
         """Joints without a quantity, for every quantity that some have."""
-        self._limits = [_limits_of(group) for group in groups]
         self._groups = [(group, over_arrays(group.actuator.stiffness), group.elastic) for group in groups]
         self._electric = [group for group, _, _ in self._groups if any(drive.electric_motors for drive in group.drives)]
-        self._efforts = column([drive.joint.most_effort for drive in drives])
-        self._lowest, self._highest = map(column, zip(*(drive.joint.stops for drive in drives), strict=True))
-        self._fastest = column([drive.joint.velocity or np.inf for drive in drives])
 
     def __deepcopy__(self, memo: Any) -> Recorder:
         """A recorder that goes on from here: what never changes is shared."""
@@ -184,10 +181,12 @@ class Recorder:
         sides = {k - first: rows for k, rows in self._sides.items() if first <= k <= first + count}
         self._sides = {k: rows for k, rows in self._sides.items() if k >= first + count}
         for group in self._electric:
-            for name, found in group.electricity(now).items():
+            for name, found in group.electricity(now[:, group.pick]).items():
                 values.setdefault(name, np.full((joints, count), np.nan))[group.pick] = found
-        energies = self.meter.add(beyond, logged, external=inputs[2], sides=sides)
-        self._count(values, now[COLUMN["actuator_torque"]])
+        met = np.empty((LIMITS, joints), dtype=np.int64)
+        self.passes.meet(beyond, velocity, *self._constants, met)
+        self._count(met, count, stiffness)
+        energies = self.meter.add(beyond, logged, external=inputs[2], sides=sides, held=met[HELD], passes=self.passes)
         values = {name: values[name][:, logged] for name in self._lacking if name in values} | energies
         for name, lacking in self._lacking.items():
             if lacking:
@@ -195,40 +194,12 @@ class Recorder:
                 values[name][lacking] = np.nan
         return values
 
-    def _count(self, values: Mapping[str, Array], torque: Array) -> None:
+    def _count(self, met: Any, substeps: int, stiffness: Array) -> None:
         counts = self.counts
-        counts.substeps += torque.shape[1]
-        counts.effort += _beyond(torque, self._efforts)
-        counts.velocity += _beyond(values["link_velocity"], self._fastest)
-        position = values["link_position"]
-        if not within(position, self._lowest, self._highest):
-            counts.stop += _number((position <= self._lowest) | (position >= self._highest))
-        stiffness = values["stiffness"]
+        counts.substeps += substeps
+        counts.effort += met[EFFORTS]
+        counts.velocity += met[SPEEDS]
+        counts.saturation += met[SATURATIONS]
+        counts.deflection += met[DEFLECTIONS]
+        counts.stop += met[STOPS]
         counts.stiffest = np.fmax(counts.stiffest, np.maximum(stiffness.max(axis=1), -stiffness.min(axis=1)))
-        for pick, torques, deflections in self._limits:
-            driven = [(values[name][pick], limit) for name, limit in torques]
-            if not all(within(torque, -limit, limit) for torque, limit in driven):
-                counts.saturation[pick] += _number(reduce(np.logical_or, [abs(torque) >= limit for torque, limit in driven]))
-            bent = [(values[name][pick] - position[pick], limit) for name, limit in deflections]
-            if not all(within(deflection, -limit, limit) for deflection, limit in bent):
-                counts.deflection[pick] += _number(reduce(np.logical_or, [abs(bend) > limit for bend, limit in bent]))
-
-
-def _limits_of(group: Group) -> tuple[Any, list[tuple[str, Any]], list[tuple[str, Any]]]:
-    """What picks a group's joints, limits of its motors' torques (N m) and of its springs' deflections (rad), by the quantity
-    that is limited."""
-    torques = [(f"motor_{i}_torque", group.value(f"motor_{i}_max_torque")) for i in range(1, group.motors + 1)]
-    if "max_deflection" not in group.drives[0].values:
-        return group.pick, torques, []
-    most = group.value("max_deflection")
-    return group.pick, torques, [(f"motor_{i}_position", most) for i in range(1, group.actuator.motors + 1)]
-
-
-def _beyond(values: Array, limits: Array) -> Any:
-    """Numbers (joints,) of `values` (joints, n) whose size is beyond the limits (joints, 1)."""
-    return 0 if within(values, -limits, limits) else _number(np.abs(values) > limits)
-
-
-def _number(met: Any) -> Any:
-    """How often each joint (joints,) met what `met` (joints, n) tells."""
-    return np.count_nonzero(met, axis=1)

@@ -13,6 +13,7 @@ from asrsim.engines.base import Engine
 from asrsim.errors import InputError
 from asrsim.samples import Array, RunInfo, Samples, concatenate
 from asrsim.simulation.divergence import EnergyGuard, runaway
+from asrsim.simulation.flows import PLAIN, compiled_passes
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import BEHIND, Recorder, recorded_quantities
@@ -71,6 +72,8 @@ class Recording:
         self.wanted: frozenset[str] = frozenset()
         self.kept: list[Samples] | None = [] if keep else None
         self._last = last
+        self.passes = PLAIN
+        """What goes over the records' rows."""
         self.recorder = self._make_recorder()
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
@@ -102,6 +105,11 @@ class Recording:
         self.active, self.wanted = True, frozenset(wanted)
         self.parts = []
         self.taker = self.parts.append
+
+    def quicken(self) -> None:
+        """Records are long: let what goes over their rows be compiled."""
+        if self.active:
+            self.passes = self.recorder.passes = compiled_passes()
 
     def room(self, rest: int) -> Array:
         """Memory for the raw records of the `rest` of the chunk, (rest, joints, columns). Where they will be evaluated, a
@@ -145,7 +153,7 @@ class Recording:
     def _part(self, end: int, *, check: bool) -> Part:
         """What came since the last one, with the links' energy where it is checked: a motion no longer finite has none."""
         inputs, raw = (_handed_over(table, BEHIND + self._filled) for table in (self._inputs, self._raw))
-        if raw is self._raw:
+        if raw.base is not None:
             self._inputs, self._raw = inputs[:, :, :BEHIND], raw[:, :, :BEHIND]
         sides, self._sides, self._filled = self._sides, {}, 0
         model, kinetic = self._engine.model, 0.0
@@ -195,7 +203,7 @@ class Recording:
         substeps = prepared.resolution.substeps
         return Recorder(
             prepared.drives, [recorded_quantities(drive) for drive in prepared.drives], prepared.stepping,
-            substep=prepared.substep, every=substeps, last=self._last,
+            substep=prepared.substep, every=substeps, last=self._last, passes=self.passes,
         )  # fmt: skip
 
     def renew(self) -> None:
@@ -237,8 +245,8 @@ def _longer(table: Array, begin: int, rest: int) -> Array:
 
 
 def _handed_over(table: Array, rows: int) -> Array:
-    """The table itself where it is full; else a copy of its first rows: samples keep what they are made of."""
-    return table if table.shape[2] == rows else table[:, :, :rows].copy()
+    """The table's first rows; a copy where most of it is empty: samples keep what they are made of."""
+    return table[:, :, :rows] if 2 * rows >= table.shape[2] else table[:, :, :rows].copy()
 
 
 def _thinned(samples: Samples, rows: slice) -> Samples:
