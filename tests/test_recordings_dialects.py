@@ -378,6 +378,15 @@ def test_the_arm_that_the_simulation_names_is_taken(tmp_path: Path) -> None:
     assert recording.channels["arm1_q1"].quantity is None
 
 
+def test_a_measured_angle_is_of_the_joint_that_its_name_begins_with(tmp_path: Path) -> None:
+    names = [f"{joint} {what}" for joint in ("elbow", "wrist") for what in ("Soll", "Ist")]
+    content = table([TIME, *[A * DEGREES] * 4], before=f"t [s],{','.join(f'{name} [°]' for name in names)}\n")
+    recording = read(tmp_path, "lab.csv", content, joints=None)
+    found = {column.source.removesuffix(" [°]"): (column.joint, column.quantity) for column in recording.channels.values()}
+    quantity = {"Soll": "reference_1", "Ist": "link_position"}
+    assert found == {name: (name.split()[0], quantity[name.split()[1]]) for name in names}
+
+
 def test_a_scale_that_may_be_in_the_numbers_already_is_asked_about(tmp_path: Path) -> None:
     before = "Name\tScope\tName\tScope\nName\tA.q1\tName\tA.q2\nUnit\t°\tUnit\t°\nScaleFactor\t0.5\tScaleFactor\t1\n"
     content = table([TIME * 1e3, 2 * A * DEGREES, TIME * 1e3, B * DEGREES], sep="\t", before=before)

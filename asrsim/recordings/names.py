@@ -19,6 +19,8 @@ _REFERENCE = {
 _MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
     "value", "val", "values", "data", "signal"}  # fmt: skip
 """Words beside whose joint nothing else need be said: `actual_elbow`."""
+_ACTUAL = _MEASURED - {"value", "val", "values", "data", "signal"}
+"""Those of them that make an angle beside words that are unknown a joint's: `elbow Ist [°]`."""
 _VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "qvel", "dtheta", "thetadot", "omega", "dot", "rate",
     "geschwindigkeit", "drehzahl", "vitesse", "velocità", "velocita", "velocidad",
 }  # fmt: skip
@@ -258,6 +260,7 @@ def _quantity(
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
     # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
     only = bool(plain) and found <= VOCABULARY and si in ("rad", "m")
+    only = only or (bool(found & _ACTUAL) and si in ("rad", "m"))
     only = only or (named and (found <= _MEASURED or "phi" in found or si in ("rad", "m")))
     if velocity or torque or found & _POSITION or only:
         return f"link_{kind}", None
