@@ -174,6 +174,23 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
         "a.json", json.dumps({"columns": ["time", "q1", "q2"], "units": ["ms", "deg", "deg"],
                               "data": np.c_[TIME * 1e3, A * DEGREES, B * DEGREES].tolist()}).encode(),
     ),
+    "names above the rows of JSON": (
+        "a.json", json.dumps([["t", "q1", "q2"], *np.c_[TIME, A, B].tolist()]).encode(),
+    ),
+    "fields and rows of JSON": (
+        "a.json", json.dumps({"fields": ["time", "q1", "q2"], "rows": np.c_[TIME, A, B].tolist()}).encode(),
+    ),
+    "an index that is the time": (
+        "a.json", json.dumps({"columns": ["q1", "q2"], "index": TIME.tolist(), "data": np.c_[A, B].tolist()}).encode(),
+    ),
+    "named series of JSON": (
+        "a.json", json.dumps([{"name": "time", "unit": "s", "values": TIME.tolist()},
+                              {"name": "q1", "unit": "deg", "values": (A * DEGREES).tolist()},
+                              {"name": "q2", "unit": "deg", "values": (B * DEGREES).tolist()}]).encode(),
+    ),
+    "Simulink's To File": ("a.mat", matlab_file(q=np.vstack([TIME, A, B]))),
+    "hundredths as a fraction": ("a.csv", table([ORDER, A, B], before="t [1/100 s],q1,q2\n")),
+    "seconds of arc": ("a.csv", table([TIME, A * DEGREES * 3600, B * DEGREES * 3600], before="t,q1 [arcsec],q2 [arcsec]\n")),
     "numpy's arrays": ("a.npz", numpy_file(t=TIME, q1=A, q2=B)),
     "numpy's records": ("a.npz", numpy_file(log=RECORD)),
     "MATLAB's cells": ("a.mat", matlab_file(t=TIME, q=cells(A, B))),
@@ -385,6 +402,13 @@ def test_a_measured_angle_is_of_the_joint_that_its_name_begins_with(tmp_path: Pa
     found = {column.source.removesuffix(" [°]"): (column.joint, column.quantity) for column in recording.channels.values()}
     quantity = {"Soll": "reference_1", "Ist": "link_position"}
     assert found == {name: (name.split()[0], quantity[name.split()[1]]) for name in names}
+
+
+def test_objects_of_python_are_passed_over_and_told(tmp_path: Path) -> None:
+    content = numpy_file(t=TIME, q1=A, meta=np.array({"unit": "deg"}, dtype=object))
+    recording = read(tmp_path, "lab.npz", content)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, A)
+    assert "meta: holds objects of Python" in str(next(one for one in recording.findings if one.code == "objects"))
 
 
 def test_a_scale_that_may_be_in_the_numbers_already_is_asked_about(tmp_path: Path) -> None:

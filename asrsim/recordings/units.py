@@ -29,6 +29,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
         "graden", "graus", "stopni", "stupňů", "度", "도")),
     ("rad", _DEGREE * 1e-3, ("mdeg", "millideg", "millidegree", "millidegrees")),
     ("rad", _DEGREE / 60, ("arcmin",)),
+    ("rad", _DEGREE / 3600, ("arcsec",)),
     ("rad", math.pi / 200, ("gon",)),
     ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
     ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "rad_per_second",
@@ -148,10 +149,12 @@ def find_unit(text: str) -> Unit | None:
 
 
 def _several(text: str) -> Unit | None:
-    """A number of units: `250us`, `0.1 deg`, `1e-3 rad`."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\d\s].*)", text)
-    unit = find_unit(match[2]) if match else None
-    return None if match is None or unit is None else Unit(text.strip(), unit.si, float(match[1]) * unit.factor)
+    """A number of units: `250us`, `0.1 deg`, `1e-3 rad`, `1/100 s`."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)(?:/(\d+))?\s*([^\d\s/].*)", text)
+    unit = find_unit(match[3]) if match else None
+    if match is None or unit is None or (match[2] is not None and not int(match[2])):
+        return None
+    return Unit(text.strip(), unit.si, float(match[1]) / float(match[2] or 1) * unit.factor)
 
 
 def _ordinary(text: str) -> str:
