@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_files import COUNT, DEGREES, ORDER, TIME, A, B, table, texts
+from lab_files import COUNT, DEGREES, GERMAN, ORDER, TIME, A, B, table, texts
 
 from asrsim.errors import RecordingError
 from asrsim.quantities import QUANTITIES
@@ -85,6 +85,61 @@ def logged(line: str) -> bytes:
 
 
 UNDERSTOOD: dict[str, tuple[str, bytes]] = {
+    "TwinCAT's scale that is none": (
+        "a.csv", table([TIME * 1e3, A * DEGREES, TIME * 1e3, B * DEGREES], sep="\t",
+                       before="Name\tScope\tName\tScope\n\nName\tAxis1.ActPos\tName\tAxis2.ActPos\nUnit\t°\tUnit\t°\n"
+                       "Offset\t0\tOffset\t0\nScaleFactor\t1\tScaleFactor\t1\n\n"),
+    ),
+    "LabVIEW with a time for each channel": (
+        "a.lvm", table([TIME, A * DEGREES, TIME, B * DEGREES], sep="\t", dec=",",
+                       before="***End_of_Header***\t\nChannels\t2\t\t\t\nY_Unit_Label\tdeg\t\tdeg\t\nX_Dimension\tTime\t\tTime\t\n"
+                       "***End_of_Header***\t\t\t\t\nX_Value\tq1\tX_Value\tq2\tComment\n"),
+    ),
+    "units as the third level of pandas' columns": (
+        "a.csv", table(DEG, before="joint,joint_1,joint_2\nsignal,q,q\nunit,deg,deg\ntime,,\n"),
+    ),
+    "units and more below the names": (
+        "a.csv", table(DEG, before="time,q1,q2\n,Unit: deg,Unit: deg\n,Interp: linear,Interp: linear\n"),
+    ),
+    "types below the units": ("a.csv", table(DEG, sep=";", before="Time;q1;q2\ns;deg;deg\nDT_DOUBLE;DT_DOUBLE;DT_DOUBLE\n")),
+    "numbers of bodies above the names": (
+        "a.csv", table([ORDER, *DEG], before=',,Angle,Angle\n,,"1","2"\n,,Value,Value\n'
+                       "Frame,Time (Seconds),q1 (deg),q2 (deg)\n"),
+    ),
+    "Swiss thousands": (
+        "a.csv", table([[f"{t * 1e3:,.1f}".replace(",", "\u2019") for t in TIME], *DEG[1:]], sep=";",
+                       before="t [ms];q1 [deg];q2 [deg]\n"),
+    ),
+    "Swiss thousands without a decimal mark": (
+        "a.csv", table([[f"{t * 1e3:,.0f}".replace(",", "'") for t in TIME], *DEG[1:]], sep=";",
+                       before="t [ms];q1 [deg];q2 [deg]\n"),
+    ),
+    "French thousands": (
+        "a.csv", table([[f"{t * 1e3:,.2f}".replace(",", "\u202f").replace(".", ",") for t in TIME], *DEG[1:]], sep=";", dec=",",
+                       before="temps (ms);angle 1 (deg);angle 2 (deg)\n"),
+    ),
+    "KUKA's seconds": (
+        "a.log", table([np.floor(1.7e9 + TIME), np.round((TIME % 1) * 1e6), A, B], sep=" ", number="%.12g",
+                       before="% ZeitSec ZeitMikrosec AxisPosMsr1 AxisPosMsr2\n"),
+    ),
+    "Chinese in its own encoding": ("a.csv", table(DEG, before="时间(s),关节1角度(°),关节2角度(°)\n", encoding="gb18030")),
+    "Chinese units": ("a.csv", table(DEG, before="\ufeff时间 (秒),关节1 位置 (度),关节2 位置 (度)\n")),
+    "Japanese in its own encoding": (
+        "a.csv", table(DEG, before="時間[s],関節1角度[deg],関節2角度[deg]\n", encoding="shift_jis"),
+    ),
+    "Korean in its own encoding": ("a.csv", table(DEG, before="시간(s),관절1 각도(deg),관절2 각도(deg)\n", encoding="cp949")),
+    "Dutch": ("a.csv", table(DEG, **GERMAN, before="Tijd [s];Hoek 1 [graden];Hoek 2 [graden]\n")),
+    "Portuguese": ("a.csv", table(DEG, **GERMAN, before="Tempo (s);Posição 1 (graus);Posição 2 (graus)\n")),
+    "Polish": ("a.csv", table(ABQ, **GERMAN, before="Czas [s];Kąt 1 [rad];Kąt 2 [rad]\n")),
+    "Czech in its own encoding": (
+        "a.csv", table(ABQ, **GERMAN, before="čas [s];úhel 1 [rad];úhel 2 [rad]\n", encoding="cp1250"),
+    ),
+    "a robot's name before the joint's": ("a.csv", table(ABQ, before="t,UR5_q1,UR5_q2\n")),
+    "the only arm, counted": ("a.csv", table(ABQ, before="t,arm2_q1,arm2_q2\n")),
+    "measured velocities called qd": ("a.csv", table([*ABQ, A, B], before="t,actual_q_1,actual_q_2,actual_qd_1,actual_qd_2\n")),
+    "ports of blocks": ("a.csv", table(ABQ, before='Time,"Arm/q1:1","Arm/q2:1"\n')),
+    "outputs of blocks": ("a.csv", table(ABQ, before="time,Model Root/Arm/q1/Out1,Model Root/Arm/q2/Out1\n")),
+    "Modelica's angles": ("a.csv", table(ABQ, before='"time","arm.joint_1.phi","arm.joint_2.phi"\n')),
     "LabVIEW with units": ("a.lvm", table(DEG, sep="\t", before=LVM)),
     "TwinCAT's scope": (
         "a.csv", table([TIME * 1e3, A * DEGREES, TIME * 1e3, B * DEGREES], sep="\t", dec=",", encoding="cp1252",
@@ -119,6 +174,23 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
         "a.json", json.dumps({"columns": ["time", "q1", "q2"], "units": ["ms", "deg", "deg"],
                               "data": np.c_[TIME * 1e3, A * DEGREES, B * DEGREES].tolist()}).encode(),
     ),
+    "names above the rows of JSON": (
+        "a.json", json.dumps([["t", "q1", "q2"], *np.c_[TIME, A, B].tolist()]).encode(),
+    ),
+    "fields and rows of JSON": (
+        "a.json", json.dumps({"fields": ["time", "q1", "q2"], "rows": np.c_[TIME, A, B].tolist()}).encode(),
+    ),
+    "an index that is the time": (
+        "a.json", json.dumps({"columns": ["q1", "q2"], "index": TIME.tolist(), "data": np.c_[A, B].tolist()}).encode(),
+    ),
+    "named series of JSON": (
+        "a.json", json.dumps([{"name": "time", "unit": "s", "values": TIME.tolist()},
+                              {"name": "q1", "unit": "deg", "values": (A * DEGREES).tolist()},
+                              {"name": "q2", "unit": "deg", "values": (B * DEGREES).tolist()}]).encode(),
+    ),
+    "Simulink's To File": ("a.mat", matlab_file(q=np.vstack([TIME, A, B]))),
+    "hundredths as a fraction": ("a.csv", table([ORDER, A, B], before="t [1/100 s],q1,q2\n")),
+    "seconds of arc": ("a.csv", table([TIME, A * DEGREES * 3600, B * DEGREES * 3600], before="t,q1 [arcsec],q2 [arcsec]\n")),
     "numpy's arrays": ("a.npz", numpy_file(t=TIME, q1=A, q2=B)),
     "numpy's records": ("a.npz", numpy_file(log=RECORD)),
     "MATLAB's cells": ("a.mat", matlab_file(t=TIME, q=cells(A, B))),
@@ -210,7 +282,7 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
 
 def read(folder: Path, name: str, content: bytes, **options: object) -> Recording:
     (folder / name).write_bytes(content)
-    return read_recording(folder / name, joints=JOINTS, **options)  # type: ignore[arg-type]
+    return read_recording(folder / name, **{"joints": JOINTS, **options})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("kind", UNDERSTOOD)
@@ -294,6 +366,14 @@ ASKED: dict[str, tuple[bytes, str, str]] = {
     "an encoder that begins anew": (
         table([TIME, (np.pi + 7 * A) % (2 * np.pi) - np.pi], before="t,q1 [rad]\n"), "wrapped", "whole turn .* times",
     ),
+    "two arms": (table([*ABQ, B, A], before="t,arm1_q1,arm1_q2,arm2_q1,arm2_q2\n"), "unclear-joint", "arm1_q1, arm1_q2"),
+    "two trials": (table([*ABQ, B, A], before="t,trial1_q1,trial1_q2,trial2_q1,trial2_q2\n"), "unclear-joint", "trial1_q1"),
+    "two sides": (table([*ABQ, B, A], before="t,left_q1,left_q2,right_q1,right_q2\n"), "unclear-joint", "left_q1, left_q2"),
+    "one more than there are": (table([*ABQ, B], before="t,q0,q1,q2\n"), "unclear-joint", "q0, q1, q2"),
+    "joint_0 beside the others": (table([*ABQ, B], before="t,joint_0_pos,joint_1_pos,joint_2_pos\n"), "unclear-joint",
+                                  "unclear: joint_0_pos;"),
+    "turns of a drive": (table(ABQ, before="t,axis0.pos_estimate,axis1.pos_estimate\n"), "unclear-unit", "turns"),
+    "steps of a drive": (table(ABQ, before="t,present_position_1,present_position_2\n"), "unclear-unit", "Dynamixel"),
     "counted from 0": (table(ABQ, before="t,joint_0_pos,joint_1_pos\n"), "joints-from-zero", "joint_0 is joint_1"),
 }  # fmt: skip
 
@@ -304,6 +384,40 @@ def test_asked_about(tmp_path: Path, kind: str) -> None:
     recording = read(tmp_path, "lab.csv", content)
     problem = next(one for one in recording.findings if one.code == code)
     assert re.search(said, str(problem))
+
+
+def test_the_arm_that_the_simulation_names_is_taken(tmp_path: Path) -> None:
+    content = table([*ABQ, B, A], before="t,arm1_q1,arm1_q2,arm2_q1,left_q1\n")
+    joints = ("arm2_joint1", "arm2_joint2", "left_joint1", "right_joint1")
+    recording = read(tmp_path, "lab.csv", content, joints=joints)
+    assert recording.column("arm2_joint1", "link_position").source == "arm2_q1"
+    assert recording.column("left_joint1", "link_position").source == "left_q1"
+    assert recording.channels["arm1_q1"].quantity is None
+
+
+def test_a_measured_angle_is_of_the_joint_that_its_name_begins_with(tmp_path: Path) -> None:
+    names = [f"{joint} {what}" for joint in ("elbow", "wrist") for what in ("Soll", "Ist")]
+    content = table([TIME, *[A * DEGREES] * 4], before=f"t [s],{','.join(f'{name} [°]' for name in names)}\n")
+    recording = read(tmp_path, "lab.csv", content, joints=None)
+    found = {column.source.removesuffix(" [°]"): (column.joint, column.quantity) for column in recording.channels.values()}
+    quantity = {"Soll": "reference_1", "Ist": "link_position"}
+    assert found == {name: (name.split()[0], quantity[name.split()[1]]) for name in names}
+
+
+def test_objects_of_python_are_passed_over_and_told(tmp_path: Path) -> None:
+    content = numpy_file(t=TIME, q1=A, meta=np.array({"unit": "deg"}, dtype=object))
+    recording = read(tmp_path, "lab.npz", content)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, A)
+    assert "meta: holds objects of Python" in str(next(one for one in recording.findings if one.code == "objects"))
+
+
+def test_a_scale_that_may_be_in_the_numbers_already_is_asked_about(tmp_path: Path) -> None:
+    before = "Name\tScope\tName\tScope\nName\tA.q1\tName\tA.q2\nUnit\t°\tUnit\t°\nScaleFactor\t0.5\tScaleFactor\t1\n"
+    content = table([TIME * 1e3, 2 * A * DEGREES, TIME * 1e3, B * DEGREES], sep="\t", before=before)
+    with pytest.raises(RecordingError, match=r"A\.q1: its header states factor 0\.5 and offset 0"):
+        read(tmp_path, "lab.csv", content)
+    recording = read(tmp_path, "lab.csv", content, mapping=["A.q1=0.5*joint_1.link_position"])
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, A, atol=1e-6)
 
 
 @pytest.mark.parametrize(

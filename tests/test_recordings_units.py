@@ -17,7 +17,7 @@ TURN, POUND, OUNCE, FOOT, WEIGHT = math.tau, 4.4482216152605, 4.4482216152605 / 
 """rad; N; N; m; N of a kilogram."""
 FACTORS = {
     "rad": {"rad": 1, "mrad": 1e-3, "urad": 1e-6, "deg": TURN / 360, "°": TURN / 360, "Grad": TURN / 360, "mdeg": TURN / 360e3,
-            "arcmin": TURN / 21600, "gon": TURN / 400, "rev": TURN, "turns": TURN},
+            "arcmin": TURN / 21600, "arcsec": TURN / 1296e3, "gon": TURN / 400, "rev": TURN, "turns": TURN},
     "rad/s": {"rad/s": 1, "rad_per_sec": 1, "mrad/s": 1e-3, "deg/s": TURN / 360, "dps": TURN / 360, "rpm": TURN / 60,
               "1/min": TURN / 60, "rps": TURN, "rev/s": TURN},
     "rad/s^2": {"rad/s^2": 1, "deg/s2": TURN / 360},

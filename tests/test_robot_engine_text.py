@@ -135,7 +135,14 @@ def test_a_number_is_what_c_reads_or_an_error(text: str) -> None:
 
 @pytest.mark.parametrize(
     ("axis", "warned"),
-    [("0 2 0", True), ("0 1.0005 0", True), ("0 1e-9 0", True), ("0 1.0000001 0", False), ("1e-200 0 0", True)],
+    [
+        ("0 2 0", True),
+        ("0 1.0005 0", True),
+        ("0 1e-9 0", True),
+        ("0 1.0000001 0", False),
+        ("0 0.707 0.707", False),
+        ("1e-200 0 0", True),
+    ],
 )
 def test_an_axis_reaches_the_engine_as_its_direction(axis: str, warned: bool, read: Callable[[str], Robot]) -> None:
     robot = read(arm(axis=axis))

@@ -113,6 +113,8 @@ def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> 
         ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="1.9" iyz="0" izz="1.9"'),
         ("<spring_k>10<", "<spring_k>0.9e5<"),
         ("<spring_k>10<", "<spring_k>1.1e-3<"),
+        # The spring of a drive whose motor is twice as large.
+        ("<spring_k>10<", "<mot_tauMax>12</mot_tauMax><spring_k>1.9e5<"),
     ],
 )
 def test_what_is_just_probable_is_not_doubted(old: str, new: str, tiny) -> None:

@@ -11,8 +11,11 @@ COMMENTS = ("#", "%", "//")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
 _FORTRAN = re.compile(r"[+-]?\d*\.\d*[dD][+-]?\d+")
-_GROUPED = re.compile(r"[-+]?\d{1,3}(?P<mark>[.,' ])\d{3}(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
-"""Marks between thousands, beside a decimal mark that tells them apart."""
+_GROUPED = re.compile(
+    r"[-+]?\d{1,3}(?:(?P<mark>[., ])\d{3}(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+"
+    r"|(?P<sure>['\u2019\u00a0\u2009\u202f])\d{3}(?:(?P=sure)\d{3})*(?:(?P<point>[.,])\d*)?)"
+)
+"""Marks between thousands: a point or comma beside a decimal mark that tells them apart, or what is nothing else (`1'234`)."""
 _STAMP = re.compile(
     r"^(\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?(?P<mark>[./])\d\d?(?P=mark)\d\d(?= \d\d?:)"
     r"|\d\d?-[A-Za-z]{3}-\d{4}|\d{8}(?=[T_])|\d\d?:\d\d|-?\d+ days?)(?=[T_ :.,/-]|$)"
@@ -83,8 +86,9 @@ def number(cell: str, decimal: str) -> float | None:
             return float(text.replace("D", "E").replace("d", "e"))
         if "\u2212" in cell:  # the minus of typographers
             return number(cell.replace("\u2212", "-"), decimal)
-        if (match := _GROUPED.fullmatch(cell)) is not None and match["decimal"] == decimal != match["mark"]:
-            return float(cell.replace(match["mark"], "").replace(decimal, "."))
+        if (match := _GROUPED.fullmatch(cell)) is not None and (match["decimal"] or match["point"] or decimal) == decimal:
+            mark = match["sure"] or match["mark"]
+            return float(cell.replace(mark, "").replace(decimal, ".")) if mark != decimal else None
         return float("nan") if cell.lower() in MISSING else None
 
 
@@ -171,7 +175,7 @@ def grouped(cells: Sequence[str], decimal: str) -> str | None:
     return None
 
 
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(([.,' ])\d{3}(?:\2\d{3})*)")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(([., ])\d{3}(?:\2\d{3})*)")
 _SMALL = re.compile(r"[-+]?\d{1,3}")
 
 

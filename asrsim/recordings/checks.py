@@ -15,11 +15,14 @@ from asrsim.recordings.data import Column, Recording
 from asrsim.samples import Array
 
 _FACTORS = (
-    (180 / math.pi, "the recording seems to be in degrees"),
-    (math.pi / 180, "the recording seems to have been converted from degrees once too often"),
-    (1000.0, "the recording seems to be in thousandths (mm, mN m, ms)"),
-    (0.001, "the recording seems to be in thousands, or was converted from thousandths once too often"),
-)
+    (180 / math.pi, "the recording seems to be in degrees", "State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'"),
+    (math.pi / 180, "the recording seems to have been converted from degrees once too often",
+     "Undo it: --map 'COLUMN=57.29578*JOINT.QUANTITY'"),
+    (1000.0, "the recording seems to be in thousandths (mm, mN m, ms)", "Convert it: --map 'COLUMN=0.001*JOINT.QUANTITY'"),
+    (0.001, "the recording seems to be in thousands, or was converted from thousandths once too often",
+     "Convert it: --map 'COLUMN=1000*JOINT.QUANTITY'"),
+)  # fmt: skip
+"""Factor, what it seems to come of, and the item of a mapping that cures it."""
 _ALONE = 12.0
 """Times the usual departure from the neighbours' mean, beyond which a single sample is no noise."""
 _SHARE = 0.2
@@ -45,11 +48,11 @@ def suspect_scale(simulation: Array, recording: Array, than: str = "the simulati
         return None
     # Of sizes that are not finite the ratio is near no factor.
     ratio = pair[1] / pair[0]
-    for factor, meaning in _FACTORS:
+    for factor, meaning, cure in _FACTORS:
         if 1 / _WIDTH < ratio / factor < _WIDTH:
             return Problem(
                 f"the recording is {ratio:.4g} times as large as {than}, close to {factor:.4g}: {meaning}",
-                hint="State the unit: --map 'COLUMN=JOINT.QUANTITY [deg]'", code="suspected-unit",
+                hint=cure, code="suspected-unit",
             )  # fmt: skip
     return None
 

@@ -16,13 +16,20 @@ from asrsim.recordings.adjust import scaled
 from asrsim.recordings.data import Column, Raw, RawSeries
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import Guess, guess, joint_numbers, stated_unit, theta_is_motor, tokens_of
-from asrsim.recordings.numbering import one_behind, zero_based
+from asrsim.recordings.numbering import one_behind, settled, unclear, zero_based
 from asrsim.recordings.units import Unit, split_header, unknown_unit
 
 KNOWN = {**QUANTITIES, **DERIVED}
 """Every quantity that a column may be of, by name."""
 _TURNS = 20.0
 """Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
+_VENDORS = (
+    (re.compile(r"(?i)(?:present|goal)[ _]?(?:position|velocity)"), "steps of a Dynamixel, or degrees"),
+    (re.compile(r"(?i)(?:pos|vel)_estimate"), "turns (ODrive)"),
+    (re.compile(r"\bA[IS]Pos|\bAxisPos_"), "degrees (KUKA)"),
+    (re.compile(r"(?i)(?:position|velocity) (?:actual|demand) value"), "increments (CiA 402)"),
+)
+"""Names that programs of vendors give by themselves -> what their numbers are, seldom rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +44,14 @@ class _Reading:
     """Columns whose numbers count joints from 0."""
     by_words: bool
     """Words beside the quantity name joints."""
+    unclear: AbstractSet[int] = frozenset()
+    """Columns whose numbers may mean one joint as well as another."""
 
     def joint_of(self, index: int, series: RawSeries) -> str | None:
         """The joint of a column whose quantity was guessed."""
         meaning = self.meanings[index]
+        if index in self.unclear:
+            return None
         words = meaning.words if self.by_words else ()
         return series.joint or meaning.joint or _joint(meaning.number, self.known, words, zero=index in self.shifted)
 
@@ -78,7 +89,7 @@ def _read_names(
     path: Path, raw: Raw, explicit: Mapping[int, ColumnMap], joints: Sequence[str] | None, findings: list[Problem]
 ) -> _Reading:
     # The second "angle" of a file is angle#2, and no joint 2.
-    plain = [split_header(re.sub(r"#\d+$", "", series.name))[0] for series in raw.series]
+    plain = [_plain_name(split_header(re.sub(r"#\d+$", "", series.name))[0]) for series in raw.series]
     known = tuple(joints) if joints is not None else _spelled(raw, plain)
     behind = one_behind(plain, known)
     if behind:
@@ -90,18 +101,20 @@ def _read_names(
     said = [[str(one.quantity)] for one in explicit.values()]
     motors = theta_is_motor([*map(tokens_of, plain), *said])
     meanings = {
-        index: guess(_plain_name(plain[index]), stated_unit(series.name, series.unit),
+        index: guess(plain[index], stated_unit(series.name, series.unit),
                      joints=() if behind else known, counted=counted, theta_is_motor=motors)
         for index, series in enumerate(raw.series)
         if index not in explicit and series.quantity is None
     }  # fmt: skip
+    meanings = settled(meanings, () if behind else known)
     places = [int(m[1]) for series in raw.series if series.quantity and (m := re.search(r"(\d+)\]?$", series.name))]
     numbered = {i: (plain[i], m.number) for i, m in meanings.items() if m.quantity and m.number is not None}
     shifted = zero_based(numbered, len(known), zero=0 in counted or 0 in places)
     # Words beside the quantity name joints if they tell columns apart: hip_pos and knee_pos, but not filtered_pos alone.
     words = {m.words for m in meanings.values() if m.quantity and m.number is None and m.joint is None and m.words}
     return _Reading(
-        known=known, meanings=meanings, shifted=shifted, by_words=len(words) > 1 or (bool(words) and bool(known))
+        known=known, meanings=meanings, shifted=shifted, by_words=len(words) > 1 or (bool(words) and bool(known)),
+        unclear=unclear(meanings, plain, known),
     )  # fmt: skip
 
 
@@ -152,6 +165,8 @@ def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:
         return ""
     if (stated := unknown_unit(series.name)) is not None:
         return f"its unit [{stated}] is not known"
+    if (usual := next((what for pattern, what in _VENDORS if pattern.search(series.name)), None)) is not None:
+        return f"no unit is stated, and what writes such names counts {usual}"
     values = series.values[np.isfinite(series.values)]
     angle = KNOWN[quantity].unit == "rad" or quantity == "reference_1"
     if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
@@ -160,17 +175,17 @@ def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:
 
 
 def _plain_name(name: str) -> str:
-    """Without the field of a message that holds nothing else."""
-    return name.removesuffix("/data")
+    """Without the field of a message that holds nothing else, and the first port of a block of Simulink or dSPACE."""
+    return re.sub(r"/data$|/Out1$|(?<=\w):1$", "", name)
 
 
 def _joint(number: int | None, known: Sequence[str], words: Sequence[str], *, zero: bool) -> str | None:
     """The joint of a number, which may count from 0: of that ending, else by its place; of words in its name; without either
     the only joint."""
-    if number is None and words:
-        if not known:
+    if words:
+        if not known and number is None:
             return "_".join(words)
-        fitting = [joint for joint in known if set(words) <= set(tokens_of(joint))]
+        fitting = [joint for joint in known if {*words, *([] if number is None else [str(number)])} <= set(tokens_of(joint))]
         if len(fitting) == 1:
             return fitting[0]
     if not known:

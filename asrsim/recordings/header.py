@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from asrsim.recordings.cells import glue, printable, share_of_numbers, split
+from asrsim.recordings.cells import glue, number, printable, share_of_numbers, split
+from asrsim.recordings.names import VOCABULARY, tokens_of
 from asrsim.recordings.units import find_unit, unknown_unit
 
 _REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes"}
@@ -29,16 +30,18 @@ class Header:
     line: int | None = None
     misfit: str = ""
     """Why a line that looks like a header is not used."""
+    scaled: Mapping[str, str] = field(default_factory=dict)
+    """Name -> the factor and offset that the header states, of columns that have other ones than 1 and 0."""
 
 
 def find_header(rows: Sequence[tuple[int, list[str]]], data: Sequence[Sequence[str]], decimal: str) -> Header:
     """The header among the lines above the numbers; `data`: the first rows of numbers, all of one length."""
     columns = len(data[0])
-    rows = [(count, _fitted(cells, data)) for count, cells in rows]
+    rows = [(count, _fitted(cells, data)) for count, cells in rows if not cells[0].startswith("***")]
     if not rows:
         return Header()
     fitting = [(count, cells) for count, cells in rows if len(cells) == columns]
-    if (paired := _pairs(rows, columns)) is not None:
+    if (paired := _pairs(rows, columns, decimal)) is not None:
         return paired
     count, cells = rows[-1]
     if len(cells) != columns:
@@ -47,8 +50,11 @@ def find_header(rows: Sequence[tuple[int, list[str]]], data: Sequence[Sequence[s
         return Header()
     if len(fitting) > 1 and cells[0] and not any(cells[1:]):
         # pandas writes the name of its index below those of the columns.
-        names = _grouped(fitting[:-1], columns)
-        return Header(names=[cells[0], *names[1:]], line=fitting[-2][0], units_line=count)
+        above = find_header(rows[:-1], data, decimal)
+        if above.names is not None:
+            return replace(above, names=[cells[0], *above.names[1:]], units_line=above.units_line or count)
+    if len(fitting) > 1 and _says_one_thing(cells):  # "Interp: linear", "DT_DOUBLE" of every column
+        return find_header(rows[:-1], data, decimal)
     # A row of units is the last one, the one before the names, or any that begins by saying so (LabVIEW's Y_Unit_Label).
     places = [i for i, (_, row) in enumerate(fitting) if i >= len(fitting) - 2 or "unit" in row[0].lower()]
     for place in reversed(places):
@@ -58,7 +64,7 @@ def find_header(rows: Sequence[tuple[int, list[str]]], data: Sequence[Sequence[s
     return Header(names=_grouped(fitting, columns), line=count)
 
 
-def _pairs(rows: Sequence[tuple[int, list[str]]], columns: int) -> Header | None:
+def _pairs(rows: Sequence[tuple[int, list[str]]], columns: int, decimal: str) -> Header | None:
     """The header of a file whose channels have a column of times each, as TwinCAT's scope writes it: `Name; q1; Name; q2`."""
     told = {
         cells[0].lower(): (count, cells[1::2]) for count, cells in rows if len({*cells[::2]}) == 1 and len(cells) == columns
@@ -66,13 +72,28 @@ def _pairs(rows: Sequence[tuple[int, list[str]]], columns: int) -> Header | None
     if columns < 4 or "name" not in told:
         return None
     line, names = told["name"]
+    factors = told.get("scalefactor", (None, ["1"] * len(names)))[1]
+    offsets = told.get("offset", (None, ["0"] * len(names)))[1]
+    numbers = [
+        (name, number(factor, decimal), number(offset, decimal))
+        for name, factor, offset in zip(names, factors, offsets, strict=True)
+    ]
+    scaled = {name: f"factor {factor:g} and offset {offset or 0:g}" for name, factor, offset in numbers
+              if factor is not None and (factor, offset or 0.0) != (1.0, 0.0)}  # fmt: skip
     units_line, units = told.get("unit", (None, [""] * len(names)))
     return Header(names=[name for own in names for name in ("time", own)], units=[unit for own in units for unit in ("", own)],
-                  line=line, units_line=units_line)  # fmt: skip
+                  line=line, units_line=units_line, scaled=scaled)  # fmt: skip
+
+
+def _says_one_thing(cells: Sequence[str]) -> bool:
+    """Whether a row has one remark for all columns, which is no name of a signal nor a unit: `double,double,double`."""
+    filled = {cell for cell in cells if cell}
+    return sum(map(bool, cells)) > 1 and len(filled) == 1 and not VOCABULARY & {*tokens_of(*filled)} and units_of(cells) is None
 
 
 def units_of(cells: Sequence[str]) -> list[str] | None:
     """The units of a row of units, "" where it has none; None for any other row. Half of them may be of no spelling known."""
+    cells = [re.sub(r"(?i)^unit: *(?=.)", "", cell) for cell in cells]  # MATLAB's "Unit: deg"
     units = ["" if cell.lower() in _NO_UNIT else cell.strip("[](){}<> ") for cell in cells]
     units = ["", *units[1:]] if "unit" in units[0].lower() else units
     filled = [unit for unit in units if unit]

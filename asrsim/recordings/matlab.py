@@ -30,8 +30,9 @@ _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     """All series of a .mat, .npz or .npy file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
+    findings: list[Problem] = []
     try:
-        content = _numpy(path) if path.suffix.lower() in (".npz", ".npy") else _matlab(path)
+        content = _numpy(path, findings) if path.suffix.lower() in (".npz", ".npy") else _matlab(path)
     except NotImplementedError:
         raise RecordingError(
             "is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
@@ -40,12 +41,13 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     except Exception as error:  # on damaged files scipy lets errors of many kinds through
         kind = "a MATLAB file" if path.suffix.lower() == ".mat" else "arrays of numbers by numpy"
         raise RecordingError(f"cannot be read as {kind}: {error}", file=path, code="bad-mat") from None
-    findings: list[Problem] = []
     series: list[RawSeries] = []
     epoch: float | None = None
     plain = {key: value for key, value in content.items() if not key.startswith("__")}
     for prefix, table in _tables(plain, "", findings, path):
         clocks = _times_of(table, prefix, maps)
+        if not any(one.role == "time" for one in maps):
+            table, clocks = _behind_the_time(table, clocks)
         if not clocks and rate is None:
             said = "\n".join(f"{key} = {value}" for key, value in plain.items() if isinstance(value, int | float))
             findings.append(
@@ -92,19 +94,38 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     return Raw(format="mat", series=tuple(series), findings=tuple(findings), epoch=epoch, names=tuple(plain))
 
 
+def _behind_the_time(table: dict[str, Array], clocks: Sequence[str]) -> tuple[dict[str, Array], list[str]]:
+    """Of a matrix of joints whose first column is the time (Simulink's To File), the second is the first joint's: `q_1`."""
+    told = {word for word in VOCABULARY if len(word) > 1 or word == "q"}  # of M or A nothing is known
+    stems = [clock[:-2] for clock in clocks if clock.endswith("_1") and told & set(tokens_of(clock[:-2]))]
+    names = {f"{stem}_{i + 1}": f"{stem}_{i}" if i else f"{stem}.time" for stem in stems for i in range(len(table))}
+    return {names.get(name, name): values for name, values in table.items()}, [names.get(clock, clock) for clock in clocks]
+
+
 def _matlab(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     return dict(loadmat(path, simplify_cells=True))
 
 
-def _numpy(path: Path) -> dict[str, Any]:
+def _numpy(path: Path, findings: list[Problem]) -> dict[str, Any]:
     """Arrays by name; structured ones as the tables that they are."""
     loaded = np.load(path)
     if isinstance(loaded, np.ndarray):
         return _fields(loaded) if loaded.dtype.names else {path.stem: loaded}
+    found: dict[str, Any] = {}
     with loaded as arrays:
-        return {name: _fields(array) if array.dtype.names else array for name, array in arrays.items()}
+        for name in arrays.files:
+            try:
+                array = arrays[name]
+            except ValueError as error:
+                if "pickle" not in str(error):
+                    raise
+                # To read objects of Python would run what they hold.
+                findings.append(Problem("holds objects of Python, which are not read", file=path, key=name, code="objects"))
+                continue
+            found[name] = _fields(array) if array.dtype.names else array
+    return found
 
 
 def _fields(array: NDArray[Any]) -> dict[str, Any]:

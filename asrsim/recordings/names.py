@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.recordings.abroad import in_english
 from asrsim.recordings.units import Unit, find_unit, fits, split_header
 
 _REFERENCE = {
@@ -18,6 +19,8 @@ _REFERENCE = {
 _MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
     "value", "val", "values", "data", "signal"}  # fmt: skip
 """Words beside whose joint nothing else need be said: `actual_elbow`."""
+_ACTUAL = _MEASURED - {"value", "val", "values", "data", "signal"}
+"""Those of them that make an angle beside words that are unknown a joint's: `elbow Ist [°]`."""
 _VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "qvel", "dtheta", "thetadot", "omega", "dot", "rate",
     "geschwindigkeit", "drehzahl", "vitesse", "velocità", "velocita", "velocidad",
 }  # fmt: skip
@@ -65,6 +68,8 @@ class Guess:
     quantity: str | None
     number: int | None = None
     """Number in the name that counts joints."""
+    numbers: tuple[tuple[str, int], ...] = ()
+    """Where there are several, which of them does is not known: each behind the word before it."""
     joint: str | None = None
     """Joint whose name is in the column's name."""
     words: tuple[str, ...] = ()
@@ -81,11 +86,11 @@ _LETTERS = str.maketrans({
 
 def tokens_of(name: str) -> list[str]:
     """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos; `θ̇₁` thetadot, 1."""
-    name = re.sub(r"(?<=\w)'(?!\w)", " prime", name.translate(_LETTERS))
+    name = in_english(re.sub(r"(?<=\w)'(?!\w)", " prime", name.translate(_LETTERS)))
     text = re.sub(r"(?<![A-Za-z])dd?(?:Q|Theta)(?![a-z])", lambda match: match[0].lower(), name)  # dQ1 is a velocity
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     words: list[str] = []
-    for word in re.findall(r"[A-Za-zÀ-ÿ]+|\d+", text):
+    for word in re.findall(r"[^\W\d_]+|\d+", text):
         lower = word.lower()
         for prefix in ("soll", "ist"):  # German glues: Sollposition, Istwinkel
             if (rest := lower.removeprefix(prefix)) != lower and rest in _POSITION | _VELOCITY | _TORQUE:
@@ -186,10 +191,11 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     else:
         quantity = re.sub(r"_2(?=_|$)", "_1", quantity) if own_number is not None else quantity
     number = numbers[0] if len(numbers) == 1 and joint is None else None
-    if len(numbers) > 1:
-        return Guess(quantity=None, reason="more than one number in its name")
+    pairs = tuple((word, int(two)) for word, two in pairwise(["", *words]) if two.isdigit()) if len(numbers) > 1 else ()
     spare = tuple(word for word in plain if word not in VOCABULARY)
-    return Guess(quantity=quantity, number=number, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}")
+    return Guess(
+        quantity=quantity, number=number, numbers=pairs, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}"
+    )
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
@@ -215,6 +221,8 @@ def _quantity(
     si = unit.si if unit is not None else ""
     velocity = velocity or si in ("rad/s", "m/s")
     torque = torque or si in ("N m", "N")
+    if "qd" in found and found & _MEASURED and not si:
+        velocity = True  # what was measured is not what was desired
     if "qd" in found and not velocity:
         if si not in ("rad", "m"):  # a velocity to some, desired to others
             return None, None
@@ -252,7 +260,9 @@ def _quantity(
         return f"motor_{own if own in (1, 2) else 1}_{kind}", own
     # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
     only = bool(plain) and found <= VOCABULARY and si in ("rad", "m")
-    if velocity or torque or found & _POSITION or only or (named and (found <= _MEASURED or si in ("rad", "m"))):
+    only = only or (bool(found & _ACTUAL) and si in ("rad", "m"))
+    only = only or (named and (found <= _MEASURED or "phi" in found or si in ("rad", "m")))
+    if velocity or torque or found & _POSITION or only:
         return f"link_{kind}", None
     return None, None
 

@@ -13,6 +13,7 @@ from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.messages import mixed_names, named_joints
+from asrsim.recordings.names import find_column
 from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero, past_midnight
 from asrsim.recordings.time_columns import TIME_WORDS, time_columns
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
@@ -33,6 +34,13 @@ def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
             table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
             hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
         )  # fmt: skip
+    for name, said in table.layout.scaled.items():
+        if find_column(name, [one.column for one in maps]) is None:
+            raise RecordingError(
+                f"its header states {said}, and not whether the numbers have them already", file=path, key=name, code="scaled",
+                hint=f"Say so: --map '{name}=JOINT.link_position [unit]', with a factor before the joint where they have not; "
+                f"or --map '{name}=ignore'",
+            )  # fmt: skip
     return table
 
 

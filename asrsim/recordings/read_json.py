@@ -103,9 +103,7 @@ def _records(text: str, whole: Exception, path: Path) -> tuple[list[Record], lis
 
 def _of(data: Any) -> list[Record]:
     """Records of a whole document."""
-    if isinstance(data, Mapping) and isinstance(data.get("columns"), list) and isinstance(data.get("data"), list):
-        names = [str(name) for name in data["columns"]]
-        data = [dict(zip(names, row, strict=False)) for row in data["data"] if isinstance(row, list)]
+    data = _with_names(data)
     if isinstance(data, list):
         return [flat(one) for one in data if isinstance(one, Mapping | list)]
     if not isinstance(data, Mapping):
@@ -119,6 +117,43 @@ def _of(data: Any) -> list[Record]:
     columns = _of_pairs(dict(_columns(data, "")))
     length = max((len(column) for column in columns.values()), default=0)
     return [{name: _cell(column[i]) for name, column in columns.items() if i < len(column)} for i in range(length)]
+
+
+def _with_names(data: Any) -> Any:
+    """Rows whose names stand apart from them as records, series beside their names by these; any other as it is."""
+    if isinstance(data, Mapping):
+        columns = data.get("columns")
+        names = [str(name) for name in columns] if isinstance(columns, list) else None
+        names = names or next((data[key] for key in ("fields", "names", "header") if _are_names(data.get(key))), None)
+        rows = next((data[key] for key in ("data", "rows", "values") if isinstance(data.get(key), list)), None)
+        if names is not None and rows is not None:
+            index = data.get("index")
+            timed = isinstance(index, list) and len(index) == len(rows) and index != [*range(len(rows))] and "time" not in names
+            first = [*index] if timed and isinstance(index, list) else []
+            names, rows = (
+                (["time", *names], [[t, *row] for t, row in zip(first, rows, strict=True)]) if timed else (names, rows)
+            )
+            return [dict(zip(names, row, strict=False)) for row in rows if isinstance(row, list)]
+    elif isinstance(data, list) and len(data) > 2 and _are_names(data[0]) and isinstance(data[1], list):
+        return [dict(zip(data[0], row, strict=False)) for row in data[1:] if isinstance(row, list)]
+    elif isinstance(data, list) and len(data) > 1 and all(isinstance(one, Mapping) for one in data):
+        series = [(_first(one, str, ("name", "label")), _first(one, list, ("values", "data", "y")), one) for one in data]
+        if all(name and values for name, values, _ in series):
+            units = [_first(one, str, ("unit", "units")) for _, _, one in series]
+            named = {
+                f"{name} [{unit}]" if unit else str(name): values for (name, values, _), unit in zip(series, units, strict=True)
+            }
+            return named if len(named) == len(series) else data
+    return data
+
+
+def _are_names(value: Any) -> bool:
+    return isinstance(value, list) and len(value) > 1 and all(isinstance(one, str) for one in value)
+
+
+def _first(data: Mapping[str, Any], kind: type, keys: Iterable[str]) -> Any:
+    """The first of these entries that is of the kind; None without one."""
+    return next((data[key] for key in keys if isinstance(data.get(key), kind)), None)
 
 
 def _of_pairs(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:

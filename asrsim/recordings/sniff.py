@@ -9,7 +9,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from asrsim.errors import RecordingError
-from asrsim.recordings.cells import COMMENTS, entries, glue, grouped, kind_of, printable, share_of_numbers, split, spread
+from asrsim.recordings.abroad import encoding_by_words
+from asrsim.recordings.cells import (
+    COMMENTS,
+    MISSING,
+    entries,
+    glue,
+    grouped,
+    kind_of,
+    printable,
+    share_of_numbers,
+    split,
+    spread,
+)
 from asrsim.recordings.dressed import Dress, dressed
 from asrsim.recordings.foreign import READ, refuse_foreign, refuse_foreign_line
 from asrsim.recordings.header import comment_header, comment_units, find_header, unique, unnamed, with_unknown
@@ -53,6 +65,8 @@ class Layout:
     misfit: str = ""
     """Why a line that looks like a header is not used."""
     misfit_line: int | None = None
+    scaled: Mapping[str, str] = field(default_factory=dict)
+    """Name -> factor and offset that the header states, where it is not known whether the numbers have them already."""
     remarks: str = ""
     """What comments and lines above the header say."""
 
@@ -91,7 +105,7 @@ def encoding_of(path: Path) -> str:
     except UnicodeDecodeError as error:
         # A character cut at the end of the sample is no sign of another encoding.
         if error.start < len(start) - 4:
-            return "latin-1"
+            return encoding_by_words(start) or "latin-1"
     return "utf-8-sig"
 
 
@@ -127,6 +141,7 @@ def sniff(path: Path) -> Layout:
         wide = [re.split(r"\s{2,}", text.strip()) for _, text in lines]
         rows = [(n, far if len(far) == columns else near) for (n, near), far in zip(rows, wide, strict=True)]
     share = [share_of_numbers(cells, decimal) if len(cells) == columns else 0.0 for _, cells in rows]
+    share = [0.0 if _is_told(cells, lead=not rows[-1][1][0]) else own for own, (_, cells) in zip(share, rows, strict=True)]
     # "Samples 400 400" among the lines above a header is no row of numbers: it has fewer of them than most, and none follow.
     usual = max(0.5, sorted(share)[len(share) // 2])
     followed = zip(share, [*share[1:], 1.0], strict=True)
@@ -172,10 +187,21 @@ def sniff(path: Path) -> Layout:
         widths=widths, units=tuple(stated), header_line=header_at, first_line=rows[first][0],
         skipped=tuple(n for n, _ in rows[:first] if n not in used),
         remarks="\n".join([*above, *(text for n, text in lines[:first] if n not in used)]),
-        received=received, dress=dress, misfit=misfit, misfit_line=header.line if misfit else None,
+        received=received, dress=dress, scaled=header.scaled, misfit=misfit, misfit_line=header.line if misfit else None,
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip
+
+
+def _is_told(cells: Sequence[str], *, lead: bool) -> bool:
+    """Whether a row with numbers is one of a header: `Offset 0 Offset 0`, or numbers of bodies behind a blank that no row of
+    numbers begins with.
+
+    lead: such rows do begin with one.
+    """
+    keys = {*cells[::2]}
+    paired = len(cells) > 3 and len(cells) % 2 == 0 and len(keys) == 1 and any(sign.isalpha() for sign in cells[0])
+    return (paired and cells[0].lower() not in MISSING) or (len(cells) > 2 and not cells[0] and not lead)
 
 
 def _received(texts: Sequence[str]) -> str:

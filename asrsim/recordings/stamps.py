@@ -18,7 +18,8 @@ _DAY = 86_400_000_000_000
 """ns."""
 _PARTS = (
     ("sec", "nanosec", 1e-9), ("sec", "nsec", 1e-9), ("secs", "nsecs", 1e-9), ("sec", "usec", 1e-6), ("secs", "usecs", 1e-6),
-    ("sec", "msec", 1e-3),
+    ("sec", "msec", 1e-3), ("sec", "mikrosec", 1e-6), ("sec", "microsec", 1e-6), ("seconds", "nanoseconds", 1e-9),
+    ("seconds", "microseconds", 1e-6),
 )  # fmt: skip
 """Last words of two columns that are one time, and s of the second's unit."""
 

@@ -22,24 +22,27 @@ class Unit:
 _DEGREE = math.pi / 180
 _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     # SI unit, factor, spellings (compared without spaces; case matters only where two units differ by it)
-    ("rad", 1.0, ("rad", "rads", "radian", "radians")),
+    ("rad", 1.0, ("rad", "rads", "radian", "radians", "弧度", "라디안", "ラジアン")),
     ("rad", 1e-3, ("mrad", "millirad", "millirads", "milliradian", "milliradians")),
     ("rad", 1e-6, ("urad", "µrad", "μrad")),
-    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "Grad", "grado", "gradi", "grados", "degré", "degrés")),
+    ("rad", _DEGREE, ("deg", "degs", "degree", "degrees", "°", "Grad", "grado", "gradi", "grados", "degré", "degrés",
+        "graden", "graus", "stopni", "stupňů", "度", "도")),
     ("rad", _DEGREE * 1e-3, ("mdeg", "millideg", "millidegree", "millidegrees")),
     ("rad", _DEGREE / 60, ("arcmin",)),
+    ("rad", _DEGREE / 3600, ("arcsec",)),
     ("rad", math.pi / 200, ("gon",)),
     ("rad", 2 * math.pi, ("rev", "revs", "revolutions", "turn", "turns")),
     ("rad/s", 1.0, ("rad/s", "rad_s", "rad/sec", "rad_per_s", "rad_per_sec", "rad_per_second",
-        "radps", "rads-1", "rad*s-1", "rad.s-1")),
+        "radps", "弧度/秒", "rad/秒", "rads-1", "rad*s-1", "rad.s-1")),
     ("rad/s", 1e-3, ("mrad/s", "mrad_s")),
     ("rad/s", _DEGREE, ("deg/s", "deg_s", "deg/sec", "deg_per_s", "deg_per_sec", "deg_per_second",
-        "degps", "dps", "°/s", "Grad/s", "gradi/s")),
+        "degps", "dps", "°/s", "度/秒", "Grad/s", "gradi/s")),
     ("rad/s", 2 * math.pi / 60, ("rpm", "rev/min", "r/min", "1/min", "U/min")),
     ("rad/s", 2 * math.pi, ("rev/s", "rps", "turn/s", "turns/s")),
     ("rad/s^2", 1.0, ("rad/s^2", "rad/s2", "rad_s2", "rad/s/s")),
     ("rad/s^2", _DEGREE, ("deg/s^2", "deg/s2", "deg_s2")),
-    ("N m", 1.0, ("Nm", "N*m", "N.m", "N·m", "N_m", "newtonmetre", "newtonmeter", "newtonmetres", "newtonmeters")),
+    ("N m", 1.0, ("Nm", "N*m", "N.m", "N·m", "N_m", "newtonmetre", "newtonmeter", "newtonmetres", "newtonmeters",
+        "牛米", "牛·米")),
     ("N m", 1e-3, ("mNm", "mN*m", "mN.m", "mN_m", "Nmm", "N*mm")),
     ("N m", 1e-2, ("Ncm", "cNm", "N*cm")),
     ("N m", 1e3, ("kNm",)),
@@ -65,8 +68,8 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("m/s", 1e-3, ("mm/s", "mm_s")),
     ("m/s^2", 1.0, ("m/s^2", "m/s2", "m_s2")),
     ("s", 1.0, ("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes",
-        "secondi", "segundos")),
-    ("s", 1e-3, ("ms", "msec", "millis", "millisecond", "milliseconds", "millisekunden")),
+        "secondi", "segundos", "秒", "초")),
+    ("s", 1e-3, ("ms", "msec", "millis", "millisecond", "milliseconds", "millisekunden", "毫秒", "ミリ秒")),
     ("s", 1e-2, ("cs", "csec", "centiseconds")),
     ("s", 1e-6, ("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds")),
     ("s", 1e-9, ("ns", "nsec", "nanos", "nanosecond", "nanoseconds")),
@@ -146,10 +149,12 @@ def find_unit(text: str) -> Unit | None:
 
 
 def _several(text: str) -> Unit | None:
-    """A number of units: `250us`, `0.1 deg`, `1e-3 rad`."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\d\s].*)", text)
-    unit = find_unit(match[2]) if match else None
-    return None if match is None or unit is None else Unit(text.strip(), unit.si, float(match[1]) * unit.factor)
+    """A number of units: `250us`, `0.1 deg`, `1e-3 rad`, `1/100 s`."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)(?:/(\d+))?\s*([^\d\s/].*)", text)
+    unit = find_unit(match[3]) if match else None
+    if match is None or unit is None or (match[2] is not None and not int(match[2])):
+        return None
+    return Unit(text.strip(), unit.si, float(match[1]) / float(match[2] or 1) * unit.factor)
 
 
 def _ordinary(text: str) -> str:

@@ -168,9 +168,14 @@ def block_doubts(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
 def _unusual(block: ActuatorBlock) -> Iterator[Doubt]:
     """Given values that are far from the usual ones."""
     actuator = ACTUATORS.get(block.actuator)
+    # The springs of a large drive are as much larger as its motors are.
+    motors = [abs(block.parameters[one.name].value / one.default) for one in actuator.all_parameters()
+              if one.name.endswith("max_torque") and one.default]  # fmt: skip
+    size = max((ratio for ratio in motors if 1.0 < ratio < UNUSUAL), default=1.0)
     for declared in actuator.all_parameters():
         parameter, usual = block.parameters[declared.name], abs(declared.default)
         ratio = abs(parameter.value) / usual if usual and math.isfinite(usual) else 1.0
+        ratio = ratio / min(size, ratio) if declared.name.startswith("spring") and ratio > 1.0 else ratio
         if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL and math.isfinite(ratio):
             unit = "" if declared.unit == "1" else f" {declared.unit}"
             message = f"<{parameter.tag}> is {ratio:.1g} times the usual {usual:g}{unit}"

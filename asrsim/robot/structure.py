@@ -15,8 +15,8 @@ from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
 from asrsim.robot.xmlfile import elements, name_of
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-UNIT = 1e-6
-"""How far an axis may be from length 1 without a word: numbers of seven digits pass."""
+UNIT = 2e-4
+"""How far an axis may be from length 1 without a word: 0.707 and 0.7071, as people write them, pass."""
 LONGEST_NAME = 255
 """Characters; PyBullet crashes at 1024 bytes."""
 

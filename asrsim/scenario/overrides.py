@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from asrsim.document.block import key_at
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
-from asrsim.errors import InputError, ScenarioError
+from asrsim.errors import InputError, ScenarioError, did_you_mean
 from asrsim.scenario.keys import SCENARIO
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
@@ -76,6 +76,11 @@ def _check_key(key: str) -> None:
     if key.partition(".")[0] == "variants":
         hint = "What is set holds for every variant that runs; --variant chooses one"
         raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
+    path = split_path(key)
+    if len(path) == 2 and key_at(SCENARIO, path[:1]) is None and not did_you_mean(path[0], tuple(SCENARIO.names)):
+        # What sweeps and fits call a joint's parameter.
+        raise ScenarioError("is no key of a scenario", key=key, code="override",
+                            hint=f"A joint's parameter is parameters.{key}, its reference references.{key}")  # fmt: skip
 
 
 def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[str, ...] = ()) -> Node:
