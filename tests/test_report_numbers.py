@@ -84,7 +84,8 @@ def test_runs_of_other_steps_and_lengths_share_one_grid_and_lose_no_extreme(tmp_
 
 
 URDF = (
-    '<robot name="made_up"><joint name="joint_1" type="revolute"><limit lower="-0.3" upper="0.5" effort="4" velocity="1"/></joint>'
+    '<robot name="made_up">'
+    '<joint name="joint_1" type="revolute"><limit lower="-0.3" upper="0.5" effort="4" velocity="1"/></joint>'
     '<joint name="joint_2" type="continuous"><limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>'
 )
 
