@@ -309,6 +309,7 @@ def test_ctrl_c_is_told_of_wherever_it_comes(tiny, place: str) -> None:
     """While a library is imported, in the command, and behind it, where it is too late; in a process of its own."""
     code = (
         "import signal, sys, atexit\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # of a parent in the background it is ignored
         "class Finder:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
         f"        if name == {place!r}: sys.meta_path.remove(self); signal.raise_signal(signal.SIGINT)\n"

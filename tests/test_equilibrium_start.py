@@ -137,3 +137,23 @@ def test_other_numbers_have_an_equilibrium_of_their_own(parameters: dict[str, di
         assert not np.array_equal(simulation.observe().link_position, before)
         simulation.advance(50)
         np.testing.assert_allclose(simulation.observe().link_position, fresh.observe().link_position, atol=1e-8)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+@pytest.mark.parametrize("weight", [0.0, 9.81])
+def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(way: float, weight: float) -> None:
+    """On the stop, unless its weight takes the link back inside."""
+    limits = '<limit lower="-0.5" upper="0.5" effort="1000" velocity="100"/>'
+    result = run(
+        chain(Body(actuator="sea", limits=limits, **ARM)), mode=3, duration=0.05, initial_equilibrium=True, compiled=False,
+        gravity=weight, parameters={"spring_stiffness": 0.2}, references={"equilibrium_position": way * 0.6},
+    )  # fmt: skip
+    place = column(result, "link_position")
+    assert np.ptp(place) < 1e-6
+    if weight:
+        assert 0.35 < way * place[0] < 0.5
+        # The spring carries what hangs on it: 0.2 kg at 0.05 m.
+        assert abs(column(result, "link_torque")[0]) == pytest.approx(0.2 * (0.6 - way * place[0]), rel=1e-6)
+        assert 0.2 * (0.6 - way * place[0]) == pytest.approx(0.2 * weight * 0.05 * np.sin(way * place[0]), rel=1e-3)
+    else:
+        assert way * place[0] == pytest.approx(0.5, abs=1e-9)

@@ -17,6 +17,7 @@ from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.keys import parameters_of
 from asrsim.identification.layout import make_layout
 from asrsim.identification.limits import limits
+from asrsim.identification.nulls import _sparse
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.settling import widened
 from asrsim.identification.setup import Setup, set_up
@@ -260,3 +261,13 @@ def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path)
             assert track.positions == [pytest.approx(link, abs=1e-3)]
             assert track.motors == motors
             assert ("joint_1.initial_position" in [entry.parameter.key for entry in setup.layout.entries]) == (link == 0.3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sparse_directions_span_the_same_space(seed: int) -> None:
+    """Of k directions, each pivot belongs to one alone."""
+    found = np.random.default_rng(seed).normal(size=(3, 7))
+    rows = _sparse(found)
+    pivots = [int(np.argmax(np.isclose(rows[i], 1.0, rtol=0.0, atol=1e-12))) for i in range(3)]
+    np.testing.assert_allclose(rows[:, pivots], np.eye(3), atol=1e-12)
+    assert np.linalg.matrix_rank(np.vstack([found, rows]), tol=1e-9) == 3
