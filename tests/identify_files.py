@@ -59,7 +59,8 @@ def record(
         values = joint[name] + (offset if name == "link_position" else 0.0)
         if late:
             values = np.concatenate([np.full(late, values[0]), values[:-late]])
-        columns[f"joint_1.{name} [{'N m' if name.startswith('elastic') else 'rad'}]"] = values + noise * generator.normal(size=len(samples.time))
+        unit = "N m" if name.startswith("elastic") else "rad"
+        columns[f"joint_1.{name} [{unit}]"] = values + noise * generator.normal(size=len(samples.time))
     table = np.column_stack(list(columns.values()))[::every]
     np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     return path

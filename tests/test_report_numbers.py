@@ -117,7 +117,8 @@ def test_tables_say_what_differs_and_what_settled() -> None:
     rows = [
         row("link_position", "rmse", 0.01234567), row("link_position", "nrmse", 1e-13, ""),
         row("link_position", "settling", math.nan, "s"), row("link_position", "overshoot", 0.2, ""),
-        row("link_velocity", "rmse", math.inf), row("link_velocity", "settling", 0.5, "s"), row("link_velocity", "overshoot", 0.3, ""),
+        row("link_velocity", "rmse", math.inf), row("link_velocity", "settling", 0.5, "s"),
+        row("link_velocity", "overshoot", 0.3, ""),
         row("reference_1", "rmse", 0.1), row("reference_1", "nrmse", 0.0101, ""),
         row("reference_2", "rmse", 0.1), row("reference_2", "nrmse", 0.01, ""),
     ]  # fmt: skip
