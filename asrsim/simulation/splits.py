@@ -144,7 +144,9 @@ class Splits:
             # The brake's torque in the share of the kick in which it acts; the row is of the time after the jump.
             drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / held if held else 0.0
             limit = float(row[EFFORT])
-            rows[j][LINK_TORQUE] = min(max(now[j] + drag, -limit), limit) if brakes[j] else now[j]
+            # Cut at its limit, the controller's torque has its brake in it.
+            cut = now[j] != rows[j][2]
+            rows[j][LINK_TORQUE] = now[j] if cut or not brakes[j] else min(max(now[j] + drag, -limit), limit)
             sides[:, j, LINK_TORQUE] += drag * free[:, j]
             sides[:, j, DAMPING_TORQUE] = rows[j][DAMPING_TORQUE]
             row[BRAKE] = brakes[j]
