@@ -446,6 +446,23 @@ def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
     ]
 
 
+def test_one_of_many_that_differs_decides_and_further_series_are_counted(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2", "--out", tiny.folder / "a")
+    log = read_log(next((tiny.folder / "a").rglob("log.mcap")))
+    (tiny.folder / "b").mkdir()
+    values = {name: column + 1.0 for name, column in log.samples.values.items()}
+    with LogWriter(tiny.folder / "b" / "log.mcap", log.info) as writer:
+        writer.write(replace(log.samples, values=values))
+    other = asrsim_command("rerun", tiny.folder / "b" / "log.mcap", "--overwrite")
+    said = [line for line in other.err.splitlines() if line.startswith("differs")]
+    assert other.code == 1
+    assert len(said) > 2
+    assert int(said[-1].split()[1]) + len(said) - 1 == len(values)
+    both = asrsim_command("rerun", tiny.folder)
+    assert both.code == 1
+    assert both.out.count("identical, bit for bit") == both.out.count(": different") == 1
+
+
 def test_rerun_of_a_diverged_run(tiny, asrsim_command) -> None:
     asrsim_command("run", tiny.scenario, "--no-plot", "--set", LOAD)
     outcome = asrsim_command("rerun", log_of(tiny), "--json")

@@ -182,6 +182,26 @@ def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path: Path, valu
     assert "other" not in result.output
 
 
+def test_claims_of_several_runs_name_theirs_and_those_that_fail_are_complaints(tmp_path: Path, asrsim_command):
+    claims = {"soft": 0.4, "stiff": 0.7}
+    logs = []
+    for variant, value in claims.items():
+        (tmp_path / variant).mkdir()
+        expect = ({**CLAIM, "value": value},)
+        logs.append(made_up_log(tmp_path / variant / "log.mcap", variant=variant, expect=expect))
+    outcome = asrsim_command("plot", *logs)
+    assert outcome.code == 1
+    assert "pass soft: joint_1: maximum of link_position" in outcome.out
+    assert "FAIL stiff: joint_1: maximum of link_position" in outcome.err
+    assert (tmp_path / "variants").is_dir()
+    assert "FAIL stiff" in asrsim_command("plot", *logs, "--quiet").err
+    recording = lab(tmp_path / "lab.csv")
+    alone = asrsim_command("plot", logs[0], "-e", recording)
+    assert alone.code == 0
+    assert "pass joint_1: maximum" in alone.out
+    assert list((tmp_path / "soft" / "compared").glob("comparison.*"))
+
+
 @pytest.mark.parametrize(("late", "said"), [(0.05, "0.05 s late"), (-0.05, "0.05 s early")])
 def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(late: float, said: str, tmp_path: Path):
     log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=late)
