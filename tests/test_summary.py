@@ -235,3 +235,16 @@ def test_claims_about_objects_and_tips_see_every_step(tmp_path: Path) -> None:
         assert np.array_equal(thin.bodies[name], poses[::50]), name
     for name, forces in whole.contacts.items():
         assert np.array_equal(thin.contacts[name], forces[::50]), name
+
+
+def test_a_run_is_ok_where_nothing_contradicts(tiny) -> None:
+    """Neither its end, nor a claim, nor another engine."""
+    claimed = "expect=[{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 9}]"
+    summary = asrsim.run(tiny.scenario, overrides=["duration=0.1", claimed]).summary
+    (claim,) = summary.claims
+    assert summary.ok
+    assert not replace(summary, status="interrupted").ok
+    assert not replace(summary, claims=(replace(claim, holds=True), replace(claim, holds=False))).ok
+    assert not replace(summary, cross_check={"finding": "the engines differ"}).ok
+    assert replace(summary, cross_check={"finding": "", "note": "bodies touch"}).ok
+    assert summary.speed == pytest.approx(summary.simulated_time / summary.wall_time)
