@@ -137,7 +137,9 @@ class InverseTrack(Track):
 
     @property
     def is_blind(self) -> bool:
-        """Whether the noise of a joint's places makes much of its accelerations."""
+        """Whether the noise of a joint's places makes much of its accelerations, or hides all of its motion."""
+        if not all(len(channel.values) for channel in self.channels):
+            return True
         told = self._motion[2]
         self.shake(0, 1.0)
         moved = self._motion[2] - told

@@ -34,7 +34,7 @@ def fine_noise(values: Array, quantum: float = 0.0) -> float:
     """
     third = np.diff(values, 3)
     sigma = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
-    least = max(quantum / np.sqrt(12.0), 1e-6 * float(np.ptp(values)))
+    least = max(quantum / np.sqrt(12.0), 1e-6 * float(np.ptp(values)) if len(values) else 0.0)
     return float(max(sigma, least))
 
 

@@ -1,0 +1,192 @@
+"""Recordings beside their simulations: where these begin, what sensors make of them, and torques whose places are noisy."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.identification import make_task
+from asrsim.identification.inverse import InverseTrack, unbiased
+from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.solver import solve
+from asrsim.identification.track import Track
+
+pytestmark = pytest.mark.once
+
+LINK = """<link name="link_{i}"><inertial><mass value="0.5"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.009"/></inertial></link>
+<joint name="joint_{i}" type="revolute"><parent link="world"/><child link="link_{i}"/><axis xyz="0 0 1"/>
+<limit effort="1000" velocity="10000" lower="-10" upper="10"/><dynamics damping="0.02" friction="0.0"/></joint>
+<gazebo><plugin name="c{i}" filename="lib{actuator}_plugin.so"><joint>joint_{i}</joint>
+<operation_mode>{mode}</operation_mode>{tags}</plugin></gazebo>"""
+
+
+def setup_of(
+    stack: ExitStack, folder: Path, columns: dict[str, np.ndarray], free: list[str], *, actuator: str = "sea", mode: int = 3,
+    joints: int = 1, tags: str = "", keys: str = "",
+) -> Setup:  # fmt: skip
+    """A fit to a table of joints that stand on the world side by side, before it begins."""
+    links = "".join(LINK.format(i=i, actuator=actuator, mode=mode, tags=tags) for i in range(1, joints + 1))
+    (folder / "lab.urdf").write_text(f'<robot name="lab"><link name="world"/>{links}</robot>')
+    table = np.column_stack(list(columns.values()))
+    text = f"robot: lab.urdf\nduration: {table[-1, 0]}\nengine: mujoco\ncompiled: false\n{keys}"
+    (folder / "lab.yaml").write_text(text)
+    np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    return set_up(make_task(folder / "lab.yaml", [folder / "a.csv"], free=free), stack)
+
+
+def noise(*shape: int, seed: int = 0) -> np.ndarray:
+    return 1e-4 * np.random.default_rng(seed).normal(size=shape)
+
+
+TIME = np.arange(0.0, 0.8005, 1e-3)
+"""s."""
+
+
+def test_what_is_predicted_is_the_motion_as_its_sensor_shows_it(tmp_path: Path) -> None:
+    """Later by the sensor's delay and the clock's, through its gain, then its zero; and the part asked for is that of the whole."""
+    goal = 0.3 * np.sin(9.0 * TIME)
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
+    with ExitStack() as stack:
+        (track,) = setup_of(stack, tmp_path, columns, ["joint_1.damping"]).tracks
+        (base,) = track.predict({}) or ()
+        assert np.ptp(base) > 0.3
+        place = "joint_1.link_position"
+        (found,) = track.predict({f"{place}.gain": 2.0, f"{place}.offset": 0.1}) or ()
+        np.testing.assert_allclose(found, base / 2.0 + 0.1, rtol=1e-12)
+        for keys in ({f"{place}.delay": 0.02}, {"clock": 0.02}, {f"{place}.delay": 0.05, "clock": -0.03}):
+            (found,) = track.predict(keys) or ()
+            np.testing.assert_allclose(found[20:], base[:-20], rtol=0.0, atol=1e-12)
+            assert found[:20].tolist() == [base[0]] * 20
+        (ahead,) = track.predict({"clock": -0.2}) or ()
+        np.testing.assert_allclose(ahead[:-200], base[200:], rtol=0.0, atol=1e-12)
+        for keys in ({}, {"clock": -0.2}):
+            (whole,), (part,) = track.predict(keys) or (), track.predict(keys, 0.3) or ()
+            assert part.tolist() == whole[TIME <= 0.3 + 1e-9].tolist()
+        # A value that is tried counts before one that was found for what nobody tries.
+        jump = "joint_1.reference_1.jump_1"
+        track.early = {jump: 0.001}
+        told = track.references({jump: 0.004})["joint_1"]
+        assert told is not track.references({})["joint_1"]
+
+
+@pytest.mark.parametrize("place", [0.3, -0.4])
+@pytest.mark.parametrize("speed", [-3.0, 0.0, 3.0])
+def test_a_link_begins_where_and_as_fast_as_its_recording_says(tmp_path: Path, place: float, speed: float) -> None:
+    moved = np.stack([place + speed * TIME - 5.0 * TIME**2 * np.sign(speed), 0.2 + 0.0 * TIME]) + noise(2, len(TIME))
+    moved[1] += 0.1 * np.sin(20.0 * np.maximum(TIME - 0.2, 0.0))
+    columns = {"time [s]": TIME}
+    for i in (1, 2):
+        columns |= {f"joint_{i}.reference_1 [rad]": 0.0 * TIME, f"joint_{i}.link_position [rad]": moved[i - 1]}
+    keys = "initial: {joint_1: 0.15, joint_2: 0.1}\n"
+    if not speed:
+        columns["joint_1.link_position [rad]"] += 0.1 * np.sin(20.0 * np.maximum(TIME - 0.2, 0.0))
+    with ExitStack() as stack:
+        setup = setup_of(stack, tmp_path, columns, ["joint_1.damping"], joints=2, keys=keys)
+        (track,) = setup.tracks
+        assert track.positions == pytest.approx([place, 0.2], abs=1e-3)
+        assert track.velocities == pytest.approx([speed, 0.0], abs=0.05)
+        wanted = ["joint_1.initial_position", *(["joint_1.initial_velocity"] if speed else []), "joint_2.initial_position"]
+        assert [entry.parameter.key for entry in setup.layout.entries[1:]] == wanted
+        # Where a zero of its sensor is free, the link begins where the scenario says; the others as before.
+        track.trust_scenario("joint_1", "link_position")
+        assert track.positions == [0.15, pytest.approx(0.2, abs=1e-3)]
+        assert track.uncertain == wanted[1:]
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_link_that_nobody_recorded_begins_with_its_motors(tmp_path: Path, seen: bool) -> None:
+    swing = 0.2 * np.sin(10.0 * np.maximum(TIME - 0.2, 0.0))
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": 0.7 + swing, "joint_1.reference_2 [rad]": 0.1 + swing}
+    columns |= {
+        f"joint_1.motor_{i}_position [rad]": home + swing**2 + noise(len(TIME), seed=i) for i, home in ((1, 0.7), (2, 0.1))
+    }
+    if seen:
+        columns["joint_1.link_position [rad]"] = 0.33 + swing**3 + noise(len(TIME))
+    keys = "initial: {joint_1: {position: 0.25, motor_positions: [0.4, -0.2]}}\n"
+    with ExitStack() as stack:
+        (track,) = setup_of(stack, tmp_path, columns, ["joint_1.damping"], actuator="qbmove", mode=5, keys=keys).tracks
+        assert track.motors == {"joint_1": pytest.approx([0.7, 0.1], abs=1e-3)}
+        assert track.positions == [pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)]
+
+
+SWEEP = np.arange(0.0, 2.0005, 1e-3)
+
+
+def swept(rate: float = 0.6) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Place, velocity and acceleration of a chirp."""
+    phase = 2.0 * np.pi * (rate + 0.3 * SWEEP) * SWEEP
+    speed, bend = 2.0 * np.pi * (rate + 0.6 * SWEEP), 2.0 * np.pi * 0.6
+    q, v = 0.5 * np.cos(phase), -0.5 * speed * np.sin(phase)
+    return q, v, -0.5 * (speed**2 * np.cos(phase) + bend * np.sin(phase))
+
+
+def torque_driven(noises: tuple[float, ...], step: int = 1) -> dict[str, np.ndarray]:
+    """Joints of 0.009 kg m^2 that a torque drives, whose places have noise, rad."""
+    columns = {"time [s]": SWEEP[::step]}
+    for i, size in enumerate(noises, start=1):
+        q, v, a = swept(0.5 + 0.1 * i)
+        columns[f"joint_{i}.reference_1 [N m]"] = (0.009 * a + 0.02 * v)[::step]
+        columns[f"joint_{i}.link_position [rad]"] = (q + size * np.random.default_rng(i).normal(size=len(q)))[::step]
+    return columns
+
+
+@pytest.mark.parametrize(
+    ("noises", "tags", "free", "kind"),
+    [
+        ((1e-5,), "", "joint_1.damping", InverseTrack),
+        ((1e-5, 1e-5), "", "joint_1.damping", InverseTrack),
+        ((1e-5, 1e-3), "", "joint_1.damping", Track),
+        ((1e-5, 3e-2), "", "joint_1.damping", Track),
+        ((1e-5,), "", "joint_1.passive_stiffness=1", Track),
+        ((1e-5,), "spring", "joint_1.damping", Track),
+    ],
+)
+def test_torques_are_compared_where_they_alone_push_and_accelerations_are_told(
+    tmp_path: Path, noises: tuple[float, ...], tags: str, free: str, kind: type[Track]
+) -> None:
+    """One joint whose encoder tells none is enough."""
+    spring = '<gazebo reference="joint_1"><springStiffness>0.5</springStiffness><springReference>0</springReference></gazebo>'
+    with ExitStack() as stack:
+        columns = torque_driven(noises)
+        if tags:
+            links = LINK.format(i=1, actuator="sea", mode=0, tags="") + spring
+            (tmp_path / "sprung.urdf").write_text(f'<robot name="lab"><link name="world"/>{links}</robot>')
+        setup = setup_of(stack, tmp_path, columns, [free], mode=0, joints=len(noises))
+        if tags:
+            text = (tmp_path / "lab.yaml").read_text().replace("lab.urdf", "sprung.urdf")
+            (tmp_path / "lab.yaml").write_text(text)
+            setup = set_up(make_task(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=[free]), stack)
+        assert type(setup.tracks[0]) is kind
+
+
+def test_a_filter_leaves_a_coarse_record_what_it_can_tell(tmp_path: Path) -> None:
+    """Of samples every 10 ms, 15 Hz and every 30th of a second."""
+    with ExitStack() as stack:
+        (track,) = setup_of(stack, tmp_path, torque_driven((1e-5,), 10), ["joint_1.damping"], mode=0).tracks
+        assert np.diff(track.channels[0].time).min() == pytest.approx(0.03)
+        assert "15 Hz" in track.data.remarks[-1]
+
+
+def test_what_noise_of_places_does_to_an_estimate_is_taken_away(tmp_path: Path) -> None:
+    """Accelerations that are louder than they are seem to need less inertia each."""
+    found = []
+    for seed in range(4):
+        columns = torque_driven((0.0,))
+        columns["joint_1.link_position [rad]"] += 1.5e-4 * np.random.default_rng(seed).normal(size=len(SWEEP))
+        with ExitStack() as stack:
+            setup = setup_of(stack, tmp_path, columns, ["link_1.izz"], mode=0)
+            assert isinstance(setup.tracks[0], InverseTrack)
+            weights = [[Weights(1e-3)]]
+            residuals = Residuals(setup.tracks, setup.layout, weights, setup.ends, Counter())
+            x = solve(residuals, np.zeros(1), loss="linear")
+            before = residuals(x)
+            found.append((float(x[0]), float(unbiased(residuals, x)[0])))
+            assert residuals(x).tolist() == before.tolist()
+    plain, other = np.mean(found, axis=0)
+    assert plain < 0.0
+    assert abs(other) < 0.3 * abs(plain)
