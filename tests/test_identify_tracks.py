@@ -48,7 +48,7 @@ TIME = np.arange(0.0, 0.8005, 1e-3)
 
 
 def test_what_is_predicted_is_the_motion_as_its_sensor_shows_it(tmp_path: Path) -> None:
-    """Later by the sensor's delay and the clock's, through its gain, then its zero; and the part asked for is that of the whole."""
+    """Later by the sensor's delay and the clock's, through its gain, then its zero; a part is that of the whole."""
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": goal**2 + noise(len(TIME))}
     with ExitStack() as stack:

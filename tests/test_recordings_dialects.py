@@ -188,6 +188,18 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
                               {"name": "q1", "unit": "deg", "values": (A * DEGREES).tolist()},
                               {"name": "q2", "unit": "deg", "values": (B * DEGREES).tolist()}]).encode(),
     ),
+    "objects of JSON by their names": (
+        "a.jsonl", "\n".join(json.dumps({"t": t, "joints": [{"name": "joint_2", "q": b}, {"name": "joint_1", "q": a}][::turn]})
+                             for t, a, b, turn in zip(TIME, A, B, [1, -1] * (COUNT // 2), strict=True)).encode(),
+    ),
+    "objects of JSON by their numbers": (
+        "a.json", json.dumps([{"t": t, "motors": [{"id": 2, "position": b}, {"id": 1, "position": a}]}
+                              for t, a, b in zip(TIME, A, B, strict=True)]).encode(),
+    ),
+    "series in objects of JSON": (
+        "a.json", json.dumps({"t": TIME.tolist(), "joints": [{"name": "joint_2", "position": B.tolist()},
+                                                             {"name": "joint_1", "position": A.tolist()}]}).encode(),
+    ),
     "Simulink's To File": ("a.mat", matlab_file(q=np.vstack([TIME, A, B]))),
     "hundredths as a fraction": ("a.csv", table([ORDER, A, B], before="t [1/100 s],q1,q2\n")),
     "seconds of arc": ("a.csv", table([TIME, A * DEGREES * 3600, B * DEGREES * 3600], before="t,q1 [arcsec],q2 [arcsec]\n")),

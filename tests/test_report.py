@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from asrsim.cli.app import app
 from asrsim.engines import default_engine
 from asrsim.errors import InputError
-from asrsim.log import read_log
+from asrsim.log import LogWriter, read_log
 from asrsim.plots.curves import Curve
 from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
@@ -327,12 +327,17 @@ def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path:
     (tmp_path / "cut" / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "log.mcap").touch()
+    # Of a run that was stopped before its first sample.
+    (tmp_path / "early").mkdir()
+    with LogWriter(tmp_path / "early" / "log.mcap", read_log(good[0]).info):
+        pass
     assert find_logs(tmp_path) == good
     for command in ("plot", "report"):
         outcome = asrsim_command(command, tmp_path, "-q")
         assert outcome.code == 0
         assert "empty/log.mcap: left out: the file is empty" in outcome.err
         assert "cut/log.mcap: left out" in outcome.err
+        assert "early/log.mcap: left out: the log holds no samples" in outcome.err
     for log in good:
         log.write_bytes(b"")
     outcome = asrsim_command("plot", tmp_path)

@@ -14,6 +14,8 @@ from asrsim.quantities import QUANTITIES
 _LONGEST = 64
 """Arrays longer than this are pictures, scans or maps, not signals."""
 NAME_FIELDS = ("name", "names", "joint_names")
+_OWN_NAMES = ("name", "joint_name", "joint", "label", "id")
+"""Fields by which one object of a list says what it is of."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _STATE_OF = {**{name: name for name in _JOINT_STATE}, "positions": "position", "velocities": "velocity", "efforts": "effort"}
 TOPICS: dict[str, str] = {
@@ -90,6 +92,11 @@ def _sequence(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[st
     if len(value) > _LONGEST:
         raise Skip
     labelled = len(names) == len(value)
+    if not labelled and (own := own_names(value)) is not None:
+        for said, item in zip(own[1], value, strict=True):
+            members = {key: member for key, member in _members(item) if key != own[0]}
+            yield from _walk(members, f"{label}[{said}].", ())
+        return
     for i, item in enumerate(value):
         name = names[i] if labelled else None
         place = f"{label}[{name if name is not None else i}]"
@@ -97,6 +104,21 @@ def _sequence(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[st
             yield place, name, float(item)
         elif isinstance(item, dict) or is_dataclass(item):
             yield from _walk(item, f"{place}.", ())
+
+
+def own_names(items: Sequence[Any]) -> tuple[str, list[str | int]] | None:
+    """The field by which objects of a list say which of them they are, and what each says; None where they do not.
+
+    They may stand in any order, and in another one in the next message. Numbers are those of a robot's motors, not of what
+    a camera has counted.
+    """
+    for key in _OWN_NAMES if all(isinstance(one, dict) or is_dataclass(one) for one in items) else ():
+        told: list[Any] = [one.get(key) if isinstance(one, dict) else getattr(one, key, None) for one in items]
+        words = all(isinstance(one, str) and one for one in told)
+        numbers = all(isinstance(one, int) and not isinstance(one, bool) and 0 <= one < _LONGEST for one in told)
+        if (words or numbers) and len(set(told)) == len(told):
+            return key, told
+    return None
 
 
 def named_joints(labels: Sequence[str], words: Mapping[int, str], topic: str) -> dict[int, tuple[str | None, str | None]]:

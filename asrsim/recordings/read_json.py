@@ -14,7 +14,7 @@ from asrsim.errors import RecordingError
 from asrsim.recordings.cells import kind_of
 from asrsim.recordings.delimited import Faults, Table, report, value_of
 from asrsim.recordings.header import unique
-from asrsim.recordings.messages import NAME_FIELDS
+from asrsim.recordings.messages import NAME_FIELDS, own_names
 from asrsim.recordings.sniff import Layout, encoding_of
 
 _LONGEST = 64
@@ -110,7 +110,8 @@ def _of(data: Any) -> list[Record]:
         return []
     if len(data) > 1 and all(str(name).isdigit() and isinstance(one, Mapping) for name, one in data.items()):
         return [flat(one) for one in data.values()]  # pandas writes records by their index
-    tables = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
+    lists = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
+    tables = [value for value in lists if not _are_series(value)]
     if tables:
         shared = {key: data[key] for key in NAME_FIELDS if isinstance(data.get(key), list)}
         return [flat({**shared, **one}) for one in max(tables, key=len) if isinstance(one, Mapping)]
@@ -205,6 +206,9 @@ def _columns(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, list[A
             value = list(value.values())  # pandas writes a column by its index
         if isinstance(value, Mapping):
             yield from _columns(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and _are_series(value):
+            for name, rest in _named(value):
+                yield from _columns(rest, f"{prefix}{key}{name}.")
         elif isinstance(value, list) and len(value) > 1 and isinstance(value[0], list):
             rows = [row if isinstance(row, list) else [] for row in value]
             for i in range(min(_LONGEST, max(len(row) for row in rows))):
@@ -224,10 +228,29 @@ def flat(data: Any, prefix: str = "") -> Record:
         if len(data) > _LONGEST:
             return {}
         found = {}
+        for name, rest in _named(data):
+            found |= flat(rest, f"{prefix}{name}" if prefix else name.removeprefix("."))
+        if found:
+            return found
         for i, value in enumerate(data):
             found |= flat(value, f"{prefix}[{i}]" if prefix else f"column_{i + 1}")
         return found
     return {prefix: _cell(data)} if prefix else {}
+
+
+def _are_series(entries: list[Any]) -> bool:
+    """Whether these are objects with a name each that hold lists over time, which are longer than the list of objects; records
+    are not."""
+    return own_names(entries) is not None and all(
+        any(isinstance(value, list) and len(value) > len(entries) for value in one.values()) for one in entries
+    )
+
+
+def _named(entries: list[Any]) -> Iterable[tuple[str, dict[str, Any]]]:
+    """The end of each object's path, `.hip` or `[2]`, and what it holds beside its name; none where they have none."""
+    key, told = own_names(entries) or ("", [])
+    for name, one in zip(told, entries, strict=False):
+        yield f"[{name}]" if isinstance(name, int) else f".{name}", {other: one[other] for other in one if other != key}
 
 
 def _cell(value: Any) -> str:

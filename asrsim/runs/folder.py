@@ -93,14 +93,17 @@ def find_logs(place: Path) -> list[Path]:
 
 
 def unreadable_logs(place: Path) -> list[Problem]:
-    """What is wrong with those of a folder's logs that cannot be read (a run was killed before it began), where others can."""
+    """What is wrong with those of a folder's logs that cannot be read or hold no samples (a run was stopped before its first
+    sample was written), where others do."""
     from asrsim.log import open_log
 
     logs = [] if place.is_file() else _logs_in(place)
     problems: list[Problem] = []
     for log in logs if len(logs) > 1 else ():
         try:
-            open_log(log)
+            # The first chunk tells; nothing of it but the time.
+            if next(open_log(log).iter_samples(quantities=[], joints=[]), None) is None:
+                problems.append(Problem("left out: the log holds no samples", file=log, code="empty-log"))
         except LogError as error:
             problems.append(Problem(f"left out: {error.problems[0].message}", file=log, code="unreadable-log"))
     return problems if len(problems) < len(logs) else []
