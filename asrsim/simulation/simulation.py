@@ -131,8 +131,9 @@ class Simulation:
         return min(end, chunk_end(self.substep, self._chunk))
 
     def _next_block(self) -> Block:
-        """Inputs up to the end of the chunk."""
-        length = chunk_end(self.substep, self._chunk) - self.substep
+        """Inputs up to the end of the chunk, or of the run."""
+        end = chunk_end(self.substep, self._chunk)
+        length = (min(end, self.total) if self.substep < self.total else end) - self.substep
         if self.substep or self._inputs.held:
             return self._inputs.block(self.substep, length)
         self._first = self._first or self._inputs.block(0, length)
