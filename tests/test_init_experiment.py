@@ -20,9 +20,10 @@ from asrsim.cli.app import app
 from asrsim.errors import AsrsimError, RecordingError
 from asrsim.identification import read_task
 from asrsim.identification.setup import set_up
+from asrsim.kinematics.sizing import sizing
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
-from asrsim.scenario import Scenario, check_against_robot, load_scenario, make_scenario
+from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario, make_scenario
 
 pytestmark = pytest.mark.once
 
@@ -421,6 +422,18 @@ def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Pa
         assert mounted.parameters.get("motor_1_torque_constant") == (1.0 if mode > 6 else None)
         assert made.fit is not None
         assert ("# shoulder.motor_1_torque_constant" in made.fit.read_text()) == (mode > 6)
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
+def test_springs_of_given_actuators_hold_the_arm_where_the_recorded_commands_begin(tmp_path: Path, actuator: str) -> None:
+    """At the defaults a qbMove at the shoulder would sag by 0.8 rad."""
+    pose = 1.2 + 0.1 * np.sin(6.0 * TIME)
+    names = [f"{joint}.{quantity}" for joint in ("shoulder", "elbow") for quantity in ("reference_1", "link_position")]
+    np.savetxt(
+        tmp_path / "lab.csv", np.column_stack([TIME, *[pose] * 4]), delimiter=",", header=f"time,{','.join(names)}", comments=""
+    )
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", "plain_arm", actuators={"*": actuator}, mode=6)
+    assert not sizing(scenario, apply_to_robot(scenario, load_robot(scenario.robot))).weak
 
 
 def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,11 +13,19 @@ from asrsim.errors import AsrsimError, OutputError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
-from asrsim.robot import with_actuators, with_overrides
+from asrsim.robot import Robot, with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
-from asrsim.scenario.start_file import MOUNTED_MODE, SCHEMA_FILE, is_foreign, moving_robot, relative_path, write_new
+from asrsim.scenario.start_file import (
+    MOUNTED_MODE,
+    SCHEMA_FILE,
+    is_foreign,
+    moving_robot,
+    relative_path,
+    scenario_of,
+    write_new,
+)  # fmt: skip
 from asrsim.scenario.starter_extract import extract
 from asrsim.scenario.starter_fit import fit_text
 from asrsim.scenario.starter_mounted import fitting_modes, open_parameters
@@ -97,19 +105,20 @@ def write_from_recording(
     fit = out.with_suffix(FIT)
     for path in (out, fit, *(out.parent / name for name in extracted)):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
-    text_with = partial(
-        recording_text, plan, names, mode=mode, mounted=mounted, unknown=unknown, mapping=tuple(mapping), rate=rate
-    )
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
-    write_new(out, text_with(placeholders(plan)), force=force)
+    write = partial(recording_text, names=names, mode=mode, mounted=mounted, mapping=tuple(mapping), rate=rate)
+    held = _springs_that_hold(write(plan, claims=placeholders(plan), parameters=unknown), plan.robot, out.parent, mounted)
+    plan = replace(plan, robot=with_overrides(plan.robot, parameters=held))
+    text_with = partial(write, plan, parameters={joint: {**unknown.get(joint, {}), **held.get(joint, {})} for joint in mounted})
+    write_new(out, text_with(claims=placeholders(plan)), force=force)
     fits = bool(plan.compared)
     if fits:
         text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=names.plugins)
         write_new(fit, text, force=force)
     measured, message = _first_comparison(out, plan)
     if measured:
-        write_new(out, text_with(first_claims(plan, measured)), force=True)
+        write_new(out, text_with(claims=first_claims(plan, measured)), force=True)
     if schema:
         write_new(beside, schema_text(), force=True)
     files = (out, *([fit] if fits else []), *(out.parent / name for name in extracted), *([beside] if schema else []))
@@ -121,6 +130,14 @@ def write_from_recording(
         message=message,
         fit=fit if fits else None,
     )
+
+
+def _springs_that_hold(text: str, robot: Robot, folder: Path, joints: Sequence[str]) -> dict[str, Mapping[str, float]]:
+    """Joint -> parameters with which its spring holds the arm where the recording's commands begin; of `joints` alone."""
+    from asrsim.kinematics.sizing import sizing
+
+    proposal = sizing(scenario_of(text, robot, folder), robot).proposal if joints else {}
+    return {joint: values for joint, values in proposal.items() if joint in joints}
 
 
 def _items(item: str) -> list[str]:

@@ -139,7 +139,12 @@ def _hangs(starter: Starter, found: Sizing) -> bool:
 
 def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
     """The starter's own scenario, without its variants."""
-    data = parse_yaml(starter_text(starter), error=ScenarioError).plain()
+    return scenario_of(starter_text(starter), robot, folder)
+
+
+def scenario_of(text: str, robot: Robot, folder: Path) -> Scenario:
+    """The scenario of a text that is to stand in `folder`, without its variants."""
+    data = parse_yaml(text, error=ScenarioError).plain()
     data.pop("variants", None)
     return scenario_from_data(data, base_dir=folder, robot=robot.path)
 

@@ -30,7 +30,7 @@ EXACT = 1e-6
 """Of the recorded range: the least RMSE that is claimed; of a simulation's own log less would be the machine's rounding."""
 UNKNOWN = (
     "Limits of motors are wide open, their constants, if any, 1, controllers' derivative gains 0, since they brake as damping "
-    "does: write what is known."
+    "does; springs that stand here hold the arm's own weight, which the defaults do not: write what is known."
 )
 
 STILL = 0.02
@@ -72,10 +72,10 @@ class Claim:
 
 def recording_text(
     plan: Plan, names: Names, claims: Sequence[Claim], *, mode: int | None = None, mounted: Sequence[str] = (),
-    unknown: Mapping[str, Mapping[str, float]] | None = None, mapping: Sequence[str] = (), rate: float | None = None,
+    parameters: Mapping[str, Mapping[str, float]] | None = None, mapping: Sequence[str] = (), rate: float | None = None,
 ) -> str:  # fmt: skip
     """The scenario's YAML. mode, mapping, rate: as they were asked for on the command line, and are written down; mounted:
-    joints whose actuator the scenario gives; unknown: its parameters there.
+    joints whose actuator the scenario gives; parameters: those of these that are no defaults.
     """
     lines = [f"# yaml-language-server: $schema={names.schema}"] if names.schema else []
     lines += [*_head(plan, names, mapping, rate), "", *robot_lines(names.robot, names.arguments, names.packages)]
@@ -85,7 +85,7 @@ def recording_text(
         *(["engine: bench".ljust(21) + "# no motion of a link was recorded: they are locked"] if plan.on_bench else []),
     ]
     if mounted:
-        lines += mounted_lines(plan.robot, mounted, unknown or {}, why=UNKNOWN)
+        lines += mounted_lines(plan.robot, mounted, parameters or {}, why=UNKNOWN)
     modes = {**({"*": mode} if mode is not None else {}), **plan.modes}
     modes = {joint: number for joint, number in modes.items() if joint not in mounted}
     if modes and len(mounted) < len(plan.robot.actuators):

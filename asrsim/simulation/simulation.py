@@ -132,8 +132,7 @@ class Simulation:
 
     def _next_block(self) -> Block:
         """Inputs up to the end of the chunk, or of the run."""
-        end = chunk_end(self.substep, self._chunk)
-        length = (min(end, self.total) if self.substep < self.total else end) - self.substep
+        length = self.next_chunk(self.total if self.substep < self.total else self.substep + self._chunk) - self.substep
         if self.substep or self._inputs.held:
             return self._inputs.block(self.substep, length)
         self._first = self._first or self._inputs.block(0, length)
