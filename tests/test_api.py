@@ -98,11 +98,16 @@ def test_claims_do_not_raise(tiny) -> None:
 def test_a_claim_against_a_recording(tiny) -> None:
     first = asrsim.run(tiny.scenario)
     rows = np.column_stack([first.time, first["elbow"].link_position + 0.01])[::7]
-    header = "time [s],elbow.link_position [rad]"
+    rows = np.column_stack([rows, first["elbow"].deflection[::7] - 0.2])
+    header = "time [s],elbow.link_position [rad],elbow.deflection [rad]"
     np.savetxt(tiny.folder / "lab.csv", rows, delimiter=",", header=header, comments="", fmt="%.9g")
-    claim = "{joint: elbow, quantity: link_position, measure: bias, value: -0.01, tolerance: 1e-5, against: lab.csv}"
-    result = asrsim.run(tiny.scenario, overrides=[f"expect=[{claim}]"])
-    assert result.ok, result.summary.claims[0].text
+    against = "measure: bias, tolerance: 1e-5, against: lab.csv, options: {lag: 0}"
+    claims = (
+        f"{{joint: elbow, quantity: {name}, value: {value}, {against}}}"
+        for name, value in (("link_position", -0.01), ("deflection", 0.2))
+    )
+    result = asrsim.run(tiny.scenario, overrides=[f"expect=[{', '.join(claims)}]"])
+    assert result.ok, [claim.text for claim in result.summary.claims]
 
 
 def test_importing_asrsim_imports_nothing_else() -> None:

@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import asrsim  # noqa: E402
 from asrsim.environment import make_env  # noqa: E402
+from asrsim.environment.draws import Draws  # noqa: E402
 from asrsim.environment.env import State  # noqa: E402
 from asrsim.environment.reach import make_reach, reward  # noqa: E402
 
@@ -292,3 +293,21 @@ def test_one_name_needs_no_list(scenario):
 def test_a_scenario_that_is_made_takes_no_overrides(scenario):
     with pytest.raises(asrsim.InputError, match="takes no variant and no overrides"):
         make_env(asrsim.load_scenario(scenario)[0], overrides={"duration": 1})
+
+
+def test_every_draw_lies_within_its_bounds():
+    laws = {
+        "a": "uniform(-2, 3)", "b": "loguniform(0.1, 10)", "c": {"normal": [1.0, 0.5]}, "d": {"lognormal": [1.0, 1.0]},
+        "e": [4, -1, 2.5], "f & g": "uniform(1, 2)",
+    }  # fmt: skip
+    draws, chance = Draws(laws), np.random.default_rng(3)
+    lows, highs = draws.bounds()
+    assert draws.keys == ("a", "b", "c", "d", "e", "f", "g")
+    np.testing.assert_array_equal(lows, [-2.0, 0.1, -np.inf, 0.0, -1.0, 1.0, 1.0])
+    np.testing.assert_array_equal(highs, [3.0, 10.0, np.inf, np.inf, 4.0, 2.0, 2.0])
+    found = np.array([list(draws.draw(chance).values()) for _ in range(400)])
+    assert (found >= lows).all()
+    assert (found <= highs).all()
+    # Each law uses its range up to a tenth; what has no end goes beyond two deviations.
+    assert np.ptp(found, axis=0) == pytest.approx([5.0, 9.9, 3.0, 15.0, 5.0, 1.0, 1.0], rel=0.6)
+    np.testing.assert_array_equal(found[:, 5], found[:, 6])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +16,7 @@ from identify_files import SEA, record, write
 from asrsim.identification import make_task
 from asrsim.identification.bristles import with_bristles
 from asrsim.identification.inverse import InverseTrack
+from asrsim.identification.judge import ChannelFit, verdict
 from asrsim.identification.keys import parameters_of
 from asrsim.identification.layout import make_layout
 from asrsim.identification.limits import limits
@@ -271,3 +274,14 @@ def test_sparse_directions_span_the_same_space(seed: int) -> None:
     pivots = [int(np.argmax(np.isclose(rows[i], 1.0, rtol=0.0, atol=1e-12))) for i in range(3)]
     np.testing.assert_allclose(rows[:, pivots], np.eye(3), atol=1e-12)
     assert np.linalg.matrix_rank(np.vstack([found, rows]), tol=1e-9) == 3
+
+
+def test_what_one_recording_of_several_shows_is_a_reason() -> None:
+    """Loud residuals, or a swing in them, of one recording are not outvoted by others."""
+    numbers = {"key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 2.0, "held_before": 9.0, "held_after": 2.0}
+    quiet = ChannelFit(recording="a", correlation=0.0, explained=0.9, **numbers)
+    assert verdict([quiet, replace(quiet, recording="b")]) == []
+    for fault, words in (({"swings": True}, "a swing is left"), ({"loud": True}, "what is left is 2 times the noise")):
+        for fits in permutations([quiet, replace(quiet, recording="b", **fault)]):
+            (reason,) = verdict(fits)
+            assert words in reason

@@ -12,6 +12,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.kinematics.inverse import demands_of
 from asrsim.learning.presets import CANDIDATES, _lowest, _over_time, _range, scores
+from asrsim.learning.trial import trial_of
 
 pytestmark = pytest.mark.once
 
@@ -98,3 +99,17 @@ def test_a_preset_is_judged_by_its_sag_and_by_its_highest_demand(share: float, m
         at = round(demand.time / 0.01)
         expected[at] = max(expected[at], demand.score / 0.95)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
+
+
+def test_ratios_are_of_the_trial_before_and_need_an_error_there() -> None:
+    problem = SimpleNamespace(reference=np.array([[3.0, 0.0], [0.0, 4.0]]))
+    off = problem.reference + np.array([[3.0, 4.0], [0.0, 1.0]])
+    first = trial_of(problem, off, off, before=None, expected=None)
+    assert (first.number, first.norm, first.ratio, first.predicted) == (0, 5.0, None, None)
+    assert first.largest == (3.0, 4.0)
+    assert first.rms == pytest.approx((np.sqrt(4.5), np.sqrt(8.5)))
+    exact = trial_of(problem, off, problem.reference, before=first, expected=problem.reference + 1.0)
+    assert (exact.number, exact.norm, exact.ratio) == (1, 0.0, 0.0)
+    assert exact.predicted == pytest.approx(np.sqrt(2.0) / 5.0)
+    after = trial_of(problem, off, off, before=exact, expected=off)
+    assert (after.number, after.ratio, after.predicted) == (2, None, None)

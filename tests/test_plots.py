@@ -425,3 +425,15 @@ def test_a_new_figure_is_drawn_into_memory_and_unknown_to_pyplot() -> None:
     pixels = np.asarray(figure.canvas.buffer_rgba())
     assert pixels.shape[1] == 2 * pixels.shape[0] == round(2.0 * figure.dpi)
     assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("samples", "flattens"), [(4, False), (8, True)])
+def test_what_lasts_a_quarter_of_a_percent_of_the_time_is_in_view_above_as_below(
+    tmp_path: Path, sign: float, samples: int, flattens: bool
+) -> None:
+    torque = np.sin(np.arange(2000) * 0.01)
+    torque[700 : 700 + samples] = sign * 50.0
+    axes = shown("link_torque", torque, tmp_path)
+    assert (np.abs(axes.get_ylim()).max() > 50.0) == flattens
+    assert len(axes.texts) == (not flattens)

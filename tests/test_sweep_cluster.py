@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -195,3 +196,20 @@ def test_what_is_wrong_in_a_file_of_jobs_is_told_before_anything_runs(text: str,
     file.write_text(text)
     with pytest.raises(InputError, match=told):
         cluster.Cluster(file).__enter__()
+
+
+class Tripled:
+    """A task that is told apart from another one of its kind."""
+
+    def __init__(self, factor: int) -> None:
+        self.factor = factor
+
+    def __call__(self, item: int) -> int:
+        return self.factor * item
+
+
+def test_a_worker_does_the_task_that_it_is_sent() -> None:
+    for factor in (3, 3, 5, 3):
+        found, seconds = cluster.do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [(7, 2), (4, 10)])
+        assert found == [(7, 2 * factor), (4, 10 * factor)]
+        assert seconds >= 0.0
