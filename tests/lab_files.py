@@ -196,6 +196,10 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         "marks between their thousands: 1,000,000",
     ),
     "an echo without stamps": (b"".join(b"data: %d\n---\n" % i for i in range(9)), "no time column found among data.*--rate"),
+    "an echo that is half broken": (
+        echoed("secs: %d\n    nsecs: %d", "shoulder elbow", lists=False).replace(b"---\n", b"---\nposition: [0.1\n---\n"),
+        "rostopic echo.*at least 2 are needed",
+    ),
     "a bomb in an echo": (b"a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]\n---\n" * 9, "rostopic echo.*has 0 messages"),
     "InfluxDB": (b"arm,lab=1 q1=0.5,q2=0.3 1700000000000000000\n" * 9, "InfluxDB.*Export it as CSV"),
     "a CAN bus": (b"(1700000000.000000) can0 123#0000012C\n" * 9, "CAN bus.*Decode it"),

@@ -122,11 +122,20 @@ def test_a_reset_to_other_positions_is_a_fresh_start_there(tmp_path: Path, engin
     assert_same(record(moved, WHOLE), found)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("fixed", [True, False])
-@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.once
+@pytest.mark.parametrize(
+    ("engine", "fixed"),
+    [
+        ("bullet", True),
+        ("mujoco", False),
+        # A loop takes seconds to compile, and these two share nearly all of it with those above.
+        pytest.param("bullet", False, marks=pytest.mark.slow),
+        pytest.param("mujoco", True, marks=pytest.mark.slow),
+    ],
+)
 def test_compiled_has_the_bits_of_plain(tmp_path: Path, engine: str, fixed: bool) -> None:
     pytest.importorskip("numba")
+    pytest.importorskip({"bullet": "pybullet"}.get(engine, engine))
     scenario = busy(tmp_path, engine, fixed=fixed)
     plain = record(scenario, WHOLE)
     assert_same(plain, record(scenario, WHOLE, compiled=True))

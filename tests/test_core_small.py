@@ -238,13 +238,18 @@ RESTING: dict[str, tuple[dict[str, Any], float]] = {
 """Objects of the world, and the height (m) of their middle on the ground."""
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) -> None:
+def cube() -> bytes:
+    """A mesh in STL, 1 m wide."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)], "<f4")
     sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     triangles = [corners[list(three)] for a, b, c, d in sides for three in ((a, b, c), (a, c, d))]
     rows = b"".join(bytes(12) + triangle.tobytes() + bytes(2) for triangle in triangles)
-    (tmp_path / "stone.stl").write_bytes(bytes(80) + len(triangles).to_bytes(4, "little") + rows)
+    return bytes(80) + len(triangles).to_bytes(4, "little") + rows
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) -> None:
+    (tmp_path / "stone.stl").write_bytes(cube())
     objects = {
         name.replace(" ", "_"): {"mass": 1, "position": [5, 2 * place, height], **shape}
         for place, (name, (shape, height)) in enumerate(RESTING.items())
@@ -257,6 +262,31 @@ def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) 
     bodies = asrsim.run(scenario).bodies
     for name, (_, height) in RESTING.items():
         assert bodies[name.replace(" ", "_")][-1, 2] == pytest.approx(height, abs=5e-3), name
+
+
+def test_objects_have_the_inertia_of_their_shape(tmp_path: Path) -> None:
+    """Under a torque each turns about its axes as its moments say; a mesh as its bounding box, in MuJoCo as in PyBullet."""
+    pytest.importorskip("mujoco")
+    x, y, z = 0.1, 0.2, 0.4
+    box = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) / 12.0
+    shapes: dict[str, tuple[dict[str, Any], Any]] = {
+        "box": ({"shape": "box", "size": [x, y, z]}, box),
+        "mesh": ({"shape": "mesh", "mesh": "stone.stl", "size": [x, y, z]}, box),
+        "ball": ({"shape": "sphere", "size": x}, np.full(3, 0.4 * x * x)),
+        "can": ({"shape": "cylinder", "size": [x, z]}, [(3 * x * x + z * z) / 12] * 2 + [x * x / 2]),
+        "given": ({"shape": "box", "size": [x, y, z], "inertia": [0.3, 0.2, 0.4]}, [0.15, 0.1, 0.2]),
+    }
+    (tmp_path / "stone.stl").write_bytes(cube())
+    objects = {name: {"mass": 2, "position": [5, i, 1], **shape} for i, (name, (shape, _)) in enumerate(shapes.items())}
+    robot = Path(__file__).parents[1] / "examples" / "urdf" / "dof1_sea.urdf"
+    scenario = asrsim.make_scenario(robot, engine="mujoco", duration=0.1, world={"objects": objects}, base_dir=tmp_path)
+    with Simulation(scenario) as simulation:
+        model = simulation.engine.raw_model
+        for name, (_, moments) in shapes.items():
+            body = model.body(f"object/{name}")
+            # MuJoCo may have turned the axes of a cube's or a mesh's inertia.
+            assert np.sort(body.inertia) == pytest.approx(np.sort(2.0 * np.asarray(moments)), rel=1e-6), name
+            assert body.mass == pytest.approx(2.0)
 
 
 # -- what is recorded --------------------------------------------------------------------------------------------------

@@ -205,6 +205,9 @@ UNDERSTOOD: dict[str, tuple[str, bytes]] = {
     "seconds of arc": ("a.csv", table([TIME, A * DEGREES * 3600, B * DEGREES * 3600], before="t,q1 [arcsec],q2 [arcsec]\n")),
     "numpy's arrays": ("a.npz", numpy_file(t=TIME, q1=A, q2=B)),
     "numpy's records": ("a.npz", numpy_file(log=RECORD)),
+    "units behind the numbers of one column": (
+        "a.csv", table([TIME, [f"{a * DEGREES:.9f}deg" for a in A], B], before="t,q1,q2\n"),
+    ),
     "a struct of signals": ("a.mat", matlab_file(run={"signals": {"time": TIME, "q1": A, "q2": B}, "name": "of today"})),
     "MATLAB's cells": ("a.mat", matlab_file(t=TIME, q=cells(A, B))),
     "MATLAB's names and units": (

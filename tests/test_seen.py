@@ -193,6 +193,13 @@ SESSIONS: dict[str, tuple[str, ...]] = {
         "init arm.urdf -o one.yaml --no-schema", "init plain.urdf -a qbmove -o two.yaml --no-schema",
         "init arm.urdf -e lab.csv -o three.yaml --no-schema",
     ),
+    "json": (
+        "check rich.yaml --json", "run rich.yaml -o run --no-plot --json", "rerun run/soft --json -o again",
+        "plot run/soft -o pictures --json", "render run/soft -o film.gif --frames 2 --json",
+        "report run --json", "live rich.yaml --variant soft --on none --speed max --duration 0.02 -o live --json",
+        "identify fit.yaml --check --json", "sweep grid.yaml -o grid -j 1 --no-report --json",
+        "ilc learn.yaml -o learn --json",
+    ),
     **{f"figure_{number}": (f"reproduce {number} -o figure --processes 1",) for number in (8, 11, 12, 13, 14, 15)},
 }  # fmt: skip
 READ = ("*.yaml", "*.html", "*.gif", "*.json", "bench_out.csv", "learned.csv", "metrics.csv", "film*.png")
