@@ -11,6 +11,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import suppress
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +20,14 @@ import pytest
 from log_example import INFO, assert_same, example_samples, part
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Footer, Header
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
 from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
 from asrsim.log.description import info_from
+from asrsim.log.storage import DATA_END, McapStorage
 from asrsim.log.structure import split_records
 from asrsim.samples import Samples
 
@@ -292,6 +296,76 @@ def test_a_full_disk_keeps_what_is_written(tmp_path: Path, samples: Samples, spa
     assert_same(log.samples, part(samples, slice(0, kept)))
     assert official_times(path) == samples.time[:kept].tolist()
     assert log.status == ("truncated" if spare < 10_000 else "failed")
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, call: int, part: int) -> list[int]:
+    """The `call`-th write from now on takes only some bytes, and the one after it none; gives how many were asked for."""
+    asked: list[int] = []
+    write = os.write
+
+    def faulty(file: int, data: memoryview) -> int:
+        asked.append(len(data))
+        if len(asked) == call and part < len(data):
+            return write(file, data[:part]) if part else faulty(file, data)
+        if len(asked) == call + 1:
+            raise OSError(28, "No space left on device")
+        return write(file, data)
+
+    monkeypatch.setattr(os, "write", faulty)
+    return asked
+
+
+@pytest.mark.parametrize("size", [5, 36, 37, 38, 4000])
+@pytest.mark.parametrize("part", [0, 1, 20])
+def test_an_append_that_fails_anywhere_leaves_the_file_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int, part: int
+) -> None:
+    """Whichever of its writes fails, and after how many bytes; the next one succeeds."""
+    first, second, third = (bytes([0x80 + i]) + (size - 9).to_bytes(8, "little") + bytes(size - 9) if size > 9 else b"abcde"
+                            for i in range(3))  # fmt: skip
+    header, footer = Header(profile="", library="x"), Footer(summary_start=0, summary_offset_start=0, summary_crc=0)
+    whole = McapStorage(tmp_path / "whole.mcap", header, b"")
+    for body in (first, second, third):
+        whole.append(body)
+    whole.finish(DATA_END, footer)
+    for call in range(4):
+        path = tmp_path / f"{call}.mcap"
+        storage = McapStorage(path, header, b"")
+        storage.append(first)
+        before = path.read_bytes()
+        with monkeypatch.context() as patch:
+            asked = failing(patch, call, part)
+            with suppress(OutputError):
+                storage.append(second)
+        if len(asked) > call:
+            assert path.read_bytes() == before
+            assert storage.size == len(before) - len(DATA_END) - 37
+            storage.append(second)
+        assert len(asked) > call or call >= (1 if size < 50 else 3)
+        storage.append(third)
+        storage.finish(DATA_END, footer)
+        assert path.read_bytes() == (tmp_path / "whole.mcap").read_bytes()
+
+
+def test_writes_that_take_only_some_bytes_go_on_with_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, samples: Samples, whole: bytes
+) -> None:
+    write, sizes = os.write, cycle((1, 700, 13))
+    monkeypatch.setattr(os, "write", lambda file, data: write(file, data[: next(sizes)]))
+    with LogWriter(tmp_path / "run.mcap", INFO) as writer:
+        writer.write(samples)
+    assert (tmp_path / "run.mcap").read_bytes() == whole
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_log_that_cannot_be_begun_leaves_no_new_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool) -> None:
+    path = tmp_path / "run.mcap"
+    if there:
+        path.write_bytes(b"")
+    failing(monkeypatch, 0, 0)
+    with pytest.raises(OutputError, match="No space left"):
+        McapStorage(path, Header(profile="", library="x"), b"")
+    assert path.exists() == there
 
 
 @pytest.mark.slow
