@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import asrsim
+from asrsim.metrics.summary import JointSummary
 from asrsim.samples import JointInfo, Samples
+from asrsim.scenario import load_scenario
+from asrsim.simulation.run import simulate
 from asrsim.summary import Collector, collect
+from asrsim.summary.collect import Seen
+from asrsim.summary.make import make_summary
 from asrsim.summary.table import headline, joint_columns, limit_note, share
 
 pytestmark = pytest.mark.once
@@ -248,3 +256,53 @@ def test_a_run_is_ok_where_nothing_contradicts(tiny) -> None:
     assert not replace(summary, cross_check={"finding": "the engines differ"}).ok
     assert replace(summary, cross_check={"finding": "", "note": "bodies touch"}).ok
     assert summary.speed == pytest.approx(summary.simulated_time / summary.wall_time)
+
+
+REST = {"rest": 1.0, "error": 0.4, "stops": (-1.0, 1.0), "stop": 9, "prismatic": False, "friction": 0.0, "travel": 0.5}
+STANDS = {"rest": 0.0, "error": 0.4, "stops": (-1.0, 1.0), "stop": 0, "prismatic": False, "friction": 0.3, "travel": 0.0}
+SHORT = {"rest": 0.0504, "error": 0.001, "stops": (0.0, 0.05), "prismatic": True}
+JUDGED = [
+    (REST, {}, "comes to rest on its joint stop at 1 rad, 0.4 rad from its reference"),
+    (REST, {"rest": -0.9951, "error": -0.25}, "stop at -1 rad, 0.25 rad from"),
+    (REST, {"error": math.nan}, "comes to rest on its joint stop at 1 rad$"),
+    (REST, {"prismatic": True}, "stop at 1 m, 0.4 m from"),
+    (REST, {"rest": 0.985}, None),
+    (REST, {"rest": 1.015}, None),
+    (REST, {"stop": 0}, None),
+    (REST, {"error": 0.009}, None),
+    (REST, {"error": -0.009}, None),
+    # Of a travel of 0.05 m the share counts: 0.5 mm.
+    (REST, SHORT, "stop at 0.05 m, 0.001 m from"),
+    (REST, {**SHORT, "rest": 0.0506}, None),
+    (REST, {**SHORT, "error": 0.0004}, None),
+    (STANDS, {}, "never moves, 0.4 rad from its reference: its friction of 0.3 N m holds it"),
+    (STANDS, {"error": -0.011, "prismatic": True}, "never moves, 0.011 m from its reference: its friction of 0.3 N holds it"),
+    (STANDS, {"travel": 9e-7}, "never moves"),
+    (STANDS, {"travel": 2e-6}, None),
+    (STANDS, {"error": 0.009}, None),
+    (STANDS, {"error": math.nan}, None),
+    (STANDS, {"friction": 0.0}, None),
+    (STANDS, {"stop": 1}, None),
+    (STANDS, {"balanced": True}, None),
+]
+"""How a joint ends: what is otherwise, and what is said of it."""
+
+
+@pytest.mark.parametrize(("usual", "otherwise", "said"), JUDGED)
+def test_where_a_joint_ends_is_judged(tiny, usual: dict[str, Any], otherwise: dict[str, Any], said: str | None) -> None:
+    now = SimpleNamespace(**{"balanced": False, **usual, **otherwise})
+    run = simulate(load_scenario(tiny.scenario)[0], duration=0.001)
+    joints = [
+        replace(one, lower=now.stops[0], upper=now.stops[1], friction=now.friction) if one.name == "elbow" else one
+        for one in run.robot.joints
+    ]
+    run = replace(
+        run, robot=replace(run.robot, joints=tuple(joints)), counts=replace(run.counts, stop=np.array([now.stop])),
+        scenario=replace(run.scenario, initial_equilibrium=now.balanced), warnings=(),
+        info=replace(run.info, joints=(replace(run.info.joints[0], prismatic=now.prismatic),)),
+    )  # fmt: skip
+    nothing = dict.fromkeys(("overshoot", "settling", "frequency", "peak_deflection"), math.nan)
+    measures = JointSummary(steady_state=now.rest, steady_state_error=now.error, **nothing)
+    told = make_summary(run, Seen(measures=(measures,), tip={}, travels=(now.travel,)), samples=1).warnings
+    assert [one.key for one in told] == ([] if said is None else ["elbow"])
+    assert said is None or re.search(said, told[0].message)
