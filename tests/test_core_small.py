@@ -264,6 +264,27 @@ def test_objects_of_every_shape_rest_on_the_ground(tmp_path: Path, engine: str) 
         assert bodies[name.replace(" ", "_")][-1, 2] == pytest.approx(height, abs=5e-3), name
 
 
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize(("amplitude", "near"), [(0.1, 1e-7), (0.4, 2e-6), (0.9, 5e-3)])
+def test_a_ground_that_nothing_touches_changes_no_friction_nor_stop(
+    tmp_path: Path, engine: str, amplitude: float, near: float
+) -> None:
+    """Under 0.1 N m both joints stick, under 0.4 they slide and come to their stops, under 0.9 they strike them."""
+    robot = tmp_path / "arm.urdf"
+    chained = links("0 1 0", "1 0 0").replace('friction="0"', 'friction="0.15"')
+    robot.write_text(chained.replace('lower="-60" upper="60"', 'lower="-0.6" upper="0.6"').replace('"1000"', '"50"'))
+    push = {"sinusoid": {"amplitude": amplitude, "frequency": 2.0}}
+    found = []
+    for world in ({}, {"ground": {}}):
+        scenario = asrsim.make_scenario(
+            robot, engine=engine, duration=0.6, gravity=[0, 0, 0], external_torques={"*": push}, world=world,
+            base={"position": [0, 0, 5]}, compiled=False,
+        )  # fmt: skip
+        found.append(asrsim.run(scenario).samples.values["link_position"])
+    np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=near)
+    assert np.abs(found[0]).max() < 1e-9 if amplitude < 0.15 else np.abs(found[0]).max() > 0.3
+
+
 def test_objects_have_the_inertia_of_their_shape(tmp_path: Path) -> None:
     """Under a torque each turns about its axes as its moments say; a mesh as its bounding box, in MuJoCo as in PyBullet."""
     pytest.importorskip("mujoco")

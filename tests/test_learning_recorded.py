@@ -10,7 +10,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.learning.hardware import next_input
 from asrsim.learning.plant import make_plant
-from asrsim.learning.recorded import recorded
+from asrsim.learning.recorded import MISSING, recorded
 from asrsim.recordings import read_recording
 from asrsim.scenario import make_scenario
 
@@ -88,6 +88,21 @@ def test_gaps_that_hide_the_motion_are_refused(plant, tmp_path):
     path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.2))
     with pytest.raises(InputError, match=r"over the whole motion, 0 to 2.5 s"):
         take(path, plant)
+
+
+@pytest.mark.parametrize("lacking", [0.7, 1.6])
+@pytest.mark.parametrize("at", ["start", "end"])
+def test_a_recording_may_lack_a_little_of_the_start_or_the_end(plant, tmp_path, at, lacking):
+    missing = lacking * MISSING * plant.time[-1]
+    gap = (-1.0, missing) if at == "start" else (plant.time[-1] - missing, 99.0)
+    path = write(tmp_path / "short.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=gap)
+    if lacking > 1.0:
+        with pytest.raises(InputError, match="over the whole motion"):
+            take(path, plant, lag=0.0)
+        return
+    outputs = take(path, plant, lag=0.0).outputs
+    late = np.column_stack([np.interp(plant.time - 0.015, plant.time, one) for one in plant.reference.T])
+    assert np.abs(outputs - late - 0.003).max() < 2e-3
 
 
 @pytest.mark.slow
