@@ -104,6 +104,8 @@ def test_waypoints_linear_hold_and_cubic():
     held = {"waypoints": {"points": points, "interpolation": "hold"}}
     assert at(held, -1, 0.5, 1, 2.9, 3) == [0, 0, 2, 2, 0]
     assert parse_signal(held).jumps(0.0, 5.0).tolist() == [1.0, 3.0]
+    for interpolation in ("linear", "hold", "cubic"):
+        assert at({"waypoints": {"points": [[1, 7]], "interpolation": interpolation}}, 0, 1, 2) == [7, 7, 7]
     smooth = parse_signal({"waypoints": {"points": points, "interpolation": "cubic"}})
     assert smooth.values(np.array([-1.0, 0.0, 1.0, 3.0, 9.0])) == pytest.approx([0, 0, 2, 0, 0])
     assert abs(smooth.values(np.array([1e-4]))[0]) < 1e-6  # rests at the ends
