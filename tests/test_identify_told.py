@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from identify_files import CHIRP, SEA, record, write
 
+from asrsim import identification
 from asrsim.identification import show
 from asrsim.identification.verdicts import Estimate
 
@@ -128,3 +132,41 @@ def test_the_judgement() -> None:
         ("  it explains 50 % of the variance of b, and no less of the others", "red"),
     ]  # fmt: skip
     assert "does not show" in list(show.judgement(result(fits=False)))[-1][0]
+
+
+ENDINGS = {
+    "fits": ({}, (), 0, {"fit.json", "robot", "picture", "page"}, ""),
+    "does not fit": (
+        {"misfit": ("too large",)},
+        (),
+        2,
+        {"fit.json", "picture", "page"},
+        "no robot is written, since the model",
+    ),
+    "all the same": ({"misfit": ("too large",)}, ("--all",), 2, {"fit.json", "robot", "picture", "page"}, ""),
+    "interrupted": ({"status": "interrupted"}, (), 130, {"fit.json"}, ""),
+    "interrupted, all": ({"status": "interrupted"}, ("--all",), 130, {"fit.json"}, ""),
+    "without pictures": ({}, ("--no-plot",), 0, {"fit.json", "robot", "page"}, ""),
+    "without a page": ({}, ("--no-report",), 0, {"fit.json", "robot", "picture"}, ""),
+    "checked": ({"status": "checked"}, ("--check",), 0, set(), ""),
+}
+"""How a fit ended: what of the result, options, exit code, files, words."""
+
+
+def given_back(result: Any, *_: object, **__: object) -> Any:
+    return result
+
+
+def test_which_files_an_end_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asrsim_command: Any) -> None:
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
+    found = identification.identify(identification.make_task(guess, [recording], free=["joint_1.damping"]))
+    for name, (changes, options, code, files, words) in ENDINGS.items():
+        ended = replace(found, **changes)
+        monkeypatch.setattr(identification, "identify", partial(given_back, ended))
+        about = ("-e", recording, "--free", "joint_1.damping", "-o", tmp_path / name)
+        outcome = asrsim_command("identify", guess, *about, *options)
+        kinds = {".urdf": "robot", ".yaml": "robot", ".png": "picture", ".html": "page"}
+        written = {kinds.get(path.suffix, path.name) for path in (tmp_path / name).rglob("*") if path.is_file()}
+        assert (name, outcome.code, written - {".lock"}) == (name, code, files)
+        assert words in outcome.out + outcome.err
