@@ -83,11 +83,7 @@ def write_from_recording(
     joints = [joint.name for joint in loaded.moving_joints]
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
     mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
-    types = {joint: (name, MOUNTED_MODE) for joint, name in (actuators or {}).items()}
-    loaded = with_actuators(loaded, types, {})
-    modes = {"*": mode} if mode is not None else fitting_modes(loaded, recording, mounted)
-    unknown = open_parameters(loaded, modes, mounted)
-    loaded = with_overrides(loaded, modes=modes, parameters=unknown)
+    loaded, unknown = _mounted(loaded, recording, actuators or {}, mounted, mode)
     # A mapping file is written down as items: the scenario stands alone.
     mapping = [text for item in mapping for text in (_items(item) if is_file(item) else (item,))]
     plan = make_plan(loaded, recording, step=STEP)
@@ -99,10 +95,9 @@ def write_from_recording(
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
         plugins=tuple(relative_path(plugin, out.parent) for plugin in plugins),
     )  # fmt: skip
-    beside = out.parent / SCHEMA_FILE
+    fit, beside = out.with_suffix(FIT), out.parent / SCHEMA_FILE
     if schema and is_foreign(beside):
         raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
-    fit = out.with_suffix(FIT)
     for path in (out, fit, *(out.parent / name for name in extracted)):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
     for name, text in extracted.items():
@@ -130,6 +125,17 @@ def write_from_recording(
         message=message,
         fit=fit if fits else None,
     )
+
+
+def _mounted(
+    robot: Robot, recording: Recording, actuators: Mapping[str, str], joints: Sequence[str], mode: int | None
+) -> tuple[Robot, dict[str, dict[str, float]]]:
+    """The robot with these actuators on `joints`, in the modes of their recorded commands, and parameters of which nothing is
+    known."""
+    robot = with_actuators(robot, {joint: (name, MOUNTED_MODE) for joint, name in actuators.items()}, {})
+    modes = {"*": mode} if mode is not None else fitting_modes(robot, recording, joints)
+    unknown = open_parameters(robot, modes, joints)
+    return with_overrides(robot, modes=modes, parameters=unknown), unknown
 
 
 def _springs_that_hold(text: str, robot: Robot, folder: Path, joints: Sequence[str]) -> dict[str, Mapping[str, float]]:
