@@ -112,22 +112,7 @@ def encoding_of(path: Path) -> str:
 def sniff(path: Path) -> Layout:
     """The layout of the file; raises RecordingError where it holds no table of numbers."""
     encoding = encoding_of(path)
-    lines: list[tuple[int, str]] = []
-    comments: list[tuple[int, str]] = []
-    with path.open(encoding=encoding, errors="replace") as stream:
-        for count, line in enumerate(stream, start=1):
-            text = line.strip("\r\n")
-            if not text.strip():
-                continue
-            (comments if text.lstrip().startswith(COMMENTS) else lines).append((count, text))
-            if len(lines) >= _SAMPLE:
-                break
-    declared = None
-    if lines and (match := re.fullmatch(r"sep=(.)", lines[0][1].strip().strip('"'), re.IGNORECASE)):
-        declared = match[1]  # the line by which Excel is told the separator
-        lines = lines[1:]
-    if not lines:
-        raise RecordingError("holds comments only", file=path, code="empty", hint="Expected rows of numbers")
+    lines, comments, declared = _first_lines(path, encoding)
     received = _received([text for _, text in lines])
     if received:
         lines = [(count, _RECEIVED.sub(rf"\g<1>{received}", text, count=1)) for count, text in lines]
@@ -140,12 +125,7 @@ def sniff(path: Path) -> Layout:
     if separator is None:  # names with blanks in them stand further apart than these
         wide = [re.split(r"\s{2,}", text.strip()) for _, text in lines]
         rows = [(n, far if len(far) == columns else near) for (n, near), far in zip(rows, wide, strict=True)]
-    share = [share_of_numbers(cells, decimal) if len(cells) == columns else 0.0 for _, cells in rows]
-    share = [0.0 if _is_told(cells, lead=not rows[-1][1][0]) else own for own, (_, cells) in zip(share, rows, strict=True)]
-    # "Samples 400 400" among the lines above a header is no row of numbers: it has fewer of them than most, and none follow.
-    usual = max(0.5, sorted(share)[len(share) // 2])
-    followed = zip(share, [*share[1:], 1.0], strict=True)
-    first = next((i for i, (own, after) in enumerate(followed) if own >= 0.5 and max(own, after) >= usual), None)
+    first = _first_of_numbers(rows, columns, decimal)
     if first is None:
         refuse_foreign_line(path, *lines[0])
         raise RecordingError(
@@ -191,6 +171,36 @@ def sniff(path: Path) -> Layout:
         stamps=tuple(i for i, kind in enumerate(kinds) if kind == "stamp"),
         text=tuple(i for i, kind in enumerate(kinds) if kind == "text"),
     )  # fmt: skip
+
+
+def _first_lines(path: Path, encoding: str) -> tuple[list[tuple[int, str]], list[tuple[int, str]], str | None]:
+    """Lines and comments with their numbers, and the separator that a line for Excel declares."""
+    lines: list[tuple[int, str]] = []
+    comments: list[tuple[int, str]] = []
+    with path.open(encoding=encoding, errors="replace") as stream:
+        for count, line in enumerate(stream, start=1):
+            text = line.strip("\r\n")
+            if not text.strip():
+                continue
+            (comments if text.lstrip().startswith(COMMENTS) else lines).append((count, text))
+            if len(lines) >= _SAMPLE:
+                break
+    declared = None
+    if lines and (match := re.fullmatch(r"sep=(.)", lines[0][1].strip().strip('"'), re.IGNORECASE)):
+        declared, lines = match[1], lines[1:]
+    if not lines:
+        raise RecordingError("holds comments only", file=path, code="empty", hint="Expected rows of numbers")
+    return lines, comments, declared
+
+
+def _first_of_numbers(rows: Sequence[tuple[int, list[str]]], columns: int, decimal: str) -> int | None:
+    """Which of the rows is the first of numbers; None where there is none."""
+    share = [share_of_numbers(cells, decimal) if len(cells) == columns else 0.0 for _, cells in rows]
+    share = [0.0 if _is_told(cells, lead=not rows[-1][1][0]) else own for own, (_, cells) in zip(share, rows, strict=True)]
+    # "Samples 400 400" among the lines above a header is no row of numbers: it has fewer of them than most, and none follow.
+    usual = max(0.5, sorted(share)[len(share) // 2])
+    followed = zip(share, [*share[1:], 1.0], strict=True)
+    return next((i for i, (own, after) in enumerate(followed) if own >= 0.5 and max(own, after) >= usual), None)
 
 
 def _is_told(cells: Sequence[str], *, lead: bool) -> bool:
