@@ -15,9 +15,10 @@ from identify_files import SEA, record, write
 
 from asrsim.identification import make_task
 from asrsim.identification.bristles import with_bristles
+from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.judge import ChannelFit, verdict
-from asrsim.identification.keys import parameters_of
+from asrsim.identification.keys import Parameter, parameters_of
 from asrsim.identification.layout import make_layout
 from asrsim.identification.limits import limits
 from asrsim.identification.nulls import _sparse
@@ -25,6 +26,7 @@ from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.settling import widened
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import cost_of
+from asrsim.identification.told import Told
 from asrsim.scenario import checked_robot, load_scenario
 from asrsim.simulation.prepare import prepare
 
@@ -285,3 +287,41 @@ def test_what_one_recording_of_several_shows_is_a_reason() -> None:
         for fits in permutations([quiet, replace(quiet, recording="b", **fault)]):
             (reason,) = verdict(fits)
             assert words in reason
+
+
+def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_deviation() -> None:
+    """Of a score's sum over 12 blocks: one that spreads as foretold, less, a little more, and thrice as wide."""
+    signs = np.array([1.0, -1.0] * 6)
+    scales = np.array([1.0, 0.5, 1.1, 3.0])
+    scores = signs[:, None] * scales / np.sqrt(12.0 * 12.0 / 11.0)
+    nothing = np.empty(0)
+    told = Uncertainty(
+        inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, variance=1.0,
+        scores=scores, firsts=np.zeros(1, np.intp),
+    )  # fmt: skip
+    deviation, quantile = told.deviations(np.ones(4), np.eye(4))
+    assert deviation == pytest.approx([1.0, 1.0, 1.0, 3.0])
+    assert quantile == pytest.approx([1.95996, 1.95996, 1.95996, 2.20099], abs=1e-4)
+    # Two blocks tell nothing.
+    few = replace(told, scores=100.0 * scores[:2])
+    assert few.deviations(np.ones(4), np.eye(4))[0] == pytest.approx(np.ones(4))
+    # Whole recordings may differ more than their blocks: three of four blocks each, all of one sign.
+    apart = np.repeat([1.0, -2.0, 1.0], 4)[:, None] * np.ones((1, 4))
+    whole = replace(told, scores=apart, firsts=np.array([0, 4, 8]))
+    assert whole.deviations(np.ones(4), np.eye(4))[0] == pytest.approx(np.full(4, np.sqrt(16.0 * 6.0 * 1.5)))
+
+
+def test_entries_move_by_the_factor_that_is_asked_for() -> None:
+    kinds = {
+        "scale": Parameter(key="a.k", unit="N m", start=0.2, low=0.01, high=9.0, logarithmic=True),
+        "plain": Parameter(key="a.damping", unit="N m s/rad", start=0.3, low=0.0, high=5.0),
+        "offset": Parameter(key="a.offset", unit="rad", start=-0.4, low=-1.0, high=1.0),
+    }
+    layout = make_layout(tuple(kinds.values()), (), ("one",), ({},))
+    x = np.zeros(3)
+    found = SimpleNamespace(jacobian=np.eye(3), variance=1.0)
+    told = Told(layout, x, found, [0, 1, 2])
+    for change in (0.0, 0.4, -0.7):
+        there = layout.values(told.moved(x, np.full(3, change)))
+        # What is negative has no scale: it moves by a share of its size.
+        assert there == pytest.approx([0.2 * np.exp(change), 0.3 * np.exp(change), -0.4 + 0.4 * change])
