@@ -315,13 +315,14 @@ def test_entries_move_by_the_factor_that_is_asked_for() -> None:
     kinds = {
         "scale": Parameter(key="a.k", unit="N m", start=0.2, low=0.01, high=9.0, logarithmic=True),
         "plain": Parameter(key="a.damping", unit="N m s/rad", start=0.3, low=0.0, high=5.0),
-        "offset": Parameter(key="a.offset", unit="rad", start=-0.4, low=-1.0, high=1.0),
+        "offset": Parameter(key="a.offset", unit="rad", start=-0.4, low=-3.0, high=3.0),
     }
     layout = make_layout(tuple(kinds.values()), (), ("one",), ({},))
-    x = np.zeros(3)
-    found = SimpleNamespace(jacobian=np.eye(3), variance=1.0)
-    told = Told(layout, x, found, [0, 1, 2])
+    x = np.array([0.3, 0.6, -0.5])
+    scale, plain, offset = layout.values(x)
+    assert offset < -0.4
+    told = Told(layout, x, SimpleNamespace(jacobian=np.eye(3), variance=1.0), [0, 1, 2])
     for change in (0.0, 0.4, -0.7):
         there = layout.values(told.moved(x, np.full(3, change)))
         # What is negative has no scale: it moves by a share of its size.
-        assert there == pytest.approx([0.2 * np.exp(change), 0.3 * np.exp(change), -0.4 + 0.4 * change])
+        assert there == pytest.approx([scale * np.exp(change), plain * np.exp(change), offset - offset * change])
