@@ -11,9 +11,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify_files import SEA, record, write
+from identify_files import CHIRP, SEA, record, write
 
-from asrsim.identification import make_task
+from asrsim.errors import InputError
+from asrsim.identification import identify, make_task
 from asrsim.identification.bristles import with_bristles
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.inverse import InverseTrack
@@ -326,3 +327,21 @@ def test_entries_move_by_the_factor_that_is_asked_for() -> None:
         there = layout.values(told.moved(x, np.full(3, change)))
         # What is negative has no scale: it moves by a share of its size.
         assert there == pytest.approx([scale * np.exp(change), plain * np.exp(change), offset - offset * change])
+
+
+def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -> None:
+    """Damping below its least value, stiffness beyond its largest; given from Python as in a file."""
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.06})
+    free = {
+        "joint_1.damping": {"start": 0.06, "low": 0.04, "high": 0.1},
+        "joint_1.spring_stiffness": {"start": 3.3, "low": 3.0, "high": 3.6},
+    }
+    result = identify(make_task(guess, [recording], free=free))
+    assert [(one.verdict, one.value) for one in result.estimates] == [("at bound", 0.04), ("at bound", 3.6)]
+    assert result.estimates[1].reason == "3.6 N m/rad is as far as it may go"
+    assert not result.fits
+    wrong = {"joint_1.damping": {"least": 1}, "joint_1.friction": "much", "link_1.mass": 2.0}
+    with pytest.raises(InputError) as caught:
+        make_task(guess, [recording], free=wrong)
+    assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction"]

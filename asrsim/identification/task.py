@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.file import read_document, read_file
 from asrsim.document.kinds import NUMBER, Boolean, Choice, File, Integer, Number, Optional, Text
 from asrsim.document.mistaken import kind_of
+from asrsim.document.node import node_from_data
+from asrsim.document.reading import Reading, Rejected
 from asrsim.errors import InputError
 from asrsim.scenario.overrides import override_texts
 
@@ -59,6 +62,7 @@ class Tie:
 
 _EXPERIMENT: Block[Experiment] = block_of(Experiment, "recording", main="file")
 _WISH = Either(((is_mapping, block_of(Wish, "free parameter")), (lambda _: True, Optional(NUMBER))))
+_FREE = MapOf(of=_WISH, noun="key", star=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +77,7 @@ class Task:
         ListOf(of=_EXPERIMENT), default=(), shown="the last part of each recording", doc="recordings that are only predicted"
     )
     free: Mapping[str, Wish] = declare(
-        MapOf(of=_WISH, noun="key", star=False), default={},
+        _FREE, default={},
         doc="key or pattern -> nothing, a start, or `start`, `low`, `high`, `own`",
     )  # fmt: skip
     ties: tuple[Tie, ...] = declare(
@@ -187,8 +191,8 @@ def make_task(
     plugins: Sequence[str | Path] = (),
     **options: Any,
 ) -> Task:
-    """A task from plain data: free as `KEY[=...]` texts or key -> start or Wish; ties as `KEY=[FACTOR*]KEY`; own: keys of
-    which each recording has its own value. Raises InputError.
+    """A task from plain data: free as `KEY[=...]` texts or key -> start, Wish, or its keys; ties as `KEY=[FACTOR*]KEY`; own:
+    keys of which each recording has its own value. Raises InputError.
     """
     read_document(Path(scenario), "scenario")
     if not experiments:
@@ -218,14 +222,21 @@ def _wishes(
     free: Iterable[str] | Mapping[str, Any], own: Iterable[str], before: Mapping[str, Wish] | None = None
 ) -> dict[str, Wish]:
     """before: those of the file, which these are added to."""
-    if isinstance(free, Mapping):
-        wishes = {key: value if isinstance(value, Wish) else Wish(start=value) for key, value in free.items()}
-    else:
-        wishes = dict(map(wish_of, free))
-    wishes = {**(before or {}), **wishes}
+    wishes = {**(before or {}), **(_read_wishes(free) if isinstance(free, Mapping) else dict(map(wish_of, free)))}
     for key in own:
         wishes[key] = replace(wishes.get(key, Wish()), own=True)
     return wishes
+
+
+def _read_wishes(free: Mapping[str, Any]) -> dict[str, Wish]:
+    """Starts, or what a file may say of them. Raises InputError."""
+    reading, found = Reading(), {}
+    with suppress(Rejected):
+        plain = {key: value for key, value in free.items() if not isinstance(value, Wish)}
+        found = _FREE.read(node_from_data(plain), ("free",), reading)
+    if reading.problems:
+        raise InputError(reading.problems)
+    return {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in {**free, **found}.items()}
 
 
 def _ties(ties: Iterable[str] | Mapping[str, str]) -> tuple[Tie, ...]:
