@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.plain import one_or_more
 from asrsim.runs.execute import Executed, collector_of, execute, judged, with_plugins, write_summary
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
@@ -235,7 +236,8 @@ def _load(
 ) -> tuple[Scenario, ...]:  # fmt: skip
     from asrsim.actuators.user import load_plugin_file
 
-    for path in plugins:
+    files = [Path(path) for path in one_or_more(plugins)]
+    for path in files:
         load_plugin_file(path)
     file = robot if isinstance(robot, str | Path) else None
     if not isinstance(scenario, Scenario):
@@ -245,7 +247,7 @@ def _load(
         raise ScenarioError(message, hint="Give them where it is made", code="usage")
     else:
         loaded = (scenario,)
-    return tuple(with_plugins(one, [Path(path) for path in plugins]) for one in loaded)
+    return tuple(with_plugins(one, files) for one in loaded)
 
 
 def _run_one(

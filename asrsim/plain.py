@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from os import PathLike
 from typing import Any
 
 Shape = Any
 """str, bool, int, float (any number but NaN), None, object (anything), a tuple of alternatives, [shape] for a list, or a
 mapping from keys to shapes: `"key?"` may be missing, `"*"` stands for all that are not named."""
+
+
+def one_or_more(given: Any) -> tuple[Any, ...]:
+    """What takes several takes one, too: a text or a path is no row of letters."""
+    return (given,) if isinstance(given, str | PathLike) else tuple(given)
 
 
 def finite_or_none(value: float) -> float | None:

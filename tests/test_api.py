@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 import asrsim
+from asrsim.identification import make_task
+from asrsim.recordings import read_recording
+from asrsim.sweeps import make_study
 
 ROOT = Path(__file__).parents[1]
 STANDARD = {"asrsim", *sys.stdlib_module_names}
@@ -138,3 +141,23 @@ def test_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     for block in blocks:
         exec(compile(block, "docs/library.md", "exec"), names)
     assert names["stopped"].status == "interrupted"
+
+
+def test_what_takes_several_takes_one(tiny, tmp_path: Path) -> None:
+    """A text is no row of letters: in identification, sweeps, runs and recordings."""
+    recording = tmp_path / "lab.csv"
+    np.savetxt(recording, np.ones((9, 2)) * np.arange(9)[:, None], delimiter=",", header="time,elbow", comments="")
+    several = {"experiments": [recording], "validate": ["b.csv"], "free": ["elbow.damping=2"], "own": ["elbow.friction"],
+               "mapping": ["a=b"], "plugins": ["law.py"], "overrides": ["duration=1"], "ties": ["a.b=c.d"]}  # fmt: skip
+    for one in (str, Path):
+        alone = {name: one(value[0]) if isinstance(value[0], Path) else value[0] for name, value in several.items()}
+        assert make_task(tiny.scenario, **alone) == make_task(tiny.scenario, **several)
+    over = {
+        "scenario": tiny.scenario, "over": ["elbow.damping=[0.1, 0.2]"], "signals": ["elbow.link_position"],
+        "variants": ["soft"], "plugins": ["law.py"],
+    }  # fmt: skip
+    assert make_study(**{key: value if key == "scenario" else value[0] for key, value in over.items()}) == make_study(**over)
+    assert [column.joint for column in read_recording(recording, joints="elbow").channels.values()] == ["elbow"]
+    for call in (asrsim.run, asrsim.run_variants):
+        with pytest.raises(asrsim.InputError, match=r"law\.py: no such plugin file"):
+            call(tiny.scenario, plugins="law.py")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -74,3 +76,13 @@ def test_scenarios_are_asked_for_one_by_one(tiny) -> None:
         with pytest.raises(InputError, match="choose one"):
             call(loaded)
     assert asrsim.load_scenario(tiny.scenario, overrides="duration=0.25")[0].duration == 0.25
+
+
+@pytest.mark.parametrize("options", [{"duration": -1.0}, {"duration": 0.0}, {"duration": 1e-5}, {"duration": math.nan},
+                                     {"duration": math.inf}, {"chunk": 0}, {"chunk": -3}])  # fmt: skip
+def test_a_simulation_lasts_a_step_at_least(tiny, options: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(options))}: must (last a step|have a substep) at least"):
+        asrsim.Simulation(tiny.scenario, **options)
+    with asrsim.Simulation(tiny.scenario, duration=0.001, chunk=1, record=True) as shortest:
+        shortest.advance_to(shortest.total)
+        assert shortest.samples.time.tolist() == [0.0, 0.001]

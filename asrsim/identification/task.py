@@ -18,6 +18,7 @@ from asrsim.document.mistaken import kind_of
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import Reading, Rejected
 from asrsim.errors import InputError
+from asrsim.plain import one_or_more
 from asrsim.scenario.overrides import override_texts
 
 LOSSES = ("huber", "linear")
@@ -199,13 +200,13 @@ def make_task(
         raise InputError("no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording")
     _check_loss(options)
 
-    def experiment(one: str | Path | Experiment) -> Experiment:
-        return _experiment(one, mapping, rate)
+    def read_as(several: Sequence[str | Path | Experiment]) -> tuple[Experiment, ...]:
+        return tuple(_experiment(one, one_or_more(mapping), rate) for one in one_or_more(several))
 
     return Task(
-        scenario=Path(scenario), experiments=tuple(map(experiment, experiments)), validate=tuple(map(experiment, validate)),
+        scenario=Path(scenario), experiments=read_as(experiments), validate=read_as(validate),
         free=_wishes(free, own), ties=_ties(ties), overrides=override_texts(overrides),
-        plugins=tuple(map(Path, plugins)), name=options.pop("name", None) or Path(scenario).stem, **options,
+        plugins=tuple(map(Path, one_or_more(plugins))), name=options.pop("name", None) or Path(scenario).stem, **options,
     )  # fmt: skip
 
 
@@ -214,16 +215,16 @@ def _check_loss(options: Mapping[str, Any]) -> None:
         raise InputError("is no loss", key="loss", value=options["loss"], choices=LOSSES, code="loss")
 
 
-def _experiment(one: str | Path | Experiment, mapping: Sequence[str] = (), rate: float | None = None) -> Experiment:
-    return one if isinstance(one, Experiment) else Experiment(file=Path(one), mapping=tuple(mapping), rate=rate)
+def _experiment(one: str | Path | Experiment, mapping: tuple[str, ...] = (), rate: float | None = None) -> Experiment:
+    return one if isinstance(one, Experiment) else Experiment(file=Path(one), mapping=mapping, rate=rate)
 
 
 def _wishes(
     free: Iterable[str] | Mapping[str, Any], own: Iterable[str], before: Mapping[str, Wish] | None = None
 ) -> dict[str, Wish]:
     """before: those of the file, which these are added to."""
-    wishes = {**(before or {}), **(_read_wishes(free) if isinstance(free, Mapping) else dict(map(wish_of, free)))}
-    for key in own:
+    wishes = {**(before or {}), **(_read_wishes(free) if isinstance(free, Mapping) else dict(map(wish_of, one_or_more(free))))}
+    for key in one_or_more(own):
         wishes[key] = replace(wishes.get(key, Wish()), own=True)
     return wishes
 
@@ -240,5 +241,5 @@ def _read_wishes(free: Mapping[str, Any]) -> dict[str, Wish]:
 
 
 def _ties(ties: Iterable[str] | Mapping[str, str]) -> tuple[Tie, ...]:
-    pairs = ties.items() if isinstance(ties, Mapping) else [text.partition("=")[::2] for text in ties]
+    pairs = ties.items() if isinstance(ties, Mapping) else [text.partition("=")[::2] for text in one_or_more(ties)]
     return tuple(tie_of(*pair) for pair in pairs)

@@ -12,6 +12,7 @@ import numpy as np
 
 from asrsim.document.mistaken import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, similar_file
+from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES, unit_of
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.build import build
@@ -59,7 +60,7 @@ def read_recording(
     Raises:
         RecordingError: With what was found and what was expected.
     """
-    path = Path(path)
+    path, joints = Path(path), None if joints is None else one_or_more(joints)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise RecordingError("the sampling rate must be positive", value=rate, code="bad-rate")
     parts = parts_of(path)

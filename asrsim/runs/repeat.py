@@ -13,6 +13,7 @@ from typing import Any
 from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, DivergenceError, LogError
 from asrsim.log import LogReader, LogWriter, open_log
+from asrsim.plain import one_or_more
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
@@ -230,7 +231,7 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
     from asrsim.actuators import ACTUATORS
     from asrsim.actuators.user import load_plugin_file
 
-    for path in plugins:
+    for path in one_or_more(plugins):
         load_plugin_file(path)
     carried = {name: data for name, data in reader.info.attachments.items() if name.startswith(PLUGINS)}
     if plugins or not carried or all(joint.actuator in (*ACTUATORS.names(), "rigid") for joint in reader.info.joints):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from asrsim.errors import InputError
+
 LONGEST = 16_384
 """Substeps of a chunk, at most."""
 LONGEST_NUMBERS = 20_480
@@ -10,9 +12,11 @@ SHORTEST = 1024
 """Substeps that are kept before they are handed on, at least; chunks grow from there."""
 
 
-def longest_chunk(joints: int) -> int:
-    """Substeps of a chunk of a robot with so many joints, at most."""
-    return max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
+def longest_chunk(joints: int, asked: int | None = None) -> int:
+    """Substeps of a chunk of a robot with so many joints, at most, unless others are asked for; raises InputError for none."""
+    if asked is not None and not asked >= 1:
+        raise InputError("must have a substep at least", key="chunk", value=asked, code="chunk")
+    return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
 
 
 def chunk_end(substep: int, longest: int) -> int:

@@ -61,6 +61,13 @@ class Prepared:
         """s."""
         return self.scenario.step / self.resolution.substeps
 
+    def last_substep(self, duration: float | None) -> int:
+        """Substep at which a duration in s, by default the scenario's, ends; raises InputError for less than a step."""
+        seconds = self.scenario.duration if duration is None else duration
+        if not self.scenario.step / 2.0 < seconds < math.inf:
+            raise InputError("must last a step at least", key="duration", value=seconds, code="duration")
+        return round(seconds / self.scenario.step) * self.resolution.substeps
+
     @property
     def velocity_cutoff(self) -> bool:
         """Whether torque beyond a joint's velocity limit is zeroed when it drives further, as Gazebo does with URDF files."""

@@ -75,14 +75,14 @@ class Simulation:
         engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
-        self.last = round((duration or scenario.duration) / scenario.step) * self.substeps
+        self.last = prepared.last_substep(duration)
         """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
         self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
         expected = expected or self.last
         self.loop, self.slow_because = make_loop(prepared, engine, self.recording, compiled=compiled, substeps=expected)
-        self._chunk = chunk or longest_chunk(len(prepared.drives))
+        self._chunk = longest_chunk(len(prepared.drives), chunk)
         self.row: tuple[Array, Array] | None = None
         """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (3, joints)."""
         self._block: Block | None = None

@@ -16,6 +16,7 @@ from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import InputError, Problem
+from asrsim.plain import one_or_more
 from asrsim.scenario.claim_keys import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import Joint, read_fit
@@ -141,7 +142,7 @@ def make_study(
     read_document(Path(scenario), "scenario")
     problems: list[Problem] = []
     axes: list[Axis] = []
-    for item in over.items() if isinstance(over, Mapping) else map(_split, over):
+    for item in over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)):
         try:
             key, value = item
             axes.append(axis_of(key, value))
@@ -183,16 +184,16 @@ def make_study(
         scenario=Path(scenario),
         axes=tuple(axes),
         joint=joint,
-        variants=tuple(variants),
+        variants=one_or_more(variants),
         overrides=override_texts(overrides),
         design=design,
         samples=count,
         seed=seed,
         correlations=tuple(pairs),
-        signals=tuple(signals),
+        signals=one_or_more(signals),
         rate=rate,
         logs=logs,
-        plugins=tuple(Path(path) for path in plugins),
+        plugins=tuple(Path(path) for path in one_or_more(plugins)),
         name=name or Path(scenario).stem,
     )
     if len(study) > MOST_RUNS:
