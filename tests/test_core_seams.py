@@ -19,7 +19,7 @@ from asrsim import make_scenario
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.scenario.data import Effects, Scenario, Wrench
-from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
+from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
 from asrsim.simulation.divergence import FLOOR, EnergyGuard
 from asrsim.simulation.effects import through
@@ -27,6 +27,7 @@ from asrsim.simulation.evaluation import DERIVED, DIRECT, Evaluation
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.stretches import plain_stretch
 from asrsim.simulation.substep import PLACES, RAW
@@ -332,6 +333,35 @@ def test_what_a_fit_evaluates_is_what_a_run_records(stepping: str) -> None:
         assert own is None or np.array_equal(own, values), (joint, name)
         told += own is not None
     assert told == 28
+
+
+def test_an_evaluation_takes_references_and_external_torques_of_its_own() -> None:
+    """As a scenario with these has them, bit by bit; what is not given stays the scenario's."""
+    waves = {name: Sinusoid(amplitude=0.1 * i, frequency=2.0 + i) for i, name in enumerate(("a", "b", "c"), 1)}
+    keys = {"duration": 0.05, "engine": "mujoco", "compiled": False, "modes": 3, "substeps": 2}
+    urdf = EXAMPLES / "urdf" / "dof2_horizontal.urdf"
+    push = {"joint_2": {"sinusoid": {"amplitude": 0.3, "frequency": 7.0}}}
+    prepared = prepare(make_scenario(urdf, external_torques=push, **keys))
+    equilibria = {"joint_1": {"equilibrium_position": waves["a"]}}
+    given: list[tuple[dict[str, dict[str, Signal]], dict[str, Signal]]] = [
+        ({}, {}), ({}, {"joint_1": waves["b"]}), (equilibria, {"joint_2": waves["c"]}), (equilibria, {}),
+    ]  # fmt: skip
+    seen = []
+    with Evaluation(prepared) as evaluation:
+        for references, torques in given:
+            both = {j: {**references.get(j, {}), **({"external_torque": torques[j]} if j in torques else {})}
+                    for j in (*references, *torques)}  # fmt: skip
+            found = evaluation.run({}, [(0, "link_position"), (1, "link_position")], references=both)
+            scenario = prepared.scenario
+            scenario = replace(
+                scenario, references={**scenario.references, **references},
+                external_torques={**scenario.external_torques, **torques},
+            )  # fmt: skip
+            recorded = simulate(scenario).samples
+            assert recorded is not None
+            np.testing.assert_array_equal(found, recorded.values["link_position"].T)
+            seen.append(found[:, -1].tolist())
+    assert len({tuple(one) for one in seen}) == len(given)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
