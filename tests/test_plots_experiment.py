@@ -365,3 +365,20 @@ def test_a_run_that_did_not_end_well_is_drawn_and_said_to_be(tmp_path: Path, asr
     outcome = asrsim_command("plot", "log.mcap", "-o", "pictures")
     assert outcome.code == 0
     assert [line for line in (outcome.out + outcome.err).splitlines() if "the run is" in line] == [said]
+
+
+def test_up_to_three_runs_have_their_error_over_the_difference(tmp_path: Path):
+    """Each in its colour, from the left in their order, the first with the word."""
+    recording = lab(tmp_path / "lab.csv", gain=0.9)
+    logs = tuple(made_up_log(tmp_path / f"{name}.mcap", variant=name) for name in ("a", "b", "c", "d"))
+    for count in (1, 2, 3, 4):
+        result = plot(PlotJob(logs=logs[:count], folder=tmp_path / "out", experiments=(str(recording),), lag="off"))
+        axes = new_figure(6, 3).subplots()
+        draw_difference(axes, result.runs, result.compared, "joint_1", "link_position")
+        texts = sorted(axes.texts, key=lambda text: text.get_position()[0])
+        shown = min(count, 3)
+        assert len(texts) == shown
+        assert [text.get_text().startswith("RMSE ") for text in texts] == [True, *[False] * (shown - 1)]
+        if count > 1:
+            assert [text.get_color() for text in texts] == [style.variant_colour(i) for i in range(shown)]
+        assert len([line for line in axes.get_lines() if "difference" in str(line.get_gid())]) == count

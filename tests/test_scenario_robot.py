@@ -137,6 +137,20 @@ def test_references_that_are_missing_or_do_nothing_are_warnings(load):
     ]
 
 
+@pytest.mark.parametrize(
+    ("sigma", "errors", "warnings"),
+    [
+        ("0", [], []),
+        ("-0.001", [], ["sigma-negative"]),
+        ("{sinusoid: {amplitude: 0.02, frequency: 5}}", [], ["sigma-negative"]),
+        ("{sinusoid: {amplitude: 0.06, frequency: 5}}", ["sigma-limit"], []),
+    ],
+)
+def test_a_negative_sigma_is_told_and_one_beyond_the_lever_is_an_error(load, sigma, errors, warnings):
+    found = check_against_robot(load(f"references: {{awas: {{equilibrium_position: 0, stiffness_preset: {sigma}}}}}\n"), arm())
+    assert [[one.code for one in several if one.code.startswith("sigma")] for several in found] == [errors, warnings]
+
+
 def test_a_longer_lever_allows_a_larger_sigma(load):
     text = "parameters: {awas: {spring_L: 0.1}}\nreferences: {awas: {stiffness_preset: 0.06, equilibrium_position: 0}}\n"
     assert check_against_robot(load(text), arm())[0] == []

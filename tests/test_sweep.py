@@ -646,3 +646,18 @@ def test_sobol_indices_and_ranks_are_those_of_a_function_that_is_known(tmp_path)
     ranks = {one.key: one.rank for one in influences(Table(tmp_path), "sum")}
     assert ranks["a.x"] > 0.8
     assert ranks["a.y"] < -0.5
+
+
+def test_words_and_lists_stand_in_their_columns_as_they_are_written(tmp_path):
+    """What is varied and no number: a word plain, a list as JSON; numbers as numbers."""
+    over = {
+        "stepping": ["leapfrog", "euler"], "gravity": [[0, 0, -9.81], [0, 0, 0]], "parameters.*.spring_a_1": [6, 7.5],
+        "compiled": [False],
+    }  # fmt: skip
+    table = asrsim.sweep(study_of(over, overrides=["duration=0.01", "engine=mujoco"]), out=tmp_path / "s", workers=1)
+    found = table.to_arrow().to_pydict()
+    assert {name: sorted(set(found[name])) for name in over} == {
+        "stepping": ["euler", "leapfrog"], "gravity": ["[0, 0, -9.81]", "[0, 0, 0]"], "parameters.*.spring_a_1": [6.0, 7.5],
+        "compiled": ["false"],
+    }  # fmt: skip
+    assert found["status"] == ["complete"] * 8
