@@ -279,6 +279,29 @@ def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
     assert np.abs(column(result, "energy_residual")).max() < 1e-3 * column(result, "hysteresis_loss")[-1]
 
 
+@pytest.mark.parametrize("substeps", [3, 5])
+@pytest.mark.parametrize(("actuator", "near"), [("sea", 2e-4), ("qbmove", 5e-5)])
+def test_hysteresis_takes_as_much_however_many_substeps_the_motors_have(actuator: str, near: float, substeps: int) -> None:
+    """Of a link that swings against motors which hold still."""
+    references = {"equilibrium_position": 0.0, "stiffness_preset": 0.3}
+    values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
+    motors = (1, 2) if actuator == "qbmove" else (1,)
+    values |= {f"controller_{i}_proportional": 400.0 for i in motors}
+    found = []
+    for motor_substeps in (1, substeps):
+        result = run(
+            chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), mode=6, parameters=values, initial=[0.3],
+            references={name: references[name] for name in list(references)[: len(motors)]}, duration=1.0, gravity=0.0,
+            compiled=False, substeps=1, motor_substeps=motor_substeps,
+        )  # fmt: skip
+        found.append([column(result, name) for name in ("link_position", "hysteresis_loss")])
+    (q, lost), (same, as_much) = found
+    np.testing.assert_allclose(same, q, rtol=0.0, atol=near)
+    assert as_much[-1] == pytest.approx(lost[-1], rel=2e-3)
+    # It takes most of the swing.
+    assert np.ptp(q[-200:]) < 0.5 * np.ptp(q)
+
+
 # -- all of it, everywhere -----------------------------------------------------------------------------------------------
 
 

@@ -45,8 +45,8 @@ def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
     return {name: float(value) for name, value in found.items()}
 
 
-def drawn(mode: int, stepping: str) -> dict[str, Any]:
-    """Two joints of that mode, by plain numbers."""
+def drawn(mode: int, stepping: str, actuator: str = "qbmove", sensed: bool = False) -> dict[str, Any]:
+    """Two joints of that mode, by plain numbers; sensed: controllers read late and seldom, and motors have substeps."""
     draw, released = np.random.default_rng(10 * mode), stepping == "toolbox"
     size = {0: 3.0, 4: 3.0, 7: 8.0, 8: 1.5}.get(mode, 0.3)
     joints = {}
@@ -57,17 +57,21 @@ def drawn(mode: int, stepping: str) -> dict[str, Any]:
             gains = {"proportional": (40.0, 90.0), "integral": (5.0, 40.0), "derivative": (0.5, 2.0)}
             parameters |= {f"controller_{i}_{name}": float(draw.uniform(*ends)) for name, ends in gains.items()}
             parameters |= {f"spring_a_{i}": float(draw.uniform(6.0, 9.0)), f"spring_k_{i}": float(draw.uniform(0.01, 0.04))}
+        if actuator == "sea":
+            parameters = {name: value for name, value in parameters.items() if not re.search(r"_2(_|$)|spring_[ak]", name)}
+            parameters["spring_stiffness"] = float(draw.uniform(2.0, 6.0))
         if not released:
             parameters |= {"hysteresis_torque": 0.03, "hysteresis_deflection": 0.02}
         references = [[size * float(x) for x in draw.uniform(-1.0, 1.0, 3)] for _ in (1, 2)]
         if mode in (3, 6):
             references[1] = [abs(x) + 0.05 for x in references[1]]
         start = {"position": float(draw.uniform(-0.05, 0.05)), "velocity": float(draw.uniform(-1.0, 1.0))}
-        motors = [float(x) for x in draw.uniform(-0.05, 0.05, 2)] if mode > 3 else []
+        motors = [float(x) for x in draw.uniform(-0.05, 0.05, 1 if actuator == "sea" else 2)] if mode > 3 else []
         push = [float(x) for x in draw.uniform(-0.5, 0.5, 3)]
         joints[joint] = {"parameters": parameters, "references": references, "start": start, "motors": motors, "push": push}
     limits = {"lower": -0.12, "upper": 0.07, "effort": 0.06, "damping": 0.065, "friction": 0.025}
-    return {"mode": mode, "stepping": stepping, "joints": joints, "limits": limits, "unit": 1.0}
+    case = {"mode": mode, "stepping": stepping, "actuator": actuator, "sensed": sensed}
+    return {**case, "joints": joints, "limits": limits, "unit": 1.0}
 
 
 def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -75,7 +79,7 @@ def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
     found = {}
     for joint, one in case["joints"].items():
         parameters = dict(one["parameters"])
-        for i in (1, 2):
+        for i in (1, 2)[: 1 if case["actuator"] == "sea" else 2]:
             low, high = (f"motor_{i}_{end}_position" for end in ("min", "max"))
             parameters[low], parameters[high] = -parameters[high], -parameters[low]
         keeps = (False, case["mode"] in (3, 6))
@@ -128,6 +132,7 @@ def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
     limits = case["limits"]
     text = re.sub(r"<limit [^>]*/>", '<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="20"/>', ROBOT)
     text = re.sub(r"<dynamics [^>]*/>", '<dynamics damping="{damping}" friction="{friction}"/>', text)
+    text = re.sub(r"<((?:spring|mot)_\w+)>[^<]*</\1>", "", text).replace("libqbmove", f"lib{case['actuator']}")
     for name, value in limits.items():
         text = text.replace(f"{{{name}}}", repr(value))
     grown = r'(mass value|ixx|ixy|ixz|iyy|iyz|izz)="([^"]*)"'
@@ -137,6 +142,8 @@ def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
     joints, mode = case["joints"], case["mode"]
     scenario = asrsim.make_scenario(
         folder / "arm.urdf", duration=0.06, step=1e-3, engine="mujoco", compiled=False, stepping=case["stepping"],
+        effects={"sensors": {"*": {"delay": 0.0021, "rate": 400}}} if case["sensed"] else {},
+        motor_substeps=3 if case["sensed"] else 1, substeps=2 if case["sensed"] else None,
         modes=dict.fromkeys(JOINTS, mode), parameters={joint: one["parameters"] for joint, one in joints.items()},
         references={
             joint: {
@@ -163,7 +170,14 @@ def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
 
 
 MODES = {"leapfrog": range(9), "euler": (1, 2, 5, 8), "toolbox": range(7)}
-CASES = [(mode, stepping) for stepping, modes in MODES.items() for mode in modes]
+CASES = [(mode, stepping, "qbmove", False) for stepping, modes in MODES.items() for mode in modes]
+CASES += [(mode, "leapfrog", "sea", False) for mode in range(1, 9)] + [(5, "toolbox", "sea", False)]
+CASES += [
+    (mode, stepping, actuator, True)
+    for mode, stepping in ((1, "leapfrog"), (3, "leapfrog"), (5, "leapfrog"), (6, "leapfrog"), (8, "leapfrog"), (5, "euler"))
+    for actuator in ("qbmove", "sea")
+]
+KINDS = ("mode", "stepping", "actuator", "sensed")
 
 
 def alike(found: np.ndarray, expected: np.ndarray, what: str) -> None:
@@ -172,33 +186,36 @@ def alike(found: np.ndarray, expected: np.ndarray, what: str) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * size + 1e-300, err_msg=what)
 
 
-@pytest.mark.parametrize(("mode", "stepping"), CASES)
-def test_a_robot_s_mirror_image_moves_as_its_image_does(tmp_path: Path, mode: int, stepping: str) -> None:
+@pytest.mark.parametrize(KINDS, CASES)
+def test_a_robot_s_mirror_image_moves_as_its_image_does(
+    tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool
+) -> None:
     """Where references are of a middle and a preset, the mirror exchanges the motors, too."""
-    case, even = drawn(mode, stepping), EVEN | ({"reference_2"} if mode in (3, 6) else set())
+    case, exchanges = drawn(mode, stepping, actuator, sensed), mode in (3, 6) and actuator != "sea"
+    even = EVEN | ({"reference_2"} if exchanges else set())
     turned = mirrored(case)
-    if mode in (3, 6):
+    if exchanges:
         turned = exchanged(turned, references=False)
     own, other = recorded(case, tmp_path), recorded(turned, tmp_path)
     assert own.keys() == other.keys()
     for name, values in own.items():
-        image = other_motor(name) if mode in (3, 6) and not name.startswith("reference") else name
+        image = other_motor(name) if exchanges and not name.startswith("reference") else name
         alike(other[image], values if name in even else -values, name)
 
 
-@pytest.mark.parametrize(("mode", "stepping"), [case for case in CASES if case[0] in (2, 4, 5, 7, 8)])
-def test_the_two_motors_of_a_joint_are_alike(tmp_path: Path, mode: int, stepping: str) -> None:
-    case = drawn(mode, stepping)
+@pytest.mark.parametrize(KINDS, [case for case in CASES if case[0] in (2, 4, 5, 7, 8) and case[2] != "sea"])
+def test_the_two_motors_of_a_joint_are_alike(tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool) -> None:
+    case = drawn(mode, stepping, actuator, sensed)
     own, other = recorded(case, tmp_path), recorded(exchanged(case), tmp_path)
     for name, values in own.items():
         alike(other[other_motor(name)], values, name)
 
 
 # Bristles of the released order are as stiff as they are.
-@pytest.mark.parametrize(("mode", "stepping"), [case for case in CASES if case[1] != "toolbox" or case[0] < 4])
-def test_the_unit_of_torque_moves_nothing(tmp_path: Path, mode: int, stepping: str) -> None:
+@pytest.mark.parametrize(KINDS, [case for case in CASES if case[1] != "toolbox" or case[0] < 4])
+def test_the_unit_of_torque_moves_nothing(tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool) -> None:
     """Torques, energies, stiffnesses and currents are larger numbers; where and how fast everything is stays as it was."""
-    case = drawn(mode, stepping)
+    case = drawn(mode, stepping, actuator, sensed)
     own, other = recorded(case, tmp_path), recorded(enlarged(case), tmp_path)
     for name, values in own.items():
         grows = "torque" in name or name.endswith("current") or name in EVEN - {"resolution"}
