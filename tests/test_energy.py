@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from asrsim.actuators import ACTUATORS
+from asrsim.actuators import ACTUATORS, MODES
 from asrsim.signals import PulseTrain, Sinusoid, Step
 from asrsim.simulation.chunks import LONGEST as CHUNK
 from asrsim.simulation.run import Run
@@ -191,3 +192,28 @@ def test_what_was_handed_on_stays_as_it_is() -> None:
     lost = column(result, "limit_loss")
     assert not lost[:2000].any()
     assert lost[-1] > 0.01
+
+
+@pytest.mark.parametrize("mode", [2, 3, 5, 6])
+@pytest.mark.parametrize("actuator", ACTUATORS.names())
+def test_what_is_left_of_the_balance_falls_with_the_square_of_the_step(actuator: str, mode: int) -> None:
+    """Springs with hysteresis, motors with dynamics and without that move all the time, a link that swings."""
+    law = ACTUATORS.get(actuator)
+    wave = {"amplitude": 0.2, "frequency": 2.0}
+    second = {"amplitude": 0.1 * law.typical_preset, "frequency": 3.0, "offset": law.typical_preset}
+    if mode in (2, 5) and not law.adjuster:
+        second = {"amplitude": 0.15, "frequency": 3.0, "offset": -0.1}
+    names = MODES[mode].references[: 2 if law.motors == 2 or law.adjuster else 1]
+    references = {name: Sinusoid(**keys) for name, keys in zip(names, (wave, second), strict=False)}
+    residuals, losses = [], []
+    for substeps in (1, 2, 4):
+        result = run(
+            chain(Body(actuator=actuator, mass=0.3, reach=0.05, inertia=2e-3, damping=0.01)), mode=mode, references=references,
+            parameters={"hysteresis_torque": 0.05, "hysteresis_deflection": 0.05}, initial=[0.1], duration=0.4, compiled=False,
+            substeps=substeps, motor_substeps=1,
+        )  # fmt: skip
+        residuals.append(np.abs(column(result, "energy_residual")).max())
+        losses.append(column(result, "hysteresis_loss")[-1])
+    assert losses[-1] > 1e-4
+    for coarse, fine in pairwise(residuals):
+        assert np.log2(coarse / fine) > 1.8
