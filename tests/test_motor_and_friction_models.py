@@ -302,6 +302,18 @@ def test_hysteresis_takes_as_much_however_many_substeps_the_motors_have(actuator
     assert np.ptp(q[-200:]) < 0.5 * np.ptp(q)
 
 
+@pytest.mark.parametrize(("actuator", "springs"), [("sea", 1), ("qbmove", 2)])
+def test_hysteresis_is_foreseen_as_stiff_as_it_is_where_a_motion_turns(actuator: str, springs: int) -> None:
+    robot, found = chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), []
+    for values in ({}, {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}):
+        result = run(
+            robot, mode=3, parameters=values, references={"equilibrium_position": 0.2, **({"stiffness_preset": 0.2}
+            if springs == 2 else {})}, duration=0.01, compiled=False,
+        )  # fmt: skip
+        found.append(result.resolution.stiffness[0])
+    assert found[1] - found[0] == pytest.approx(springs * 0.05 / 0.02)
+
+
 # -- all of it, everywhere -----------------------------------------------------------------------------------------------
 
 
