@@ -302,6 +302,34 @@ def test_hysteresis_takes_as_much_however_many_substeps_the_motors_have(actuator
     assert np.ptp(q[-200:]) < 0.5 * np.ptp(q)
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.1])
+@pytest.mark.parametrize("frequency", [1.0, 3.0])
+def test_springs_are_foreseen_as_far_bent_as_motors_can_throw_the_link(frequency: float, spread: float) -> None:
+    """Twice as fast as the references move, and no faster than motors are: J v^2 / 2 goes into the springs, beyond the
+    pretension that the motors hold."""
+    a, k, inertia, amplitude, fastest = 7.0, 0.02, 5e-3, 0.3, 8.0
+    robot = chain(Body(actuator="qbmove", mass=1e-9, reach=0.0, inertia=inertia))
+    wave = {"amplitude": amplitude, "frequency": frequency}
+    values = {"spring_a_1": a, "spring_a_2": a, "spring_k_1": k, "spring_k_2": k, "max_deflection": 3.0}
+    result = run(
+        robot, mode=5, parameters={**values, "motor_1_max_velocity": fastest}, gravity=0.0, duration=0.5, compiled=False,
+        references={"reference_1": Sinusoid(offset=spread, **wave), "reference_2": Sinusoid(offset=-spread, **wave)},
+        substeps=1, step=1e-3,
+    )  # fmt: skip
+
+    def stored(bend: float) -> float:
+        return sum(k / a * (np.cosh(a * (bend + side)) - np.cosh(a * side)) for side in (spread, -spread))
+
+    speed = min(2.0 * amplitude * 2.0 * np.pi * frequency, fastest)
+    energy = 0.5 * inertia * speed**2
+    low, high = 0.0, 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stored(middle) < energy else (low, middle)
+    # What one spring reaches, the other is granted, too.
+    assert result.resolution.stiffness[0] == pytest.approx(2.0 * a * k * np.cosh(a * (spread + low)), rel=0.01)
+
+
 @pytest.mark.parametrize(("actuator", "springs"), [("sea", 1), ("qbmove", 2)])
 def test_hysteresis_is_foreseen_as_stiff_as_it_is_where_a_motion_turns(actuator: str, springs: int) -> None:
     robot, found = chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), []
