@@ -185,9 +185,9 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         "from 0 to 3 s, the recording from 1000 to 1002.99 s.*--lag",
     ),
     "too few digits": (table([texts(TIME, "%.1f"), A, B], before="t,q1,q2\n"), "269 of 300 rows.*too few digits.*--rate"),
-    "a row a joint": (
-        table([np.repeat(TIME, 2), ["shoulder", "elbow"] * COUNT, np.c_[A, B].ravel()], before="t,joint,q\n"),
-        "a row for each of joint",
+    "a row a host": (
+        table([np.repeat(TIME, 2), ["north", "south"] * COUNT, np.c_[A, B].ravel()], before="t,host,q\n"),
+        "a row for each of host",
     ),
     "one stamp": (table([0 * TIME, A, A], before="t,q1,q2\n"), "299 of 300 rows"),
     "an unknown time": (table(ABQ, before="t [week],q1,q2\n"), "unit of this time is not known: week"),

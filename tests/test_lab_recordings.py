@@ -80,7 +80,6 @@ def test_bags(tmp_path: Path, storage: str, kind: str) -> None:
             table(ABQ, before="# angles in degrees\nt,q1,q2\n"),
             "q1, q2: state no unit.*the file says: # angles in degrees",
         ),
-        ("arm.sto", table(ABQ, before="inDegrees=yes\nendheader\nt,q1,q2\n"), "the file says: inDegrees=yes"),
         ("lab_deg.csv", table(ABQ, before="t,q1,q2\n"), "the file's name says deg"),
         ("lab.csv", table(ABQ, before="t,q1 [deg],q2\n"), r"q2: states no unit.*'q1 \[deg\]' is in deg"),
         ("lab.csv", table([TIME, 40 * A, B], before="t,q1,q2\n"), "q1, q2: state no unit.*'q1' would turn by 2"),

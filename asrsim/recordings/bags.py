@@ -207,12 +207,11 @@ def _collect(
         key = (topic_id, tuple(labels))
         group = groups.get(key)
         if group is None:
-            # Joints that are named may come in any order: such a message belongs to those with the same ones.
-            alike = (one for (other, _), one in groups.items() if other == topic_id and sorted(one.labels) == sorted(labels))
-            group = next(alike, None) if all(joint is not None for _, joint in labels) else None
-            group = groups[key] = group or Group(topic.name, topic.kind, labels)
+            # What is named may come in any order, and be left out: such a message belongs to those that have the same.
+            alike = (one for (other, _), one in groups.items() if other == topic_id and one.has(labels))
+            group = groups[key] = next(alike, None) or Group(topic.name, topic.kind, [*labels])
         if labels != group.labels:
-            values = [dict(zip(labels, values, strict=True))[label] for label in group.labels]
+            values = group.row(labels, values)
         group.logged.append(logged)
         group.stamped.append(stamp_of(message))
         group.rows.append(values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -124,8 +125,10 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
     rank = {"command line": 0, "map file": 0, "named in the file": 1}
     # A position that was told stands before the torque that a controller made of it.
     torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
+    # So does what a controller was told or measures before what it gives out.
+    given = [re.split(r"[./]", column.source)[-1] in ("command", "output") for column in columns]
     spare = [0 if column.origin in ("command line", "map file") else len(_spare(column.source)) for column in columns]
-    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], spare[i], i))
+    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], given[i], spare[i], i))
     owner: dict[tuple[str | None, str], int] = {}
     problems: list[Problem] = []
     result = list(columns)

@@ -17,7 +17,7 @@ from asrsim.recordings.data import Column, Raw, RawSeries
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.names import Guess, guess, joint_numbers, stated_unit, theta_is_motor, tokens_of
 from asrsim.recordings.numbering import one_behind, settled, unclear, zero_based
-from asrsim.recordings.units import Unit, split_header, unknown_unit
+from asrsim.recordings.units import Unit, find_unit, split_header, unknown_unit
 
 KNOWN = {**QUANTITIES, **DERIVED}
 """Every quantity that a column may be of, by name."""
@@ -30,6 +30,8 @@ _VENDORS = (
     (re.compile(r"(?i)(?:position|velocity) (?:actual|demand) value"), "increments (CiA 402)"),
 )
 """Names that programs of vendors give by themselves -> what their numbers are, seldom rad."""
+_IN_DEGREES = re.compile(r"(?im)^\s*indegrees\s*=\s*yes\s*$")
+"""The line by which OpenSim says it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +68,10 @@ def columns_of(
     doubts: dict[str, list[str]] = {}
     for index, series in enumerate(raw.series):
         unit = stated_unit(series.name, series.unit)
-        if (one := explicit.get(index)) is not None:
+        one = explicit.get(index)
+        quantity = one.quantity if one is not None else reading.meanings[index].quantity if index in reading.meanings else None
+        unit = unit or _of_angles(raw.remarks, series.name, quantity)
+        if one is not None:
             columns.append(_mapped(series, unit, one))
         elif series.quantity is not None:
             columns.append(_named(series, unit, reading.known))
@@ -157,6 +162,14 @@ def _guessed(
         homeless.append(series.name)
         return _column(series, unit, None, None, "not used: which joint it is of is unclear")
     return _column(series, unit, joint, meaning.quantity, f"guessed: {meaning.reason}")
+
+
+def _of_angles(remarks: str, name: str, quantity: str | None) -> Unit | None:
+    """The unit of an angle or its rate in a file of OpenSim, which says once whether all are in degrees."""
+    unit = KNOWN[quantity].unit if quantity is not None and unknown_unit(name) is None else ""
+    if unit not in ("rad", "rad/s") or _IN_DEGREES.search(remarks) is None:
+        return None
+    return find_unit(unit.replace("rad", "deg"))
 
 
 def _doubt(series: RawSeries, unit: Unit | None, quantity: str) -> str:

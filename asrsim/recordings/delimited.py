@@ -18,6 +18,8 @@ from asrsim.recordings.timebase import lines_text
 from asrsim.samples import Array
 
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3}){2,}")
+_WORDS = 256
+"""Words of a column of text from which on it names no signals."""
 _BLOCK = 20_000
 """Lines read at a time; bounds the memory beside the numbers themselves."""
 
@@ -28,14 +30,14 @@ class Table:
 
     layout: Layout
     values: Array
-    """(n, columns), in the file's units; stamps in s since the first one of their column; text columns NaN."""
+    """(n, columns), in the file's units; stamps in s since the first one of their column; of text the place of the word."""
     lines: NDArray[np.int64]
     """(n,) line of each row, counted from 1."""
     zeros: Mapping[int, int]
     """Column of stamps -> Unix time in ns of its first one (of a time of day: since midnight)."""
     findings: tuple[Problem, ...]
-    words: Mapping[int, str] = field(default_factory=dict)
-    """Column of text -> its one word, where it is the same in all rows."""
+    words: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    """Column of text -> its words, where they are few."""
 
 
 @dataclass
@@ -51,8 +53,12 @@ class Faults:
     headers: list[int] = field(default_factory=list)
     turned: bool = False
     """Whether one of these has its names in another order."""
-    words: dict[int, set[str]] = field(default_factory=dict)
-    """Column of text -> its words, at most two."""
+    words: dict[int, dict[str, int]] = field(default_factory=dict)
+    """Column of text -> its words with their places."""
+
+    def few(self) -> dict[int, tuple[str, ...]]:
+        """The words of columns that have few."""
+        return {column: tuple(words) for column, words in self.words.items() if 0 < len(words) < _WORDS}
 
 
 def read_table(path: Path) -> Table:
@@ -78,7 +84,7 @@ def read_table(path: Path) -> Table:
     return Table(
         layout=layout, values=values, lines=np.concatenate(lines), zeros=zero,
         findings=tuple(report(path, layout, faults, len(values))),
-        words={column: next(iter(found)) for column, found in faults.words.items() if len(found) == 1},
+        words=faults.few(),
     )  # fmt: skip
 
 
@@ -111,6 +117,7 @@ def _slow(
     columns, decimal, separator = len(layout.names), layout.decimal, layout.separator
     plain = not (layout.stamps or layout.text or layout.quoted or layout.widths)
     stamps, text = set(layout.stamps), set(layout.text)
+    header = ["" if i in layout.unnamed else name for i, name in enumerate(layout.names)]
     rows: list[list[float]] = []
     kept: list[int] = []
     for count, line in enumerate(block, start=start):
@@ -136,9 +143,9 @@ def _slow(
             faults.ragged.append(count)
             faults.lengths.add(len(cells))
             continue
-        if sorted(cells) == sorted(layout.names):
+        if sorted(cells) == sorted(header):
             faults.headers.append(count)
-            faults.turned |= tuple(cells) != layout.names
+            faults.turned |= cells != header
             continue
         rows.append([value_of(cell, i, count, decimal, stamps, text, faults, zero) for i, cell in enumerate(cells)])
         kept.append(count)
@@ -150,10 +157,8 @@ def value_of(
 ) -> float:
     """One cell's number; NaN, and a note of it, where it has none."""
     if column in text:
-        words = faults.words.setdefault(column, set())
-        if cell and len(words) < 2:
-            words.add(printable(cell))
-        return float("nan")
+        words = faults.words.setdefault(column, {})
+        return words.setdefault(printable(cell), len(words)) if cell and len(words) < _WORDS else float("nan")
     if column in stamps:
         moment = stamp_ns(cell)
         if moment is None:

@@ -105,8 +105,8 @@ def units_of(cells: Sequence[str]) -> list[str] | None:
 def _fitted(cells: list[str], data: Sequence[Sequence[str]]) -> list[str]:
     """The names over their columns where one is missing or too many and it is clear which."""
     columns = len(data[0])
-    if len(cells) == columns + 1 and cells[-1].lower() in _REMARKS:
-        return cells[:-1]
+    while len(cells) > columns and cells[-1].lower() in _REMARKS:
+        cells = cells[:-1]
     if len(cells) != columns - 1:
         return cells
     if not any(row[-1] for row in data):

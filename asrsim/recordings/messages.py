@@ -16,6 +16,10 @@ _LONGEST = 64
 NAME_FIELDS = ("name", "names", "joint_names")
 _OWN_NAMES = ("name", "joint_name", "joint", "label", "id")
 """Fields by which one object of a list says what it is of."""
+_STAMPS = ("stamp", "timestamp", "time")
+"""Fields of a message that hold when it was sent, in seconds and nanoseconds."""
+_TIME = (("sec", "secs"), ("nanosec", "nsec", "nsecs"))
+"""How these two are called."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _STATE_OF = {**{name: name for name in _JOINT_STATE}, "positions": "position", "velocities": "velocity", "efforts": "effort"}
 TOPICS: dict[str, str] = {
@@ -42,11 +46,20 @@ class Skip(Exception):  # noqa: N818
 
 
 def stamp_of(message: Any) -> int | None:
-    """Header stamp in ns, None without a header or with a zero one."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
-        return None
-    return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) or None
+    """Stamp of a header, or of a message without one, in ns; None where there is none, or a zero one."""
+    for holder, key in ((_member(message, "header"), "stamp"), *((message, key) for key in _STAMPS)):
+        stamp = _member(holder, key)
+        whole, parts = (
+            next((_member(stamp, name) for name in names if _member(stamp, name) is not None), None) for names in _TIME
+        )
+        if isinstance(whole, int) and isinstance(parts, int):
+            return (whole * 1_000_000_000 + parts) or None
+    return None
+
+
+def _member(message: Any, key: str) -> Any:
+    """A field of a message or of an object of JSON; None where it has none."""
+    return message.get(key) if isinstance(message, dict) else getattr(message, key, None)
 
 
 def flatten(message: Any) -> tuple[list[tuple[str, str | None]], list[float]]:
@@ -76,8 +89,11 @@ def _walk(message: Any, prefix: str, names: Sequence[str]) -> Iterator[tuple[str
     for key, value in members:
         if key in NAME_FIELDS and isinstance(value, list) and value and isinstance(value[0], str):
             names = value
+    if (told := _interfaces(dict(members))) is not None:
+        yield from ((f"{prefix}{name}", None, float(value)) for name, value in told)
+        return
     for key, value in members:
-        if key in ("header", "stamp", "layout"):
+        if key in ("header", "stamp", "layout") or (key in _STAMPS and (isinstance(value, dict) or is_dataclass(value))):
             continue
         label = f"{prefix}{key}"
         if isinstance(value, bool | int | float | np.number | np.bool_):
@@ -86,6 +102,14 @@ def _walk(message: Any, prefix: str, names: Sequence[str]) -> Iterator[tuple[str
             yield from _sequence(label, value, names)
         elif isinstance(value, dict) or is_dataclass(value):
             yield from _walk(value, f"{label}.", names)
+
+
+def _interfaces(members: Mapping[str, Any]) -> Iterator[tuple[str, Any]] | None:
+    """What ros2_control knows of a joint: names that stand apart from their values, in any order; None for all else."""
+    names, values = members.get("interface_names"), members.get("values")
+    if names is None or values is None or len(names) != len(values) or len(members) != 2:
+        return None
+    return zip(names, values, strict=True)
 
 
 def _sequence(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[str, str | None, float]]:

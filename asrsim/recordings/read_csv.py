@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.recordings.cells import number
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
+from asrsim.recordings.long import widened
 from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.messages import mixed_names, named_joints
 from asrsim.recordings.names import find_column
@@ -22,6 +24,8 @@ from asrsim.samples import Array
 
 _MARKS = (-999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -1e9, 1e9)
 """Numbers that some recorders write where they have none."""
+_EXACT = 1e-3
+"""Of a step: what two times that are one may be apart by their rounding."""
 _ONE_DAY = 86_400.0
 """s: stamps of two clocks that are nearer than this count from one zero."""
 
@@ -34,6 +38,7 @@ def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
             table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
             hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
         )  # fmt: skip
+    _refuse_one_x(table, path)
     for name, said in table.layout.scaled.items():
         if find_column(name, [one.column for one in maps]) is None:
             raise RecordingError(
@@ -42,6 +47,22 @@ def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
                 f"or --map '{name}=ignore'",
             )  # fmt: skip
     return table
+
+
+def _refuse_one_x(table: Table, path: Path) -> None:
+    """Raise where LabVIEW's header tells other starts or steps of the channels than the one column of times can have."""
+    if sum(name.partition("#")[0] == "X_Value" for name in table.layout.names) != 1:
+        return
+    told = {line.split()[0]: [number(cell, table.layout.decimal) for cell in line.split()[1:]]
+            for line in table.layout.remarks.splitlines() if line.startswith(("X0", "Delta_X"))}  # fmt: skip
+    steps = [step for step in told.get("Delta_X", []) if step]
+    for key, values in told.items():
+        numbers = [value for value in values if value is not None]
+        if len(numbers) > 1 and steps and max(numbers) - min(numbers) > 0.5 * min(steps) * (1.0 if key == "X0" else 0.01):
+            raise RecordingError(
+                f"its channels have {key} of {', '.join(f'{one:g}' for one in numbers)}, but one column of times", file=path,
+                key="X_Value", code="one-x", hint="Save it with one X column a channel (X_Columns Multi)",
+            )  # fmt: skip
 
 
 def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float | None, *, form: str = "csv") -> Raw:
@@ -56,6 +77,15 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         epoch = epoch if start is None else start
         if merged is not None:
             findings.append(Problem(merged, file=path, code="split-time"))
+    mixed = mixed_names(table.layout.names, table.layout.text, _same_in_all(table))
+    if mixed is not None and not maps:
+        raise RecordingError(
+            "names other joints from row to row: its columns are of several joints", file=path, key=mixed, code="mixed-joints",
+            hint="Keep the rows of one publisher, or say with --map what a column is",
+        )  # fmt: skip
+    table, made = widened(table, maps)
+    if made is not None:
+        findings.append(Problem(made, file=path, code="long-table"))
     names, stated = zip(*(_name_and_unit(table, i) for i in range(len(table.layout.names))), strict=True)
     if rate is not None:
         time = np.arange(len(table.values)) / rate
@@ -64,13 +94,7 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
     else:
         bases, start = _bases(path, table, names, stated, maps, findings)
         epoch = epoch if start is None else start
-    mixed = mixed_names(table.layout.names, table.layout.text, table.words)
-    if mixed is not None and not maps:
-        raise RecordingError(
-            "names other joints from row to row: its columns are of several joints", file=path, key=mixed, code="mixed-joints",
-            hint="Keep the rows of one publisher, or say with --map what a column is",
-        )  # fmt: skip
-    joints = named_joints(table.layout.names, table.words, path.stem)
+    joints = named_joints(table.layout.names, _same_in_all(table), path.stem)
     series: list[RawSeries] = []
     owner: int | None = None
     times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
@@ -100,6 +124,11 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         )  # fmt: skip
     return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names,
                remarks=table.layout.remarks)  # fmt: skip
+
+
+def _same_in_all(table: Table) -> dict[int, str]:
+    """Column of text -> its one word, where it is the same in all rows."""
+    return {column: found[0] for column, found in table.words.items() if len(found) == 1}
 
 
 def _kept(values: Array, keep: NDArray[np.bool_]) -> Array:
@@ -158,7 +187,11 @@ def _bases(
             # A further time column may simply be shorter than the table.
             first, other, _ = bases[0]
             both = np.isfinite(time) & np.isfinite(other)
-            if both.sum() > 1 and _same_clock(time[both], other[both]):
+            # Dates side by side are of two clocks of which one goes wrong; what counts from a start is later where it says so.
+            one = label.partition("#")[0] == table.layout.names[first].partition("#")[0]
+            counts = start is None and column not in table.layout.stamps and np.nanmax(other) > np.nanmin(time)
+            apart = (one or bool(counts)) and column > bases[-1][0] + 1
+            if both.sum() > 1 and _same_clock(time[both], other[both], apart=apart):
                 findings.append(
                     Problem(f"is the same clock as '{table.layout.names[first]}', which is used", file=path, key=label,
                             code="second-time")
@@ -194,7 +227,7 @@ def _refuse_unknown_unit(label: str, factor: float | None, path: Path) -> None:
 def _refuse_short_stamps(table: Table, column: int, path: Path) -> None:
     """Raise where most stamps repeat the one before though the other columns go on: what is between them is not known."""
     repeated = np.diff(table.values[:, column]) == 0
-    others = np.delete(table.values, column, axis=1)
+    others = np.delete(table.values, [column, *table.layout.text], axis=1)
     moved = np.any(np.diff(others, axis=0) != 0, axis=1, where=np.isfinite(others[1:]) & np.isfinite(others[:-1]))
     if repeated.sum() > 0.5 * len(repeated) and moved[repeated].mean() > 0.5:
         names = table.layout.names
@@ -206,8 +239,9 @@ def _refuse_short_stamps(table: Table, column: int, path: Path) -> None:
         )  # fmt: skip
 
 
-def _same_clock(a: Array, b: Array) -> bool:
-    """Whether two times tell the same but for their zero."""
+def _same_clock(a: Array, b: Array, *, apart: bool) -> bool:
+    """Whether two times tell the same but for their zero; apart: each has columns of its own, and its zero counts."""
     step = float(np.median(np.abs(np.diff(a)))) or 1e-9
-    difference = a - b
-    return bool(np.max(np.abs(difference - np.median(difference))) < 0.5 * step)
+    later = a - b
+    zero = float(np.median(later))
+    return bool(np.max(np.abs(later - zero)) < 0.5 * step) and not (apart and abs(zero) > _EXACT * step)

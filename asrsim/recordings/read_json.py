@@ -15,7 +15,9 @@ from asrsim.recordings.cells import kind_of
 from asrsim.recordings.delimited import Faults, Table, report, value_of
 from asrsim.recordings.header import unique
 from asrsim.recordings.messages import NAME_FIELDS, own_names
+from asrsim.recordings.names import tokens_of
 from asrsim.recordings.sniff import Layout, encoding_of
+from asrsim.recordings.time_columns import TIME_WORDS
 
 _LONGEST = 64
 """Entries of a list in a record; longer ones are pictures or scans."""
@@ -70,7 +72,7 @@ def table_of(
     return Table(
         layout=layout, values=values, lines=np.arange(1, len(values) + 1, dtype=np.int64), zeros=zeros,
         findings=tuple(report(path, layout, faults, len(values))),
-        words={column: next(iter(found)) for column, found in faults.words.items() if len(found) == 1},
+        words=faults.few(),
     )  # fmt: skip
 
 
@@ -180,11 +182,15 @@ def _units_of(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, str]]
         if key.lower() in ("unit", "units") and isinstance(value, list) and isinstance(names := data.get("columns"), list):
             yield from ((str(name), unit) for name, unit in zip(names, value, strict=False) if isinstance(unit, str))
         elif key.lower() in ("unit", "units") and isinstance(value, str):
-            yield from ((f"{prefix}{name}", value) for name, other in data.items() if isinstance(other, list))
+            timeless = (name for name, other in data.items() if isinstance(other, list) and not TIME_WORDS & {*tokens_of(name)})
+            yield from ((f"{prefix}{name}", value) for name in timeless)
         elif key.lower() in ("unit", "units") and isinstance(value, Mapping):
             yield from ((str(name), unit) for name, unit in value.items() if isinstance(unit, str))
         elif isinstance(value, Mapping):
             yield from _units_of(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and _are_series(value):
+            for name, rest in _named(value):
+                yield from _units_of(rest, f"{prefix}{key}{name}.")
 
 
 def _with_unit(label: str, units: Mapping[str, str]) -> str:

@@ -81,7 +81,7 @@ def time_columns(
         return [index], factors if told.unit is None else factors | {index: told.unit.factor}
     mapped = {find_column(one.column, labels) for one in maps}
     free = [i for i in range(len(labels)) if i not in mapped and i not in table.layout.text]
-    named = _named(path, table, [i for i in free if _is_time(names[i], stated[i])], findings)
+    named = _named(path, table, [i for i in free if is_time(names[i], stated[i])], findings)
     if (sent := _sent(path, table, named, findings)) is not None:
         return [sent], factors
     if named or table.layout.stamps:
@@ -104,7 +104,7 @@ def _sent(path: Path, table: Table, named: Sequence[int], findings: list[Problem
     """The stamp of messages, where nothing but the time of their recording stands beside it: messages know when they were
     sent, which is when they were measured; a recorder knows when it got them."""
     labels = table.layout.names
-    sent = [i for i in named if _is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
+    sent = [i for i in named if is_stamp(labels[i]) and np.isfinite(table.values[:, i]).mean() > _WHOLE]
     got = [
         i for i in named if set(tokens_of(labels[i])) & {"rosbag", "rosbagtimestamp"} or labels[i].lower() in ("time", "__time")
     ]
@@ -136,7 +136,7 @@ def _rising(path: Path, table: Table, free: Sequence[int], names: Sequence[str],
                     key=labels[rising[0]], hint="Say otherwise with --map COLUMN=time", code="time-guessed")
         )  # fmt: skip
         return rising[0]
-    if (said := next((i for i in table.layout.text if _is_time(split_header(labels[i])[0], None)), None)) is not None:
+    if (said := next((i for i in table.layout.text if is_time(split_header(labels[i])[0], None)), None)) is not None:
         raise RecordingError(
             "is named as a time, but its cells are neither numbers nor dates that are known", file=path, key=labels[said],
             code="no-time", hint="Expected s or ms, or dates like 2024-05-06 10:00:00.002; or give the rate: --rate",
@@ -166,7 +166,8 @@ def told_rate(remarks: str) -> str | None:
     return f"The file says '{printable(' '.join(match[0].split()))}': give --rate {told if match['rate'] else 1 / told:.9g}"
 
 
-def _is_time(name: str, unit: Unit | None) -> bool:
+def is_time(name: str, unit: Unit | None) -> bool:
+    """Whether a column is named as a time, or by its unit is one."""
     words = {word for word in tokens_of(name) if not word.isdigit()}
     if unit is not None and unit.si != "s":
         return False
@@ -177,7 +178,7 @@ def _is_time(name: str, unit: Unit | None) -> bool:
     return bool(words & TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
 
 
-def _is_stamp(label: str) -> bool:
+def is_stamp(label: str) -> bool:
     """Whether a column is the stamp in the header of messages."""
     return label == MERGED or {"header", "stamp"} <= set(tokens_of(label))
 
