@@ -104,46 +104,26 @@ def compare_run(
     Raises RecordingError (no common joint or quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
-    wanted = {joint.name for joint in reader.info.joints if joints is None or joint.name in joints}
-    names = [joint.name for joint in reader.info.joints]
-    known = available(reader)
-    pairings = [match_joints(names, recording)[0] for recording in recordings]
-    paired = [name for name in names if name in wanted and any(name in pairing.values() for pairing in pairings)]
-    common = [
-        name
-        for name in known
-        if is_comparable(name, quantities)
-        and any(column.quantity == name for recording in recordings for column in recording.channels.values())
-    ]
-    if not paired or not common:
-        # Its own words are the better ones.
-        compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
-        raise RecordingError("no joint and quantity that was asked for is in both", file=recordings[0].path)
-
-    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
-        return reader.read(quantities=quantities, joints=joints).samples
-
-    alignments: dict[str, Alignment] = {}
+    infos = reader.info.joints
+    pairings = [match_joints([joint.name for joint in infos], recording)[0] for recording in recordings]
+    paired, common = _in_both(reader, recordings, pairings, joints, quantities)
+    alignments = {
+        str(recording.path): _aligned(reader, recording, pairing, lags, lag_limit)
+        for recording, pairing in zip(recordings, pairings, strict=True)
+    }
+    findings = {str(problem): problem for alignment in alignments.values() for problem in alignment.findings}
     pairs: dict[tuple[str, str], Pair] = {}
     rows: list[MetricRow] = []
-    findings: dict[str, Problem] = {}
     groups = list(_groups(reader, paired, common, recordings))
-    for recording, pairing in zip(recordings, pairings, strict=True):
-        name = str(recording.path)
-        given = lags.get(name, "auto") if isinstance(lags, Mapping) else lags
-        alignments[name] = align_recording(
-            recording, pairing, series_of(read, reader.info.joints), lag=given, limit=lag_limit, infos=reader.info.joints
-        )
-        findings |= {str(problem): problem for problem in alignments[name].findings}
     for number, members in enumerate(groups):
         compared = []
         samples = reader.read(quantities=_stored(reader, common), joints=members).samples
         for recording, pairing in zip(recordings, pairings, strict=True):
-            mine = {a: b for a, b in pairing.items() if b in members}
-            if not mine:
+            of_members = {its: ours for its, ours in pairing.items() if ours in members}
+            if not of_members:
                 continue
             lag = alignments[str(recording.path)].lag
-            one = compare(samples, recording, infos=reader.info.joints, joints=mine, quantities=common, lag=lag)
+            one = compare(samples, recording, infos=infos, joints=of_members, quantities=common, lag=lag)
             compared.append(one)
             rows += one.rows(label)
             findings |= {str(problem): problem for problem in one.findings}
@@ -159,6 +139,42 @@ def compare_run(
         rows=tuple(rows),
         findings=tuple(findings.values()),
     )
+
+
+def _in_both(
+    reader: LogReader,
+    recordings: Sequence[Recording],
+    pairings: Sequence[Mapping[str, str]],
+    joints: Sequence[str] | None,
+    quantities: Sequence[str] | None,
+) -> tuple[list[str], list[str]]:
+    """Joints and quantities that the log shares with at least one recording. Raises RecordingError where there are none."""
+    wanted = [joint.name for joint in reader.info.joints if joints is None or joint.name in joints]
+    paired = [name for name in wanted if any(name in pairing.values() for pairing in pairings)]
+    recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
+    common = [name for name in available(reader) if is_comparable(name, quantities) and name in recorded]
+    if not paired or not common:
+        # The comparison itself says best what it lacks.
+        compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
+        raise RecordingError("no joint and quantity that was asked for is in both", file=recordings[0].path)
+    return paired, common
+
+
+def _aligned(
+    reader: LogReader,
+    recording: Recording,
+    pairing: Mapping[str, str],
+    lags: Mapping[str, LagChoice] | LagChoice,
+    limit: float | None,
+) -> Alignment:
+    """How the clock of a recording is moved onto the run's."""
+
+    def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
+        return reader.read(quantities=quantities, joints=joints).samples
+
+    infos = reader.info.joints
+    lag = lags.get(str(recording.path), "auto") if isinstance(lags, Mapping) else lags
+    return align_recording(recording, pairing, series_of(read, infos), lag=lag, limit=limit, infos=infos)
 
 
 def _groups(

@@ -110,49 +110,65 @@ def repeat(
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
         _require_engine(reader, scenario.engine)
-        place: Path | None = None
+        new: Path | None = None
         if folder is not None:
             stack.enter_context(owned(folder))
             earlier = open_folder(folder, scenario, overwrite=overwrite, inputs=(reader.path,))
-            place = stack.enter_context(new_log(folder, earlier))
+            new = stack.enter_context(new_log(folder, earlier))
         comparer = Comparer(reader)
-        writer: LogWriter | None = None
+        writers: list[LogWriter] = []
 
         def sinks(info: RunInfo) -> Sequence[Sink]:
-            nonlocal writer
-            if place is None:
-                return [comparer]
-            # The new log describes the original run.
-            there = reader.info
-            same = replace(
-                info, scenario=there.scenario, scenario_path=there.scenario_path, resolved=there.resolved,
-                attachments={**there.attachments, **info.attachments},
-            )  # fmt: skip
-            writer = stack.enter_context(LogWriter(place, same))
-            return [comparer, writer]
+            if new is not None:
+                writers.append(stack.enter_context(LogWriter(new, _as_the_original(info, reader.info))))
+            return [comparer, *writers]
 
         def ended() -> bool:
             return (reader.status != "complete" and comparer.exhausted) or (stop is not None and stop())
 
-        error: DivergenceError | None = None
-        try:
-            # A live run lasts as long as its log, and repeats the commands recorded there.
-            live = LIVE in reader.metadata
-            run = simulate(
-                scenario, robot, sinks=sinks, keep=False, progress=progress, stop=ended,
-                commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
-            )  # fmt: skip
-        except DivergenceError as caught:
-            if not isinstance(caught.run, Run):
-                raise
-            error, run = caught, caught.run
-        if writer is not None:
+        run, error = _simulated(reader, scenario, robot, sinks=sinks, progress=progress, stop=ended)
+        for writer in writers:
             writer.close(result_metadata(run, error))
-    return _told(reader, run, comparer, folder / LOG if folder is not None else None)
+    return _repetition(reader, run, comparer, folder / LOG if folder is not None else None)
 
 
-def _told(reader: LogReader, run: Run, comparer: Comparer, log: Path | None) -> Repetition:
-    """What came of it; log: of the repeated run."""
+def _as_the_original(info: RunInfo, logged: RunInfo) -> RunInfo:
+    """The repeated run's description, with the scenario of the original one instead of the copy that the log carried."""
+    return replace(
+        info,
+        scenario=logged.scenario,
+        scenario_path=logged.scenario_path,
+        resolved=logged.resolved,
+        attachments={**logged.attachments, **info.attachments},
+    )
+
+
+def _simulated(
+    reader: LogReader,
+    scenario: Scenario,
+    robot: Robot,
+    *,
+    sinks: Callable[[RunInfo], Sequence[Sink]],
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
+) -> tuple[Run, DivergenceError | None]:
+    """The run, and the error that ended it where it diverges, as the logged one may have done."""
+    # A live run lasts as long as its log, and repeats the commands recorded there.
+    live = LIVE in reader.metadata
+    try:
+        run = simulate(
+            scenario, robot, sinks=sinks, keep=False, progress=progress, stop=stop,
+            commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
+        )  # fmt: skip
+    except DivergenceError as error:
+        if not isinstance(error.run, Run):
+            raise
+        return error.run, error
+    return run, None
+
+
+def _repetition(reader: LogReader, run: Run, comparer: Comparer, log: Path | None) -> Repetition:
+    """What the comparison found; log: that of the repeated run, if one is written."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
     here, there = run.info.metadata, reader.info.metadata
@@ -203,9 +219,9 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     files: dict[str, Path] = {}
     for number, (name, data) in enumerate(sorted(info.attachments.items())):
         # Names come from a file: only their last part, and each in its own folder.
-        place = folder / "files" / str(number)
-        place.mkdir(parents=True)
-        files[name] = place / (PurePosixPath(name.replace("\\", "/")).name or "file")
+        own_folder = folder / "files" / str(number)
+        own_folder.mkdir(parents=True)
+        files[name] = own_folder / (PurePosixPath(name.replace("\\", "/")).name or "file")
         files[name].write_bytes(data)
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")

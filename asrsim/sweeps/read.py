@@ -140,56 +140,39 @@ def make_study(
     `key=law` texts. Raises InputError with every problem.
     """
     read_document(Path(scenario), "scenario")
-    problems: list[Problem] = []
-    axes: list[Axis] = []
-    for item in over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)):
-        try:
-            key, value = item
-            axes.append(axis_of(key, value))
-        except InputError as error:
-            problems += error.problems
-    joint: Joint | None = None
-    try:
-        joint = None if fit is None else read_fit(fit)
-    except InputError as error:
-        problems += error.problems
-    read = not problems
+    axes, problems = _axes(over)
+    joint, faults = _joint(fit)
+    problems += faults
+    pairs, faults_of_pairs = _correlations(correlations)
+    drawn = joint is not None or any(isinstance(axis.law, Distribution) for axis in axes)
+    # A key that could not be read may well have been meant to be drawn.
+    drawable = drawn or bool(problems)
     if design not in DESIGNS:
         problems.append(Problem(f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
     groups = [*(axis.keys for axis in axes), *(joint.groups if joint else ())]
     problems += _twice([key for group in groups for key in group])
-    drawn = joint is not None or any(isinstance(axis.law, Distribution) for axis in axes)
-    pairs = []
-    for first, second, value in correlations:
-        number = value if isinstance(value, int | float) and not isinstance(value, bool) else 2.0
-        if not -1.0 < number < 1.0:
-            problems.append(Problem("must lie between -1 and 1", key="correlations", value=value, code="range"))
-        pairs.append((first, second, float(number)))
+    problems += faults_of_pairs
     if not over and fit is None:
         hint = "Give --over KEY=VALUES, or `over:` in a study file"
         problems.append(Problem("nothing is varied", key="over", hint=hint, code="sweep-empty"))
-    if samples is not None and (samples < 1 or (read and not drawn)):
+    if samples is not None and (samples < 1 or not drawable):
         message = "must be at least 1" if samples < 1 else "has a number, but no key is drawn from a distribution"
         problems.append(Problem(message, key="samples", value=samples, code="sweep-samples"))
-    if design == "saltelli" and (pairs or joint):
+    if design == "saltelli" and (pairs or faults_of_pairs or joint):
         message = "Sobol indices are of independent numbers: the design saltelli goes without correlations and fit"
         problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
-    count = (samples or SAMPLES) if drawn else 0
-    if design == "saltelli":
-        # Sobol's sequence is balanced at powers of two only, and the indices need that.
-        count = 1 << max(1, (count - 1).bit_length())
     study = Study(
         scenario=Path(scenario),
-        axes=tuple(axes),
+        axes=axes,
         joint=joint,
         variants=one_or_more(variants),
         overrides=override_texts(overrides),
         design=design,
-        samples=count,
+        samples=_draws(samples or SAMPLES, design) if drawn else 0,
         seed=seed,
-        correlations=tuple(pairs),
+        correlations=pairs,
         signals=one_or_more(signals),
         rate=rate,
         logs=logs,
@@ -201,6 +184,45 @@ def make_study(
     if pairs:
         _ = study.correlation_root
     return study
+
+
+def _axes(over: Mapping[str, Any] | Sequence[str]) -> tuple[tuple[Axis, ...], list[Problem]]:
+    """What is varied, and what is wrong with it."""
+    axes: list[Axis] = []
+    problems: list[Problem] = []
+    for item in over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)):
+        try:
+            axes.append(axis_of(*item))
+        except InputError as error:
+            problems += error.problems
+    return tuple(axes), problems
+
+
+def _joint(fit: str | Path | Mapping[str, Any] | None) -> tuple[Joint | None, Sequence[Problem]]:
+    """The fit whose parameters are drawn together, or what is wrong with it."""
+    try:
+        return None if fit is None else read_fit(fit), ()
+    except InputError as error:
+        return None, error.problems
+
+
+def _correlations(
+    triples: Iterable[tuple[str, str, Any]],
+) -> tuple[tuple[tuple[str, str, float], ...], list[Problem]]:
+    """Pairs of keys with their rank correlation, and which of these is no number between -1 and 1."""
+    pairs: list[tuple[str, str, float]] = []
+    problems: list[Problem] = []
+    for first, second, value in triples:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not -1.0 < value < 1.0:
+            problems.append(Problem("must lie between -1 and 1", key="correlations", value=value, code="range"))
+        else:
+            pairs.append((first, second, float(value)))
+    return tuple(pairs), problems
+
+
+def _draws(samples: int, design: str) -> int:
+    """How often a study draws; Sobol's sequence is balanced at powers of two only, and the indices of saltelli need that."""
+    return 1 << max(1, (samples - 1).bit_length()) if design == "saltelli" else samples
 
 
 def _split(text: str) -> tuple[str, str]:
