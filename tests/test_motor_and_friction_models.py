@@ -225,6 +225,23 @@ def test_contacts_leave_a_joint_its_friction(engine: str) -> None:
     assert np.abs(column(plain, "link_position") - column(coulomb, "link_position")).max() > 20.0 * distance
 
 
+@pytest.mark.parametrize(
+    "more", [{}, {"motor_1_load_friction": 0.05}, {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0}]
+)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_no_motor_is_recorded_faster_than_it_may_be(more: dict[str, float], way: float) -> None:
+    """Pushed on by its torque, it turns as fast as it may, step by step."""
+    fastest = 3.0
+    result = run(
+        chain(Body(actuator="sea", mass=0.1, reach=0.01, inertia=5e-3)), mode=4, references={"motor_1_torque": 5.0 * way},
+        parameters={"motor_1_max_velocity": fastest, **more}, gravity=0.0, duration=0.1, compiled=False, substeps=1,
+    )  # fmt: skip
+    speed, place = (way * column(result, f"motor_1_{name}") for name in ("velocity", "position"))
+    assert speed.max() <= fastest
+    assert speed[-20:] == pytest.approx(fastest, abs=1e-12)
+    assert np.diff(place[-20:]) == pytest.approx(fastest * 1e-3, rel=1e-9)
+
+
 # -- hysteresis ----------------------------------------------------------------------------------------------------------
 
 
