@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import AsrsimError, OutputError, RecordingError
+from asrsim.errors import AsrsimError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
-from asrsim.robot import with_actuators, with_overrides
+from asrsim.robot import Robot, with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
-from asrsim.scenario.start_file import MOUNTED_MODE, SCHEMA_FILE, is_foreign, moving_robot, relative_path, write_new
+from asrsim.scenario.start_file import MOUNTED_MODE, SCHEMA_FILE, moving_robot, relative_path, schema_beside, write_new
 from asrsim.scenario.starter_extract import extract
 from asrsim.scenario.starter_fit import fit_text
 from asrsim.scenario.starter_mounted import fitting_modes, open_parameters
@@ -75,25 +75,20 @@ def write_from_recording(
     joints = [joint.name for joint in loaded.moving_joints]
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
     mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
-    types = {joint: (name, MOUNTED_MODE) for joint, name in (actuators or {}).items()}
-    loaded = with_actuators(loaded, types, {})
-    modes = {"*": mode} if mode is not None else fitting_modes(loaded, recording, mounted)
-    unknown = open_parameters(loaded, modes, mounted)
-    loaded = with_overrides(loaded, modes=modes, parameters=unknown)
+    loaded, unknown = _driven(loaded, recording, actuators or {}, mounted, mode)
     # A mapping file is written down as items: the scenario stands alone.
     mapping = [text for item in mapping for text in (_items(item) if is_file(item) else (item,))]
     plan = make_plan(loaded, recording, step=STEP)
-    extracted = extract(plan, f"{out.stem}_commands.csv")
+    commands = f"{out.stem}_commands.csv"
+    extracted = extract(plan, commands)
     names = Names(
         scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
-        extract=f"{out.stem}_commands.csv", schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
+        extract=commands, schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
         parts={column.part: relative_path(column.part, out.parent) for column in recording.channels.values() if column.part},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
         plugins=tuple(relative_path(plugin, out.parent) for plugin in plugins),
     )  # fmt: skip
-    beside = out.parent / SCHEMA_FILE
-    if schema and is_foreign(beside):
-        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    beside = schema_beside(out) if schema else None
     fit = out.with_suffix(FIT)
     for path in (out, fit, *(out.parent / name for name in extracted)):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
@@ -103,24 +98,37 @@ def write_from_recording(
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
     write_new(out, text_with(placeholders(plan)), force=force)
+    files = [out]
     fits = bool(plan.compared)
     if fits:
         text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=names.plugins)
         write_new(fit, text, force=force)
+        files.append(fit)
+    files += [out.parent / name for name in extracted]
     measured, message = _first_comparison(out, plan)
     if measured:
         write_new(out, text_with(first_claims(plan, measured)), force=True)
-    if schema:
+    if beside is not None:
         write_new(beside, schema_text(), force=True)
-    files = (out, *([fit] if fits else []), *(out.parent / name for name in extracted), *([beside] if schema else []))
+        files.append(beside)
     return Written(
-        files=files,
+        files=tuple(files),
         recording=recording,
         remarks=plan.remarks,
         compared=bool(measured),
         message=message,
         fit=fit if fits else None,
     )
+
+
+def _driven(
+    robot: Robot, recording: Recording, actuators: Mapping[str, str], mounted: Sequence[str], mode: int | None
+) -> tuple[Robot, dict[str, dict[str, float]]]:
+    """The robot with the actuators and modes of the scenario, and the parameters that nobody has given."""
+    robot = with_actuators(robot, {joint: (name, MOUNTED_MODE) for joint, name in actuators.items()}, {})
+    modes = {"*": mode} if mode is not None else fitting_modes(robot, recording, mounted)
+    unknown = open_parameters(robot, modes, mounted)
+    return with_overrides(robot, modes=modes, parameters=unknown), unknown
 
 
 def _items(item: str) -> list[str]:
