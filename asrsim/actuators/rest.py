@@ -18,7 +18,8 @@ FARTHEST = 1e6
 def resting_motors(
     drive: Drive, position: float, references: tuple[float, float], *, limited: bool = True
 ) -> tuple[float, float]:
-    """What the springs' law takes, rad, where a controller without integral action droops by tau_el / P.
+    """Positions of the motors at rest, rad, as the springs' law takes them: a controller without integral action gives way by
+    tau_el / P.
 
     position: of the link, rad; references: of the motors, after the reference map. limited: a motor gives way at its largest
     torque, and stands on its stops. Friction is left out. For ideal motors these are the references themselves.
@@ -44,21 +45,21 @@ def resting_integrals(drive: Drive, position: float, resting: tuple[float, float
     return tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in limits)
 
 
-def _resting(drive: Drive, motor: int, position: float, wanted: float, places: list[float], limited: bool) -> float:
-    """rad of one motor, the other where it is."""
+def _resting(drive: Drive, motor: int, position: float, wanted: float, positions: list[float], limited: bool) -> float:
+    """Where one motor rests, rad, while the other stays at its place in `positions`."""
     gain, elastic = drive.proportional[motor], drive.elastic
     most = drive.max_torque[motor] if limited else math.inf
     low, high = drive.motor_ranges[motor] if limited else (-math.inf, math.inf)
 
     def load(theta: float) -> float:
-        at = [*places]
-        at[motor] = theta
+        trial = [*positions]
+        trial[motor] = theta
         try:
-            return drive.actuator.elastic_torques(position, at[0], at[1], elastic)[motor]
+            return drive.actuator.elastic_torques(position, trial[0], trial[1], elastic)[motor]
         except OverflowError:
             return math.copysign(math.inf, theta - position)
 
-    def left(theta: float) -> float:
+    def imbalance(theta: float) -> float:
         return load(theta) - min(max(gain * (wanted - theta), -most), most)
 
     wanted_load = load(wanted)
@@ -67,28 +68,28 @@ def _resting(drive: Drive, motor: int, position: float, wanted: float, places: l
         held = min(max(wanted_load, -most), most)
         rest = wanted if held == wanted_load else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)[0]
     else:
-        rest = increasing_root(left, wanted, abs(wanted_load) / gain if gain > 0.0 else 1.0)[0]
+        rest = increasing_root(imbalance, wanted, abs(wanted_load) / gain if gain > 0.0 else 1.0)[0]
     return min(max(rest, low), high)
 
 
 def increasing_root(
     function: Callable[[float], float], start: float, reach: float, farthest: float = FARTHEST
 ) -> tuple[float, float]:
-    """Where a growing function is 0, and 0: it is looked for from `start` on, first as far as `reach`, then farther, up to
-    `farthest`; the last place looked at and the value there, where it has no zero so far."""
+    """The zero of a growing function, and 0. It is sought from `start` on as far as `reach`, then twice as far each time, up to
+    `farthest`; where there is none so far, the last place that was tried and the function's value there."""
     first = value = function(start)
-    side, place = -math.copysign(1.0, first), start
+    side, last = -math.copysign(1.0, first), start
     while first != 0.0 and reach <= farthest:
         farther = start + side * reach
         value = function(farther)
         if value * first <= 0.0:
-            return _root_between(function, place, farther), 0.0
-        place, reach = farther, 2.0 * max(reach, ROOT_TOLERANCE)
-    return place, value
+            return _root_between(function, last, farther), 0.0
+        last, reach = farther, 2.0 * max(reach, ROOT_TOLERANCE)
+    return last, value
 
 
 def _root_between(function: Callable[[float], float], one: float, other: float) -> float:
-    """A root between two places of opposite sign, to rounding."""
+    """A root between two points of opposite sign, to rounding."""
     from scipy.optimize import brentq
 
     low, high = min(one, other), max(one, other)

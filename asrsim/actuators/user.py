@@ -68,7 +68,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         )
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
     names = [getattr(actuator, "name", None) for actuator in found]
-    problems.extend(_taken(path, found))
+    problems.extend(_names_of_others(path, found))
     problems.extend(
         _problem(
             actuator, f"two classes of this file are called '{actuator.name}'", "name-taken", key=f"{actuator.__name__}.name"
@@ -166,21 +166,21 @@ def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
         yield _problem(actuator, "must be a tuple of Parameter(...)", "bad-declaration", key="parameters")
         return
     motion = () if actuator.motors not in (1, 2) else actuator.all_parameters()[len(declared) :]
-    taken = {parameter.name for parameter in motion}
+    used = {parameter.name for parameter in motion}
     for parameter in declared:
         key = f"parameters.{parameter.name}"
         if not isinstance(parameter.name, str) or not parameter.name.isidentifier():
             yield _problem(actuator, "is no name for a parameter", "bad-parameter", key=key)
-        elif parameter.name in taken:
+        elif parameter.name in used:
             yield _problem(actuator, "this parameter name is taken", "bad-parameter", key=key)
-        taken.add(parameter.name)
+        used.add(parameter.name)
         if isinstance(parameter.default, bool) or not isinstance(parameter.default, (int, float)):
             yield _problem(actuator, "its default must be a number", "bad-parameter", key=key, value=parameter.default)
         elif fault := parameter.fault(parameter.default):
             yield _problem(actuator, f"its default {fault}", "bad-parameter", key=key, value=parameter.default)
 
 
-def _taken(path: Path, found: Iterable[type[Actuator]]) -> Iterable[Problem]:
+def _names_of_others(path: Path, found: Iterable[type[Actuator]]) -> Iterable[Problem]:
     """Names of actuators that come from elsewhere; the same file's own from an earlier load may be replaced."""
     for actuator in found:
         name = str(getattr(actuator, "name", ""))

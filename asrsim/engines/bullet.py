@@ -71,8 +71,8 @@ class BulletEngine:
             self.close()
             raise
         p, client, body = self._p, self._client, self._body
-        self._look = partial(p.getJointStates, body, self._indices, client)
-        self._seen: Any = None
+        self._read_states = partial(p.getJointStates, body, self._indices, client)
+        self._states: Any = None
         self._apply = partial(p.setJointMotorControlArray, body, self._indices, p.TORQUE_CONTROL, physicsClientId=client)
         self._simulate = partial(p.stepSimulation, client)
         self._start = (list(p.getBasePositionAndOrientation(body, client)), self._world.states())
@@ -126,7 +126,7 @@ class BulletEngine:
 
     def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Joints there, moving so; everything else as at the start."""
-        self._seen = None
+        self._states = None
         p, client, body = self._p, self._client, self._body
         base, objects = self._start
         p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
@@ -146,8 +146,8 @@ class BulletEngine:
 
     def states(self) -> Any:
         """Bullet's states of the joints, kept for the step that follows."""
-        self._seen = self._look()
-        return self._seen
+        self._states = self._read_states()
+        return self._states
 
     def read(self) -> tuple[list[float], list[float]]:
         """Positions and velocities of the joints."""
@@ -178,14 +178,14 @@ class BulletEngine:
             self._first(forces, fraction)
             return
         if self._companion is not None:
-            forces = self._companion.forces(self._seen or self.states(), forces)
+            forces = self._companion.forces(self._states or self.states(), forces)
         self._advance(forces)
 
     def _advance(self, forces: Sequence[float]) -> None:
         """One step under torques that the companion has completed."""
         self._apply(forces=forces)
         self._simulate()
-        self._seen = None
+        self._states = None
 
     def _first(self, forces: Sequence[float], fraction: float) -> None:
         """A step whose kick is only a part of one: everything that pushes acts with that part of its impulse."""
@@ -198,7 +198,7 @@ class BulletEngine:
         self._set_friction(fraction)
         self._apply(forces=forces)
         self._simulate()
-        self._seen = None
+        self._states = None
         p.setGravity(*self._scenario.gravity, physicsClientId=self._client)
         self._set_friction(1.0)
         if self._companion is not None:
@@ -248,7 +248,7 @@ class BulletEngine:
     def restore(self, state: Any) -> None:
         """Continue from a snapshot."""
         saved, companion = state
-        self._seen = None
+        self._states = None
         self._p.restoreState(saved.number, physicsClientId=self._client)
         if self._companion is not None:
             self._companion.restore(companion)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def without_stops(robot: Robot) -> Robot:
-    """The robot with free ways of its joints: their stops are somebody else's."""
+    """The robot with joints that nothing stops: their stops are the companion's."""
     return replace(robot, joints=tuple(replace(joint, lower=None, upper=None) for joint in robot.joints))
 
 
@@ -47,8 +47,8 @@ class Companion:
         self._mujoco = MujocoEngine(scenario if exact else replace(scenario, world=World(), wrenches=()), robot)
         self._world = self._mujoco.state
         count = len(self._world.positions)
-        self._lay = Struct(f"{count}d").pack_into
-        """Lays numbers into memory: several times faster than NumPy takes a list."""
+        self._write = Struct(f"{count}d").pack_into
+        """Writes numbers into an array's memory, several times faster than NumPy takes them from a list."""
         self._memory = tuple(array.data for array in (self._world.positions, self._world.velocities, self._world.forces))
         self._task = stages.HOLD if exact else stages.CORRECT
 
@@ -79,9 +79,9 @@ class Companion:
         velocities, joint by joint."""
         world = self._world
         positions, velocities, given = self._memory
-        self._lay(positions, 0, *[state[0] for state in states])
-        self._lay(velocities, 0, *[state[1] for state in states])
-        self._lay(given, 0, *forces)
+        self._write(positions, 0, *[state[0] for state in states])
+        self._write(velocities, 0, *[state[1] for state in states])
+        self._write(given, 0, *forces)
         if world.free:
             self._take_base()
         self._mujoco.stage(self._task)
@@ -92,10 +92,10 @@ class Companion:
     def first(self, states: Sequence[Any], forces: Sequence[float], fraction: float) -> list[float]:
         """The same for a first kick that is `fraction` of one: torques in N m over the whole step."""
         world = self._world
-        kept = world.scheme.copy()
+        scheme = world.scheme.copy()
         world.scheme[1:] = (1.0, 0.0, fraction)
         whole = np.array(self.forces(states, forces)) * fraction
-        world.scheme[:] = kept
+        world.scheme[:] = scheme
         self._start = world.qvel.copy()
         # Bullet gives velocity torques, but not gravity, their whole impulse.
         excess = (1.0 - fraction) * self._mujoco.velocity_torques()

@@ -14,8 +14,8 @@ STOP_SHARE = 0.2
 SINGLE_AFTER = 12
 """Rounds of pivoting after which only one joint changes at a time, which cannot go in circles."""
 FULL, FACTORS = -2, -1
-"""Places in `known`, behind the joints: of the mass matrix, and of its factors, which are not needed where most joints
-are held."""
+"""Indices into `known`, behind those of the joints: whether the mass matrix is filled in, and whether it is factorised, which
+is not needed where most joints are held."""
 SLACK = 1e-12
 """Relative excess of an impulse over its bound that rounding may give."""
 
@@ -28,7 +28,8 @@ mj_makeM = mj_factorM = mj_solveM = mj_fullM = _unbound  # noqa: N816  (the libr
 
 
 def settle(world: Any, kick: float) -> None:
-    """Change of velocity under the impulses, with friction and stops: each keeps its joint at `target` or gives its bound."""
+    """Find the change of velocity under the impulses and those of friction and stops, each of which either keeps its joint at
+    `target` or is at its bound."""
     mj_makeM(world.model, world.data)
     active = 0
     world.known[FULL] = world.known[FACTORS] = 0
@@ -58,7 +59,7 @@ def settle(world: Any, kick: float) -> None:
 
 
 def _give(world: Any, at_velocities: int, at_impulses: int) -> None:
-    """The velocities that impulses give free joints, at their addresses."""
+    """The changes of velocity that impulses make where nothing holds a joint; both are given by their arrays' addresses."""
     if not world.known[FACTORS]:
         mj_factorM(world.model, world.data)
         world.known[FACTORS] = 1
@@ -84,7 +85,7 @@ def _try(world: Any) -> None:
 
 
 def _hold(world: Any, count: int) -> None:
-    """Impulses of the `count` held joints from what a unit impulse at each gives the others."""
+    """Impulses that hold the `count` held joints, from the changes of velocity that a unit impulse at each of them makes."""
     size = len(world.qvel)
     square = world.square
     _give(world, world.at_change, world.at_push)
@@ -108,7 +109,7 @@ def _hold(world: Any, count: int) -> None:
 
 
 def _move_others(world: Any, count: int) -> None:
-    """The same where most are held: first the change of what is not, then what it takes to hold the `count` others."""
+    """The same where most joints are held: first how the others' velocities change, then what holds those `count`."""
     size = len(world.qvel)
     mass, change, loose, square = world.mass, world.change, world.loose, world.square
     if not world.known[FULL]:
@@ -171,7 +172,8 @@ def _solve(square: Any, values: Any, count: int) -> None:
 
 
 def _swap(world: Any, single: bool) -> bool:
-    """Let go what needs more than its bound, hold what slides against its bound; whether anything changed."""
+    """Let joints slide that would need more than their bound, hold those that slide the way their friction pushes; whether any
+    changed."""
     changed = False
     count = 0
     for j in range(len(world.friction)):

@@ -18,7 +18,8 @@ def quiet() -> Iterator[None]:
         with _silence:
             if not _silence.depth:
                 _flush()
-            # Before the streams are touched: who comes in between is inside, and leaves them as they are.
+            # Counted before the streams are redirected: the collector may end an engine in between, which calls this function
+            # too; it finds that somebody is inside already, and leaves the streams alone.
             inside = True
             _silence.depth += 1
             if _silence.depth == 1:

@@ -231,8 +231,8 @@ class MujocoEngine:
         """Continue from a snapshot."""
         world = self._world
         arrays, warm, self._d.time = state
-        for array, kept in zip((world.qpos, world.qvel, world.previous, world.held), arrays, strict=True):
-            array[:] = kept
+        for array, saved in zip((world.qpos, world.qvel, world.previous, world.held), arrays, strict=True):
+            array[:] = saved
         self._d.qacc_warmstart[:] = warm
 
     # -- what is around ---------------------------------------------------------------------------------------------

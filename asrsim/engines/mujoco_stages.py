@@ -38,7 +38,8 @@ those of friction and stops, too.
 
 
 def stage(world: World, number: int) -> None:
-    """One of the above. Each part is called from one place: calls of compiled code are inlined, and the whole is compiled."""
+    """Do LOOK, MOVE, HOLD or CORRECT. Every part is called at one place only, since compiling puts its code wherever it is
+    called, and all four are compiled together."""
     if number != MOVE:
         if number != LOOK:
             _put_joints(world)

@@ -109,8 +109,6 @@ class Data:
     remarks: tuple[str, ...] = ()
     held: bool
     """Only predicted."""
-    located: bool
-    """Its clock is that of the commands; else it has to be found."""
 
 
 def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
@@ -150,7 +148,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     return Data(
         name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(commands), modes=modes, recording=recording, pairing=plan.pairing,
-        remarks=tuple(remarks), held=held, located=experiment.lag is not None or bool(commands),
+        remarks=tuple(remarks), held=held,
     )  # fmt: skip
 
 

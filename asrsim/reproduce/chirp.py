@@ -48,7 +48,8 @@ def parts(lab: Lab) -> tuple[Part, ...]:
         "friction 0.025 N m. The paper leaves the chirp's law, its length and the load open: linear, 20 s, one cube. Gain and "
         "phase come from a sweep at the same rate over a little more than the band, at whose ends a chirp's power fades.",
         claims=(
-            *_claims(results, wide, found),
+            *_of_the_sweep(wide, found),
+            *_of_resonance(results, wide, found),
             *qbmove_claims(results, hanging),
         ),
         tables=(response_table(found),),
@@ -57,8 +58,9 @@ def parts(lab: Lab) -> tuple[Part, ...]:
     return first, _nominal(lab), _damped(lab, wide, found)
 
 
-def _claims(results: Mapping[str, Result], wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]) -> list[Claim]:
-    claims = []
+def _of_the_sweep(wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]) -> list[Claim]:
+    """That the sweep tells the response of each preset, and how far the motors follow it."""
+    claims: list[Claim] = []
     for name in PRESETS:
         series, one = wide[name][JOINT], found[name]
         low, high = one.band
@@ -79,10 +81,17 @@ def _claims(results: Mapping[str, Result], wide: Mapping[str, Result], found: Ma
                 bound=near(4.6, 0.3, "Hz"),
             ),
         ]
+    return claims
+
+
+def _of_resonance(
+    results: Mapping[str, Result], wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]
+) -> list[Claim]:
+    """Where the soft joint resonates, and how both presets answer at the low end."""
     through = {name: from_equilibrium(wide[name]) for name in PRESETS}
     soft = through["soft"].resonance
     peak = {name: float(np.max(np.abs(results[name][JOINT].link_position))) for name in PRESETS}
-    claims += [
+    return [
         Claim(
             origin="simulation",
             text="the soft joint resonates within the sweep",
@@ -123,7 +132,6 @@ def _claims(results: Mapping[str, Result], wide: Mapping[str, Result], found: Ma
             bound=near(1.09, 0.08),
         ),
     ]
-    return claims
 
 
 def _nominal(lab: Lab) -> Part:
@@ -156,12 +164,12 @@ def _nominal(lab: Lab) -> Part:
             bound=at_least(0.9),
         ),
     ]
-    said = "No link is held by friction."
+    text = "No link is held by friction."
     if held:
-        said = f"Soft, {'; '.join(str(item) for item in held)}. A frequency response of such a joint does not exist."
+        text = f"Soft, {'; '.join(str(item) for item in held)}. A frequency response of such a joint does not exist."
     return Part(
         title="With the toolbox's default springs",
-        text=said,
+        text=text,
         claims=tuple(claims),
         tables=(response_table({"nominal stiff": one}),),
         pictures=(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import AsrsimError, OutputError, RecordingError
+from asrsim.errors import AsrsimError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.mapping import is_file, load_mapping
@@ -20,10 +20,10 @@ from asrsim.scenario.schema import schema_text
 from asrsim.scenario.start_file import (
     MOUNTED_MODE,
     SCHEMA_FILE,
-    is_foreign,
     moving_robot,
     relative_path,
     scenario_of,
+    schema_beside,
     write_new,
 )  # fmt: skip
 from asrsim.scenario.starter_extract import extract
@@ -87,17 +87,17 @@ def write_from_recording(
     # A mapping file is written down as items: the scenario stands alone.
     mapping = [text for item in mapping for text in (_items(item) if is_file(item) else (item,))]
     plan = make_plan(loaded, recording, step=STEP)
-    extracted = extract(plan, f"{out.stem}_commands.csv")
+    commands = f"{out.stem}_commands.csv"
+    extracted = extract(plan, commands)
     names = Names(
         scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
-        extract=f"{out.stem}_commands.csv", schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
+        extract=commands, schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
         parts={column.part: relative_path(column.part, out.parent) for column in recording.channels.values() if column.part},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
         plugins=tuple(relative_path(plugin, out.parent) for plugin in plugins),
     )  # fmt: skip
-    fit, beside = out.with_suffix(FIT), out.parent / SCHEMA_FILE
-    if schema and is_foreign(beside):
-        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    beside = schema_beside(out) if schema else None
+    fit = out.with_suffix(FIT)
     for path in (out, fit, *(out.parent / name for name in extracted)):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
     for name, text in extracted.items():
@@ -107,18 +107,21 @@ def write_from_recording(
     plan = replace(plan, robot=with_overrides(plan.robot, parameters=held))
     text_with = partial(write, plan, parameters={joint: {**unknown.get(joint, {}), **held.get(joint, {})} for joint in mounted})
     write_new(out, text_with(claims=placeholders(plan)), force=force)
+    files = [out]
     fits = bool(plan.compared)
     if fits:
         text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=names.plugins)
         write_new(fit, text, force=force)
+        files.append(fit)
+    files += [out.parent / name for name in extracted]
     measured, message = _first_comparison(out, plan)
     if measured:
         write_new(out, text_with(claims=first_claims(plan, measured)), force=True)
-    if schema:
+    if beside is not None:
         write_new(beside, schema_text(), force=True)
-    files = (out, *([fit] if fits else []), *(out.parent / name for name in extracted), *([beside] if schema else []))
+        files.append(beside)
     return Written(
-        files=files,
+        files=tuple(files),
         recording=recording,
         remarks=plan.remarks,
         compared=bool(measured),

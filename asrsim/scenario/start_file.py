@@ -82,12 +82,10 @@ def write_starter(
     text = starter_text(starter)
     locked = (one for one in loaded.warnings if one.code == "locked-joint")
     notes = (*idle, *locked, *problems_of_weight(found, starter.robot), *_swinging(starter, robot, lasts))
-    beside = out.parent / SCHEMA_FILE
-    if schema and is_foreign(beside):
-        raise OutputError(f"{beside} is there and is no schema of asrsim; use --no-schema")
+    beside = schema_beside(out) if schema else None
     check_output(out, "schema", inputs=[robot], replace=True)
     write_new(out, text, force=force)
-    if not schema:
+    if beside is None:
         return (out,), notes
     write_new(beside, schema_text(), force=True)
     return (out, beside), notes
@@ -165,9 +163,13 @@ def relative_path(target: Path, folder: Path) -> str:
         return target.absolute().as_posix()
 
 
-def is_foreign(path: Path) -> bool:
-    """Whether a file that is no schema of ours stands there."""
+def schema_beside(out: Path) -> Path:
+    """Where the schema of a scenario file goes. Raises OutputError where a file that is no schema of ours has its name."""
+    path = out.parent / SCHEMA_FILE
     try:
-        return path.exists() and '"asrsim scenario"' not in path.read_text(encoding="utf-8")
+        foreign = path.exists() and '"asrsim scenario"' not in path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        return True
+        foreign = True
+    if foreign:
+        raise OutputError(f"{path} is there and is no schema of asrsim; use --no-schema")
+    return path

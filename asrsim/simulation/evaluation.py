@@ -137,10 +137,10 @@ class Evaluation(Simulation):
 
 
 def _started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> Prepared:
-    """The same from other places of links and motors; motors that are not named stand where their link is."""
+    """The same, begun at other positions of links and motors; motors that are not named begin where their link is."""
     drives = list(prepared.drives)
     for j, (drive, q) in enumerate(zip(prepared.drives, positions, strict=True)):
         if drive.initial_position != q or drive.name in motors:
-            places = tuple(motors.get(drive.name, ())) or drive.motor_positions
-            drives[j] = replace(drive, initial_position=float(q), motor_positions=places)
+            motor_positions = tuple(motors.get(drive.name, ())) or drive.motor_positions
+            drives[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
     return replace(prepared, drives=tuple(drives), initial_positions=tuple(map(float, positions)))

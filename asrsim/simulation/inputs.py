@@ -44,8 +44,8 @@ class Cut:
     """s: where its pieces begin and end."""
 
     @property
-    def looks(self) -> list[float]:
-        """s: where the scenario is asked for each piece's inputs."""
+    def sample_times(self) -> list[float]:
+        """s: of each piece, when the scenario's signals are read for it."""
         middles = [0.5 * (a + b) for a, b in pairwise(self.edges)]
         return self.edges[:1] if not self.substep and len(middles) == 1 else middles
 
@@ -58,8 +58,8 @@ class Block:
     arrays: Array
     """References 1 and 2 and external torques, (3, joints, n)."""
     stacked: Array
-    """What the joints take, (n, joints, columns), a joint's numbers of a column side by side: references through the reference
-    map in modes 3 and 6, external torques, and for each sensor whether it looks, and its noise."""
+    """What the joints' laws are given, (n, joints, columns), in memory joint by joint within a column: references, after the
+    reference map in modes 3 and 6, external torques, and for each sensor whether it samples then, and its noise."""
     wrenches: Array
     """(n, w, 6) N, N m: means over the kicks."""
     events: dict[int, tuple[Piece, ...]]
@@ -144,7 +144,7 @@ class Inputs:
         return tables
 
     def _goals(self, inputs: Array, columns: int = READINGS) -> Array:
-        """What the joints take, (columns, joints, n): inputs (3, joints, n) through the reference map, and room for sensors."""
+        """What the laws are given, (columns, joints, n): inputs (3, joints, n) mapped to motors, and room for sensors."""
         goals = np.empty((columns, *inputs.shape[1:]))
         goals[:READINGS], goals[READINGS:] = inputs, 0.0
         for rows, law in self._maps:
@@ -180,7 +180,7 @@ class Inputs:
             tables, cuts = self._starts[key]
             return tables.copy(), cuts
         cuts = self._cuts(first, count)
-        times = grid(first, count, self.substep), *(np.array(cut.looks) for cut in cuts)
+        times = grid(first, count, self.substep), *(np.array(cut.sample_times) for cut in cuts)
         parts = [self._scenario_at(time) for time in times]
         tables = np.concatenate(parts, axis=2) if cuts else parts[0]
         if not first:

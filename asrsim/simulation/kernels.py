@@ -127,8 +127,8 @@ BRISTLE_STATE = 2
 
 
 def make_hysteretic_torques(elastic_torques: Any, springs: int) -> Any:
-    """Torques of the springs with their hysteresis; parameters: those of the law, the state of the hysteresis, its level
-    (N m) and length (rad)."""
+    """The springs' law with hysteresis added. It takes for parameters those of the law, the state of the hysteresis, and its
+    level (N m) and length (rad)."""
 
     def torques(q: float, theta_1: float, theta_2: float, parameters: Any) -> tuple[float, float]:
         elastic, bristles, level, length = parameters
@@ -142,7 +142,7 @@ def make_hysteretic_torques(elastic_torques: Any, springs: int) -> Any:
 
 
 def _change(deflection: float, before: float) -> float:
-    """Since the last kick; there is none before the first."""
+    """Of the deflection since the last kick; before the first kick, where `before` is NaN, there is none."""
     return deflection - before if before == before else 0.0
 
 
@@ -202,8 +202,9 @@ def make_hysteretic_two_motors(advance: Advance) -> Advance:
 
 
 def with_bristles(motors: Any, springs: Any) -> Any:
-    """The motors of one state with the springs' hysteresis of another. Hysteresis goes its way once a step, from whole step to
-    whole step: between, motors move and q does not, and each step back would cost the springs some of their memory."""
+    """The motors of one state with the springs' hysteresis of another. Hysteresis advances once a step, from whole step to
+    whole step: within a step the motors move while q is frozen, which would
+    wrongly erase part of its memory."""
     if len(motors) == 6:
         return (motors[0], motors[1], motors[2], motors[3], springs[4], springs[5])
     return (

@@ -33,15 +33,15 @@ class Sensor:
         return self.sensing.count
 
     def fill(self, table: Array, first: int, substep: float) -> None:
-        """Whether each encoder looks, and its noise, at substeps from `first` on, into `table` (n, 2 count)."""
+        """Whether each encoder samples, and its noise, at substeps from `first` on, into `table` (n, 2 count)."""
         every = 1.0 / (self.effects.rate * substep) if self.effects.rate else 1.0
         # A tick that falls on a substep belongs to it, whatever the rounding.
         ticks = np.floor(np.arange(first - 1, first + len(table)) / every + 1e-6)
-        looks = np.diff(ticks) > 0.0
+        samples_now = np.diff(ticks) > 0.0
         if first == 0:
-            looks[0] = True
+            samples_now[0] = True
         for index, noise in enumerate(self.noises):
-            table[:, 2 * index] = looks
+            table[:, 2 * index] = samples_now
             if noise is not None:
                 table[:, 2 * index + 1] = noise.draw(ticks[1:])
 

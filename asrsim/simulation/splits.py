@@ -37,7 +37,7 @@ from asrsim.simulation.substep import (
     WEIGHT,
     Memory,
     Step,
-    lend,
+    with_integrals,
 )  # fmt: skip
 
 
@@ -130,7 +130,7 @@ class Splits:
         count = len(self.drives)
         joints = self.joints[:count]
         brakes = [float(row[BRAKE]) for row in joints]
-        now = [row[LINK_TORQUE] for row in rows]
+        undamped = [row[LINK_TORQUE] for row in rows]
         for j, row in enumerate(joints):
             row[BRAKE] = brakes[j] * min(float(free[:, j].sum()) / (2.0 * length), 1.0)
             for column in range(len(row) - 2 * count, len(row) - count):
@@ -140,13 +140,13 @@ class Splits:
         for j, row in enumerate(joints):
             for column in range(len(row) - 2 * count, len(row) - count):
                 row[column] = row[column] / length
-            held = float(row[BRAKE])
+            brake = float(row[BRAKE])
             # The brake's torque in the share of the kick in which it acts; the row is of the time after the jump.
-            drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / held if held else 0.0
+            drag = (rows[j][LINK_TORQUE] - row[TORQUE]) * brakes[j] / brake if brake else 0.0
             limit = float(row[EFFORT])
-            # Cut at its limit, the controller's torque has its brake in it.
-            cut = now[j] != rows[j][2]
-            rows[j][LINK_TORQUE] = now[j] if cut or not brakes[j] else min(max(now[j] + drag, -limit), limit)
+            # A torque that was cut at its limit has its brake in it already.
+            cut = undamped[j] != rows[j][2]
+            rows[j][LINK_TORQUE] = undamped[j] if cut or not brakes[j] else min(max(undamped[j] + drag, -limit), limit)
             sides[:, j, LINK_TORQUE] += drag * free[:, j]
             sides[:, j, DAMPING_TORQUE] = rows[j][DAMPING_TORQUE]
             row[BRAKE] = brakes[j]
@@ -161,7 +161,7 @@ class Splits:
         states: list[Any],
         fraction: float,
     ) -> list[list[float]]:
-        """Advance all joints by a fraction of a substep, in `states`; fraction 0 only looks. Returns records."""
+        """Advance all joints by a fraction of a substep, in `states`; with fraction 0 nothing moves. Returns records."""
         step = self.substep * fraction
         if step not in self._cut_constants:
             self._cut_constants[step] = [drive.constants(step) for drive in self.drives]
@@ -169,13 +169,13 @@ class Splits:
         for j, (drive, constants) in enumerate(zip(self.drives, self._cut_constants[step], strict=True)):
             joint = self.joints[j]
             sensed = self._measures[j] is not None
-            state = lend(states[j], float(joint[PUSH_1]), float(joint[PUSH_2])) if sensed else states[j]
+            state = with_integrals(states[j], float(joint[PUSH_1]), float(joint[PUSH_2])) if sensed else states[j]
             goals = piece.rows[0][j] - float(joint[READ_1]), piece.rows[1][j] - float(joint[READ_2])
             try:
                 torque, after, record = drive.advance(state, constants, positions[j], velocities[j], *goals)
             except UNDEFINED as fault:
                 raise NoValueError(drive.name, k, str(fault)) from fault
-            moved = lend(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
+            moved = with_integrals(after, -float(joint[PUSH_1]), -float(joint[PUSH_2])) if sensed else after
             if drive.hysteresis and drive.dynamic_motors:
                 states[j] = with_bristles(moved, states[j]) if fraction else with_bristles(states[j], moved)
             elif fraction:
@@ -191,5 +191,5 @@ class Splits:
 
 
 def floats(values: Any) -> tuple[float, ...]:
-    """As Python has them: what comes out of an array would be slow, and divide by zero in silence."""
+    """As Python's own floats: NumPy's are slow one by one, and divide by zero without an error."""
     return tuple(float(value) for value in values)

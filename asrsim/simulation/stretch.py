@@ -13,9 +13,11 @@ def _unbound(*arguments: Any) -> Any:
 
 
 laws = look = move = give = unpack = as_tuple = borrow = _unbound
-"""The joints' step (:data:`asrsim.simulation.substep.Step`); the engine's (:class:`asrsim.engines.base.EngineKernel`), what it
-is given (:func:`give_forces`, :func:`give_friction`), and a joint of the states that it gives; an array of the
-joints as a tuple; arrays without their count of references."""
+"""Names that the loop binds to functions before it compiles what follows. laws: the joints' step
+(:data:`asrsim.simulation.substep.Step`); look, move: the engine's step (:class:`asrsim.engines.base.EngineKernel`); give:
+:func:`give_forces` or :func:`give_friction`; unpack: position and velocity of one joint out of the engine's states;
+as_tuple: an array of the joints' numbers as a tuple; borrow: the same arrays without counting references to them, which costs
+time."""
 
 
 class Joints(NamedTuple):

@@ -24,13 +24,22 @@ PLACES = (
     WEIGHT, LAG, BASE, RATIO, INERTIA, READ_1, PUSH_1, READ_2, PUSH_2, GAIN_1, GAIN_2, BOUND, COULOMB,
     STRIBECK, FADE, SHARE, STATE,
 ) = range(len(PLACES))  # fmt: skip
-"""What changes: velocity before the last kick (rad/s); velocity that damping acts on before this kick's torques; torque of the
-actuator, on the link over the last kick and this one, and of damping and brake (N m). Constants: limits (N m, rad/s); damping
-and derivative gain on the link (N m s/rad); a passive spring (N m/rad, rad); weight of a kick's change in the mean velocity; s
-by which motors' states are behind; a damping that depends on the stiffness (N m s/rad, 1, kg m^2). What sensors 1 and 2 read
-beside the truth (rad), the torque that their velocities make (N m), the derivative gains (N m s/rad). Friction of the joint
-over this kick (N m), and what it follows from where it varies: Coulomb level and Stribeck excess (N m), s/rad, 1. Then the
-state."""
+"""Columns of a joint's row.
+
+Changed by every substep: PREVIOUS, the velocity one substep ago; SPEED, the velocity that damping acts on but for this kick's
+torques (rad/s); TORQUE of the actuator, LAST_FORCE and FORCE on the link over the last kick and this one, DRAG of damping and
+brake (N m).
+
+Constants: the limits EFFORT (N m) and FASTEST (rad/s); DAMPING of the link and BRAKE, the derivative gain of its controller
+(N m s/rad); SPRING and REST of a passive spring (N m/rad, rad); WEIGHT of a kick's change in the mean velocity; LAG, the time
+by which motors' positions are behind (s); BASE, RATIO and INERTIA of a damping that follows the stiffness (N m s/rad, 1,
+kg m^2).
+
+Of sensor 1 and 2: READ, by how much its position differs from the truth (rad); PUSH, the torque that the error of its velocity
+makes (N m); GAIN, the controller's derivative gain (N m s/rad).
+
+BOUND, friction of the joint over this kick (N m), and what it follows from where it varies: COULOMB and STRIBECK (N m), FADE,
+one over the Stribeck velocity (s/rad), and SHARE of the load. STATE: where the state of the joint's law begins."""
 
 RAW = ("link_position", "engine_velocity", "actuator_torque", "link_torque", "damping_torque", *RECORD)
 """Raw record of a joint and substep: rad, rad/s as the engine has it, N m before the limits, after them, of damping, and the
@@ -39,7 +48,7 @@ LINK_TORQUE, DAMPING_TORQUE, LAWS = 3, 4, 5
 """Columns of a row of the record: torque on the link, of damping, and where the law's own begin."""
 
 GOAL_1, GOAL_2, EXTERNAL, READINGS = 0, 1, 2, 3
-"""Inputs of a joint and substep: references, external torque (N m), and for each sensor whether it looks, and its noise."""
+"""Inputs of a joint and substep: references, external torque (N m), and for each sensor whether it samples, and its noise."""
 
 Step = Callable[..., None]
 """step(k, states, joints, inputs, rows): k in the block; states of the engine; rows: the record, (n, joints, RAW)."""
@@ -99,6 +108,7 @@ def make_group(
     law = damping or _nothing
 
     def group(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
+        # The last row says at which substep and joint the loop is, for the message where a law fails.
         where = joints[len(joints) - 1]
         where[0] = k
         for j in members:
@@ -112,12 +122,12 @@ def make_group(
             state = load(joint)
             if sensed:
                 measure(joint, state, goals, q, v)
-                state = lend(state, joint[PUSH_1], joint[PUSH_2])
+                state = with_integrals(state, joint[PUSH_1], joint[PUSH_2])
             torque, state, record = advance(
                 state, constants_of(joint), q, v, goals[GOAL_1] - joint[READ_1], goals[GOAL_2] - joint[READ_2]
             )
             if sensed:
-                state = lend(state, -joint[PUSH_1], -joint[PUSH_2])
+                state = with_integrals(state, -joint[PUSH_1], -joint[PUSH_2])
             save(joint, state)
             if varies:
                 joint[DAMPING] = law(joint, constants_of(joint), q, record)
@@ -142,9 +152,9 @@ def _nothing(*arguments: Any) -> Any:
     return 0.0
 
 
-def lend(state: Any, push_1: float, push_2: float) -> Any:
-    """A state with torques in its controllers' integrals: of a link's controller, one motor, two motors, without and with
-    hysteresis."""
+def with_integrals(state: Any, push_1: float, push_2: float) -> Any:
+    """A state whose controllers' integrals hold these torques (N m) too. The number of entries tells the kind of joint: a
+    link's controller (1), one motor (4; 6 with hysteresis) or two (8; 12)."""
     if len(state) == 1:
         return (state[0] + push_1,)
     if len(state) == 4:
@@ -160,7 +170,8 @@ def lend(state: Any, push_1: float, push_2: float) -> Any:
 
 
 def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
-    """What the controllers of a joint read: the past position and velocity, held, the position with noise and quantisation."""
+    """What the controllers of a joint read: position and velocity of some time ago, held until the sensor samples anew, the
+    position with noise and in steps of its quantum."""
     size = sensing.delay + 2
     quantum, on_link, count, ring_of = sensing.quantum, sensing.on_link, sensing.count, memory.ring
     now, before = 1.0 + sensing.ahead, -sensing.ahead
@@ -172,7 +183,7 @@ def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
             if not on_link:
                 lagging = state[MOTOR_STATE * i + 1]
                 x = state[MOTOR_STATE * i] + joint[LAG] * lagging
-            # The ring's last three numbers: the place of the present, position and velocity that are held.
+            # A ring of past positions and velocities; behind it the index of the newest, and what the sensor read last.
             present = int(ring[2 * size])
             speed = now * lagging + before * ring[2 * ((present + size - 1) % size) + 1]
             ring[2 * present] = x
@@ -181,10 +192,10 @@ def make_sense(sensing: Sensing, memory: Memory) -> Callable[..., None]:
             ring[2 * size] = float(oldest)
             if goals[READINGS + 2 * i] != 0.0:
                 late = (present + 2) % size
-                seen = ring[2 * late] + goals[READINGS + 2 * i + 1]
+                reading = ring[2 * late] + goals[READINGS + 2 * i + 1]
                 if quantum > 0.0:
-                    seen = quantum * floor(seen / quantum + 0.5)
-                ring[2 * size + 1] = seen
+                    reading = quantum * floor(reading / quantum + 0.5)
+                ring[2 * size + 1] = reading
                 ring[2 * size + 2] = now * ring[2 * late + 1] + before * ring[2 * oldest + 1]
             joint[READ_1 + 2 * i] = ring[2 * size + 1] - x
             joint[PUSH_1 + 2 * i] = -joint[GAIN_1 + i] * (ring[2 * size + 2] - speed)
@@ -247,8 +258,8 @@ def make_friction(members: tuple[int, ...]) -> Step:
     def rub(k: int, states: Any, joints: Any, inputs: Any, rows: Any) -> None:
         for j in members:
             joint = joints[j]
-            pace = joint[SPEED] * joint[FADE]
-            joint[BOUND] = joint[COULOMB] + joint[SHARE] * abs(rows[k][j][LINK_TORQUE]) + joint[STRIBECK] * exp(-pace * pace)
+            ratio = joint[SPEED] * joint[FADE]
+            joint[BOUND] = joint[COULOMB] + joint[SHARE] * abs(rows[k][j][LINK_TORQUE]) + joint[STRIBECK] * exp(-ratio * ratio)
 
     return rub
 

@@ -1,5 +1,5 @@
-"""Short runs of one kind, stepped one after the other and looked at together: NumPy's calls on the arrays of one take as long
-as on those of twenty."""
+"""Short runs of one kind, stepped one after the other and evaluated together: NumPy takes as long for the small arrays of one
+run as for those of twenty."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from asrsim.simulation.simulation import Simulation
 
 @dataclass(frozen=True)
 class Track:
-    """A run that is stepped, and not looked at yet."""
+    """A run that has been stepped, and is not evaluated yet."""
 
     simulation: Simulation
-    """That has gone on to other runs since."""
+    """It has gone on to other runs since."""
     prepared: Prepared
     parts: Sequence[Part]
     energy: float
     """J, of the links at the start."""
     quantities: tuple[tuple[str, ...], ...]
-    """Of each joint, as far as they are wanted; runs of one simulation with equal ones can be looked at together."""
+    """Of each joint, as far as they are wanted; runs of one simulation with equal ones can be evaluated together."""
     wall_time: float
     """s."""
 
@@ -41,7 +41,7 @@ def name_in(run: int, joint: str) -> str:
 
 
 def fit_together(prepared: Prepared, substeps: int) -> int:
-    """Runs of so many substeps that are looked at together while their numbers fit into the processor's cache; 1: none."""
+    """How many runs of so many substeps are evaluated together: those whose numbers fit into the processor's cache."""
     scenario = prepared.scenario
     if not (scenario.world.empty and scenario.fixed_base) or scenario.task is not None:
         # Poses and contacts are asked of the engine as the run goes on: such a run cannot be evaluated later.
@@ -50,7 +50,7 @@ def fit_together(prepared: Prepared, substeps: int) -> int:
 
 
 def deferred(prepared: Prepared, wanted: Collection[str], *, expected_substeps: int) -> Simulation:
-    """A simulation whose runs are looked at later; wanted: quantities that will be looked at."""
+    """A simulation whose runs are evaluated later; wanted: the quantities that will be needed."""
     simulation = Simulation(prepared, expected_substeps=expected_substeps)
     simulation.recording.defer(wanted)
     return simulation
@@ -71,8 +71,8 @@ def track(simulation: Simulation) -> Track:
 def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Run | None]:
     """Each track as a run, in their order; None where energy came from nowhere. write: takes the samples of all, of every step.
 
-    All numbers are those of a run alone, to the bit: every law and sum is one joint's, and the joints of all runs stand side
-    by side (see :func:`name_in`) as those of one robot would.
+    The joints of all runs stand side by side (see :func:`name_in`) as if they were of one robot. No law or sum goes over
+    several joints, so all numbers are those of a run alone, to the bit.
     """
     simulation = tracks[0].simulation
     first, width = tracks[0].prepared, len(tracks[0].prepared.drives)
@@ -91,16 +91,16 @@ def finish(tracks: Sequence[Track], write: Callable[[Samples], None]) -> list[Ru
         )
         if samples is not None:
             write(replace(samples, joints=names))
-        for i, (guard, mine) in enumerate(guards if simulation.recording.guarded else ()):
-            balance = {name: getattr(recorder.meter, name)[mine] for name in ("given", "residual", "turnover")}
+        for i, (guard, rows) in enumerate(guards if simulation.recording.guarded else ()):
+            balance = {name: getattr(recorder.meter, name)[rows] for name in ("given", "residual", "turnover")}
             fault = guard.fault(parts[i].energy, kinetic=parts[i].kinetic, **balance, names=simulation.joints)
             sane[i] &= fault is None
     runs: list[Run | None] = []
-    for one, (_, mine), fine in zip(tracks, guards, sane, strict=True):
-        counts = Counts(**{name: count if name == "substeps" else count[mine] for name, count in vars(recorder.counts).items()})
+    for one, (_, rows), is_sane in zip(tracks, guards, sane, strict=True):
+        counts = Counts(**{name: count if name == "substeps" else count[rows] for name, count in vars(recorder.counts).items()})
         run = run_of(simulation, "complete", wall_time=one.wall_time, prepared=one.prepared, counts=counts)
         # The simulation has gone on to other runs: its own time is not this run's.
-        runs.append(replace(run, simulated_time=simulation.last * first.substep) if fine else None)
+        runs.append(replace(run, simulated_time=simulation.last * first.substep) if is_sane else None)
     return runs
 
 
