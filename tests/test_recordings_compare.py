@@ -53,6 +53,18 @@ def read(path: Path, **options: object) -> Recording:
     return read_recording(path, joints=("elbow",), **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("rate", [200.0, 50.0, 4000.0])
+@pytest.mark.parametrize("late", [0.0, 0.1234, -0.0081])
+def test_jumps_tell_the_lag_to_half_a_sample_of_both_which_is_said(tmp_path: Path, late: float, rate: float) -> None:
+    recording = read(laboratory(tmp_path, late=late, rate=rate))
+    by_jumps, by_motion = (
+        compare(simulation(), recording, align_on=("elbow", on)).alignment for on in ("reference_1", "link_position")
+    )
+    assert by_jumps.between == pytest.approx(0.5 * (1e-3 + 1 / rate))
+    assert by_motion.between == 0.0
+    assert abs(by_jumps.lag - late) <= by_jumps.between + 1e-9
+
+
 @pytest.mark.parametrize("late", [0.0, 0.1234, -0.25, 0.5])
 def test_the_lag_is_found_within_a_fraction_of_a_sample(tmp_path: Path, late: float) -> None:
     result = compare(simulation(), read(laboratory(tmp_path, late=late)), align_on=("elbow", "link_position"))

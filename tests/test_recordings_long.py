@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lab_files import DEGREES, TIME, A, B, elbow, shoulder, table
+from scipy.io import savemat
 
 from asrsim.errors import RecordingError
 from asrsim.recordings import Recording, read_recording
@@ -89,6 +90,67 @@ def test_each_signal_keeps_its_own_time_name_and_unit(tmp_path: Path, name: str)
         column = recording.column(joint, "link_position")
         np.testing.assert_allclose(column.time, time, atol=3e-7)
         np.testing.assert_allclose(column.values, of(time), atol=1e-7)
+
+
+ORDERS = {
+    "times before signals": "q1_time,q2_time,q1,dq1,q2,dq2",
+    "times behind signals": "q1,dq1,q1_time,q2,dq2,q2_time",
+    "times behind signals, without names": "q1,dq1,time,q2,dq2,time",
+    "a time before each joint's": "time,q1,dq1,time,q2,dq2",
+}
+
+
+@pytest.mark.parametrize("name", [*ORDERS, "arrays of numpy", "variables of MATLAB"])
+@pytest.mark.parametrize("slower", [1.0, 1.3])
+def test_times_belong_to_the_signals_that_they_are_named_after_or_stand_beside(
+    tmp_path: Path, name: str, slower: float
+) -> None:
+    """Where they are of one length, too, and whether they only begin later or go otherwise."""
+    late = slower * TIME + 0.253
+    truth = {"1": (TIME, shoulder(TIME), np.cos(TIME)), "2": (late, elbow(late), np.sin(late))}
+    if name in ORDERS:
+        columns = []
+        for label in ORDERS[name].split(","):
+            joint = next((word for word in label if word.isdigit()), "2" if len(columns) > 2 else "1")
+            columns.append(truth[joint][0 if "time" in label else 2 if label.startswith("d") else 1])
+        recording = read(tmp_path, table(columns, before=ORDERS[name] + "\n").decode())
+    else:
+        names = ("q{}_time", "q{}", "dq{}")
+        arrays = {what.format(joint): one for joint, own in truth.items() for what, one in zip(names, own, strict=True)}
+        path = tmp_path / ("lab.npz" if "numpy" in name else "lab.mat")
+        if "numpy" in name:
+            np.savez(path, **arrays)
+        else:
+            savemat(path, arrays)
+        recording = read_recording(path, joints=JOINTS)
+    for joint, (time, position, velocity) in zip(JOINTS, truth.values(), strict=True):
+        for quantity, values in (("link_position", position), ("link_velocity", velocity)):
+            column = recording.column(joint, quantity)
+            np.testing.assert_allclose(column.time, time, atol=1e-7)
+            np.testing.assert_allclose(column.values, values, atol=1e-7)
+
+
+def test_which_time_a_vector_is_of_is_asked_about_where_no_name_says_it(tmp_path: Path) -> None:
+    np.savez(tmp_path / "lab.npz", t_cmd=1.2 * TIME, t_state=TIME, q1=A, q1_cmd=B)
+    recording = read_recording(tmp_path / "lab.npz", joints=JOINTS)
+    assert [one.key for one in recording.findings if one.code == "second-time-base"] == ["q1"]
+    np.testing.assert_allclose(recording.column("joint_1", "reference_1").time, 1.2 * TIME)
+
+
+def test_lists_and_records_in_cells_of_parquet_are_columns(tmp_path: Path) -> None:
+    """As robots that learn record their states."""
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    both = np.c_[A, B].tolist()
+    for name, cells in (
+        ("list", arrow.array(both)), ("fixed", arrow.array(both, arrow.list_(arrow.float64(), 2))),
+        ("record", arrow.array([{"joint_1": a, "joint_2": b} for a, b in both])),
+    ):  # fmt: skip
+        seen = [[0] * 99] * len(TIME)
+        parquet.write_table(arrow.table({"q": cells, "timestamp": TIME, "camera": seen}), tmp_path / f"{name}.parquet")
+        recording = read_recording(tmp_path / f"{name}.parquet", joints=JOINTS)
+        assert [one.key for one in recording.findings if one.code == "text-column"] == ["camera"]
+        for joint, values in zip(JOINTS, (A, B), strict=True):
+            np.testing.assert_allclose(recording.column(joint, "link_position").values, values)
 
 
 def test_rows_of_the_same_instants_share_their_time(tmp_path: Path) -> None:

@@ -17,6 +17,10 @@ TRUSTED = 0.6
 """Correlation below which a lag is not believed."""
 _CLEARLY = 0.1
 """Correlation by which a series fits better turned round, if it is turned round."""
+_JUMP = 0.1
+"""Share of a series' range that is a jump, where one sample is so far from the next."""
+_SAME = 1e-9
+"""What the correlation of a series with itself may lack by rounding."""
 _GAP = 3.0
 """Steps of the source beyond which nothing is interpolated."""
 
@@ -31,6 +35,8 @@ class Alignment:
     """`cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
     found: Lag | None = None
     findings: tuple[Problem, ...] = ()
+    between: float = 0.0
+    """s by which the lag may be off either way where it was found by jumps: these may be anywhere between two samples."""
 
     @property
     def said(self) -> str:
@@ -88,12 +94,21 @@ def align(
             Problem(f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest", code="lag",
                     hint="Set the lag with --lag if another period is meant"),
         )  # fmt: skip
-    return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings)
+    steps = [float(np.median(np.diff(time))) for time in (time_simulation, time_recording)]
+    same = found.correlation > 1.0 - _SAME  # sample for sample
+    between = 0.5 * sum(steps) if not same and _jumps(simulation) and _jumps(recording) else 0.0
+    return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings, between=between)
 
 
 def _unaligned(why: str, found: Lag | None) -> Alignment:
     problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
+
+
+def _jumps(values: Array) -> bool:
+    """Whether a series moves mostly by jumps from one sample to the next."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    return bool(np.sum(steps[steps > _JUMP * np.ptp(values[np.isfinite(values)])]) > 0.5 * np.sum(steps))
 
 
 def _overlap(one: Array, other: Array) -> bool:

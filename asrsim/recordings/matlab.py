@@ -15,7 +15,7 @@ from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.foreign import from_hdf5
 from asrsim.recordings.mapping import ColumnMap
-from asrsim.recordings.matlab_struct import TIME_NAMES, captured, column_names, has_time, label_of, unit_of
+from asrsim.recordings.matlab_struct import TIME_NAMES, base_of, captured, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
 from asrsim.recordings.stamps import parts_of
 from asrsim.recordings.time_columns import TIME_WORDS, told_rate
@@ -71,14 +71,24 @@ def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
             epoch = epoch if epoch is not None else start
             bases[name] = (time, keep, time[keep])
         others: dict[int, list[str]] = {}
+        unsure: dict[str, list[str]] = {}
         for name, values in table.items():
             if name in clocks:
                 continue
-            base = _base_of(name, len(values), {clock: len(time) for clock, (time, _, _) in bases.items()})
+            base, sure = base_of(name, len(values), {clock: len(time) for clock, (time, _, _) in bases.items()})
             if base is None:
                 others.setdefault(len(values), []).append(prefix + name)
                 continue
+            same = (np.array_equal(bases[base][0], time) for time, _, _ in bases.values() if len(time) == len(values))
+            if not sure and not all(same):
+                unsure.setdefault(base, []).append(prefix + name)
             series.append(RawSeries(name=prefix + name, time=bases[base][2], values=values[bases[base][1]]))
+        findings += [
+            Problem(f"of which time these are is unclear; '{prefix}{base}' is used", file=path, key=listed(named, 8),
+                    choices=tuple(prefix + clock for clock in bases), code="second-time-base",
+                    hint=f"Name the time after them, or say it with --map '{prefix}{base}=time'")
+            for base, named in unsure.items()
+        ]  # fmt: skip
         lengths = ", ".join(str(len(time)) for time, _, _ in bases.values())
         findings += [
             Problem(f"{'has' if len(names) == 1 else 'have'} {count} samples, no time has ({lengths}); not read",
@@ -247,9 +257,10 @@ def _times_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]
             found = [name for name in table if one.column in (name, prefix + name)]
             if found:
                 return found[:1]
-    named = [name for name in table if _is_time(name, table)]
-    # t_q beside q1: a time where nothing else is one.
-    named = named or [name for name in table if tokens_of(name)[:1] in (["t"], ["time"]) and np.all(np.diff(table[name]) > 0)]
+    # t_q beside q1, t_state beside t_cmd: but T_1 is a torque.
+    called = [name for name in table if name.startswith("t") and tokens_of(name)[:1] in (["t"], ["time"])]
+    rising = [name for name in called if np.all(np.diff(table[name]) > 0)]
+    named = [name for name in table if name in rising or _is_time(name, table)]
     # epoch_ms, Datum: whatever else a table's time may be called.
     named = named or [
         name for name in table if TIME_WORDS & set(tokens_of(split_header(name)[0])) and np.all(np.diff(table[name]) > 0)
@@ -274,16 +285,3 @@ def _is_time(name: str, table: Mapping[str, Array]) -> bool:
     if not name.startswith("t") or len(suffix) < 2 or not np.all(np.diff(table[name]) > 0):
         return False
     return any(other != name and re.fullmatch(rf"\w{{1,2}}{re.escape(suffix)}(_\d+)?", other) for other in table)
-
-
-def _base_of(name: str, length: int, clocks: Mapping[str, int]) -> str | None:
-    """The clock of a vector: of its length; of several, the one that shares most of its ending, else the first."""
-    fitting = [clock for clock, size in clocks.items() if size == length]
-    plain = re.sub(r"_\d+$", "", name)
-    return max(fitting, key=lambda clock: _shared(clock, plain), default=None)
-
-
-def _shared(a: str, b: str) -> int:
-    """Letters at the end of both names that are the same."""
-    pairs = zip(reversed(a), reversed(b), strict=False)
-    return next((i for i, (x, y) in enumerate(pairs) if x != y), min(len(a), len(b)))

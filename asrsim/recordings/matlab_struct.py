@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.recordings.time_columns import named_clock
+
 TIME_NAMES = {"time", "t", "timestamp", "timestamps", "stamp", "stamps", "tout", "tvec", "times", "zeit"}
 """How vectors of times are called."""
 _COLUMNS = ("colheaders", "header", "headers", "names", "labels", "columns")
@@ -54,6 +56,10 @@ def unit_of(content: Mapping[str, Any], name: str) -> str:
     if name.lower() in TIME_NAMES:
         return ""
     info = content.get("DataInfo")
+    table = content.get("Properties")  # of a table
+    if isinstance(table, Mapping):
+        told = zip(np.ravel(table.get("VariableNames", [])), np.ravel(table.get("VariableUnits", [])), strict=False)
+        return next((f" [{unit}]" for one, unit in told if str(one) == name and unit), "")
     for place in (content, info if isinstance(info, Mapping) else {}):
         for key in ("unit", "units", "Unit", "Units"):
             stated = place.get(key)
@@ -72,3 +78,21 @@ def column_names(content: Mapping[str, Any]) -> list[str]:
             names = [str(one).strip() for one in np.ravel(value)]
             return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)] if len(units) == len(names) else names
     return []
+
+
+def base_of(name: str, length: int, clocks: Mapping[str, int]) -> tuple[str | None, bool]:
+    """The clock of a vector: of its length; of several, the one named after it, or that shares most of its ending, else the
+    first; and whether that is certain."""
+    fitting = [clock for clock, size in clocks.items() if size == length]
+    plain = re.sub(r"_\d+$", "", name)
+    if (named := named_clock(name, fitting)) is not None:
+        return named, True
+    shares = {clock: (_shared(clock, plain), clock.lower() in TIME_NAMES) for clock in fitting}
+    best = max(fitting, key=lambda clock: shares[clock], default=None)
+    return best, best is None or len(fitting) < 2 or any(shares[best])
+
+
+def _shared(a: str, b: str) -> int:
+    """Letters at the end of both names that are the same."""
+    pairs = zip(reversed(a), reversed(b), strict=False)
+    return next((i for i, (x, y) in enumerate(pairs) if x != y), min(len(a), len(b)))

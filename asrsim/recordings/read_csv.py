@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from asrsim.recordings.mapping import ColumnMap
 from asrsim.recordings.messages import mixed_names, named_joints
 from asrsim.recordings.names import find_column
 from asrsim.recordings.stamps import merge_date, merge_seconds, one_zero, past_midnight
-from asrsim.recordings.time_columns import TIME_WORDS, time_columns
+from asrsim.recordings.time_columns import TIME_WORDS, named_clock, time_columns
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import Unit, find_unit, split_header, unknown_unit
 from asrsim.samples import Array
@@ -96,19 +97,15 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         epoch = epoch if start is None else start
     joints = named_joints(table.layout.names, _same_in_all(table), path.stem)
     series: list[RawSeries] = []
-    owner: int | None = None
+    owners = _owners(table.layout.names, [column for column, _, _ in bases])
     times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
     for column, time, keep in bases:
         same = next((times[c] for c, t, k in bases if c in times and t is time and k is keep), None)
         times[column] = same if same is not None else (time[keep], keep)
     for column, label in enumerate(table.layout.names):
-        if column in times:
-            owner = column
+        if column in times or column in table.layout.text or column in table.layout.stamps:
             continue
-        if column in table.layout.text or column in table.layout.stamps:
-            continue
-        # Columns belong to the time column before them; those before the first belong to the first.
-        time, keep = times[owner if owner is not None else bases[0][0]]
+        time, keep = times[owners[column]]
         unit = stated[column]
         values = table.values[:, column]
         kept, marked = _unmarked(_kept(values, keep))
@@ -124,6 +121,21 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         )  # fmt: skip
     return Raw(format=form, series=tuple(series), findings=tuple(findings), epoch=epoch, names=table.layout.names,
                remarks=table.layout.remarks)  # fmt: skip
+
+
+def _owners(names: Sequence[str], clocks: Sequence[int]) -> dict[int, int]:
+    """Column -> the time column that it belongs to: the one before it, or behind it where a time is the last column and not
+    the first. Where times do not take turns with signals, or stand behind them, one that is named as the column's own comes
+    first; columns before the first time belong to that."""
+    behind = clocks[-1] == len(names) - 1 and clocks[0] > 0
+    turns = not behind and all(b > a + 1 for a, b in pairwise(clocks))
+    by_name = {} if turns else {names[clock]: clock for clock in clocks}
+    owners: dict[int, int] = {}
+    for column, name in enumerate(names):
+        near = [c for c in clocks if c > column] if behind else [c for c in reversed(clocks) if c < column]
+        own = named_clock(name, list(by_name)) if len(by_name) > 1 else None
+        owners[column] = by_name[own] if own is not None else next(iter(near), clocks[0])
+    return owners
 
 
 def _same_in_all(table: Table) -> dict[int, str]:
@@ -169,6 +181,8 @@ def _bases(
     said = any(one.role == "time" and one.unit is not None for one in maps)
     bases: list[tuple[int, Array, NDArray[np.bool_]]] = []
     epoch: float | None = None
+    owners = _owners(table.layout.names, columns)
+    used = {owners[i] for i in owners if i not in columns}
     for column in columns:
         label = table.layout.names[column]
         values = table.values[:, column]
@@ -190,7 +204,7 @@ def _bases(
             # Dates side by side are of two clocks of which one goes wrong; what counts from a start is later where it says so.
             one = label.partition("#")[0] == table.layout.names[first].partition("#")[0]
             counts = start is None and column not in table.layout.stamps and np.nanmax(other) > np.nanmin(time)
-            apart = (one or bool(counts)) and column > bases[-1][0] + 1
+            apart = (one or bool(counts)) and {first, column} <= used
             if both.sum() > 1 and _same_clock(time[both], other[both], apart=apart):
                 findings.append(
                     Problem(f"is the same clock as '{table.layout.names[first]}', which is used", file=path, key=label,

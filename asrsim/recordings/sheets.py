@@ -11,12 +11,14 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, listed
 from asrsim.extras import library
 
 Lines = tuple[bytes, tuple[Problem, ...]]
 """CSV in UTF-8, and what to know of it."""
 SheetReader = Callable[[Path], Lines]
+_LONGEST = 64
+"""Entries of a list in a cell; longer ones are pictures or scans."""
 ROWS, COLUMNS = 1_048_576, 16_384
 """Of a sheet, at most: who names a place beyond is no Excel, and would fill the memory with blank cells."""
 _DAYS = range(14, 23), range(45, 48)
@@ -49,7 +51,7 @@ def _columnar(path: Path) -> Lines:
         with path.open("rb") as stream:
             read = parquet.read_table if stream.read(4) == b"PAR1" else feather.read_table
         text = BytesIO()
-        table = read(path)
+        table, unread = _flat(read(path))
         for i, field in enumerate(table.schema):
             if arrow.types.is_duration(field.type):
                 seconds = compute.divide(table.column(i).cast(arrow.duration("ns")).cast("int64").cast("float64"), 1e9)
@@ -58,7 +60,31 @@ def _columnar(path: Path) -> Lines:
         writer.write_csv(table, text)
     except (OSError, ValueError, arrow.ArrowException) as error:
         raise RecordingError(f"cannot be read: {str(error).splitlines()[0]}", file=path, code="bad-sheet") from None
-    return text.getvalue(), ()
+    message = f"lists of more than {_LONGEST} numbers, or of more and less of them, are not read"
+    return text.getvalue(), (Problem(message, file=path, key=listed(unread, 8), code="text-column"),) if unread else ()
+
+
+def _flat(table: Any) -> tuple[Any, list[str]]:
+    """A table without lists and records: a column for each of their entries; and lists that are none of signals."""
+    from pyarrow import compute, types
+
+    unread: list[str] = []
+    while any(types.is_struct(kind) for kind in table.schema.types):
+        table = table.flatten()
+    for name in table.column_names:
+        column = table.column(name)
+        kind = column.type
+        if not (types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)):
+            continue
+        lengths = compute.min_max(compute.list_value_length(column)).as_py()
+        place = table.column_names.index(name)
+        table = table.remove_column(place)
+        if lengths["min"] == lengths["max"] and 0 < lengths["max"] <= _LONGEST and not types.is_nested(kind.value_type):
+            for i in range(lengths["max"]):
+                table = table.add_column(place + i, f"{name}[{i}]", compute.list_element(column, i))
+        else:
+            unread.append(name)
+    return table, unread
 
 
 def _workbook(path: Path) -> Lines:

@@ -178,6 +178,19 @@ def is_time(name: str, unit: Unit | None) -> bool:
     return bool(words & TIME_WORDS) or (unit is not None and unit.si == "s" and len(words) <= 1)
 
 
+def named_clock(name: str, clocks: Sequence[str]) -> str | None:
+    """The one of several clocks that is named after it, with most of its words: `q1_time` of q1 and dq1; else None."""
+    words = set(_own_words(name))
+    shares = {clock: len((set(_own_words(clock)) - TIME_WORDS) & words) for clock in clocks}
+    best = [clock for clock, share in shares.items() if share == max(shares.values()) > 0]
+    return best[0] if len(best) == 1 else None
+
+
+def _own_words(name: str) -> list[str]:
+    """Words of a name without those that make it the second one of that name."""
+    return tokens_of(split_header(re.sub(r"#\d+$", "", name))[0])
+
+
 def is_stamp(label: str) -> bool:
     """Whether a column is the stamp in the header of messages."""
     return label == MERGED or {"header", "stamp"} <= set(tokens_of(label))
