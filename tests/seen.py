@@ -25,6 +25,7 @@ CHANGING = (
     (re.compile(r"(?:\.\./)+\S*?(?=examples/)"), "PROJECT/"),
     (re.compile(re.escape(__version__)), "VERSION"),
     (re.compile(r"^( {4,6}\d+  [\d. ]+) \d+\.\d\d$", re.M), r"\1"),
+    (re.compile(r"\b(mujoco|pybullet|numpy|numba|scipy) \d[\d.]*"), r"\1"),
     (re.compile(r"[ \t]+$", re.M), ""),
     (re.compile(r"-?\d[\d.]*e-(?:1[5-9]|2[0-4])(?!\d)"), "0"),
     (re.compile(r"\"recording\": \"[0-9a-f]{64}"), '"recording": "DIGEST'),
